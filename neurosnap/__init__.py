@@ -1,0 +1,29 @@
+"""A snapshot memory whose sensors are processes that compute by messages.
+
+The names below are the public interface. They are loaded when first used: a cell
+process imports this package and must stay free of numpy and numba.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from neurosnap.poc.graph import PocGraph
+    from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
+    from neurosnap.sensorium import Sensorium
+
+__all__ = ["DiscountedSnapshot", "EmpiricalSnapshot", "PocGraph", "Sensorium"]
+
+_HOMES = {
+    "DiscountedSnapshot": "neurosnap.poc.snapshot",
+    "EmpiricalSnapshot": "neurosnap.poc.snapshot",
+    "PocGraph": "neurosnap.poc.graph",
+    "Sensorium": "neurosnap.sensorium",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its home on first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,16 @@
+"""``python -m neurosnap`` and the ``neurosnap`` command.
+
+Kept free of imports: multiprocessing imports a script's main module again in every
+child, and a cell must not pay for the command line.
+"""
+
+
+def main() -> None:
+    """Run the command line."""
+    from neurosnap.cli import app
+
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What an agent does with its memory, over any propagator."""

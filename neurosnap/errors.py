@@ -1,0 +1,76 @@
+"""Every error this package raises on purpose, under one root.
+
+Messages read ``name: rule, got value`` so that whoever sees one knows the thing, the
+rule and what was given. Each error also inherits the built-in it refines, so callers
+may catch either.
+"""
+
+
+class NeurosnapError(Exception):
+    """The root of all errors raised on purpose by neurosnap."""
+
+
+class InvalidValueError(NeurosnapError, ValueError):
+    """An argument breaks its rule.
+
+    Args:
+        name: What was given, in the caller's words (``"threshold"``).
+        rule: What it must be (``"must be in (0, 0.25]"``).
+        value: What it was; shown with `repr`, cut when long.
+    """
+
+    def __init__(self, name: str, rule: str, value: object) -> None:
+        shown = repr(value)
+        if len(shown) > 200:
+            shown = f"{shown[:197]}..."
+        super().__init__(f"{name}: {rule}, got {shown}")
+        self.name = name
+        self.rule = rule
+        self.value = value
+
+
+class ShapeError(InvalidValueError):
+    """An array has the wrong shape or the wrong length."""
+
+
+class UnknownSensorError(InvalidValueError, KeyError):
+    """A name or a literal is not in the sensorium."""
+
+    # KeyError would show the repr of the message; the plain text is meant.
+    __str__ = Exception.__str__
+
+
+class MessageError(NeurosnapError, ValueError):
+    """A payload is no message of this protocol, or came under the wrong key."""
+
+
+class FabricError(NeurosnapError):
+    """A fabric could not do what it promises."""
+
+
+class InboxOverflowError(FabricError):
+    """An inbox was pushed more than it may hold before it was read.
+
+    Args:
+        owner: Whose inbox it is.
+        capacity: How many messages it may hold.
+    """
+
+    def __init__(self, owner: str, capacity: int) -> None:
+        super().__init__(
+            f"{owner}: inbox must be read before it holds more than {capacity} messages"
+        )
+        self.owner = owner
+        self.capacity = capacity
+
+
+class SwarmError(NeurosnapError):
+    """A run could not be carried out; the text names the part and the cause."""
+
+
+class WaveLostError(SwarmError):
+    """A wave did not settle within its deadline, and neither did its repeats."""
+
+
+class RecordingError(NeurosnapError):
+    """A recording cannot be read, is not one of ours, or cannot be written."""

@@ -1,0 +1,1 @@
+"""Recordings: MCAP out, MCAP in, and the proof that a run was what it says."""

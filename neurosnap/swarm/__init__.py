@@ -1,0 +1,1 @@
+"""The network: cells, waves, the coordinator, and what starts and stops them."""

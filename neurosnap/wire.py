@@ -1,0 +1,343 @@
+"""Every message that crosses the wire, and the keys they travel under.
+
+A message is a frozen, tagged struct; its JSON is the payload, so what is on the wire is
+what is in a recording. The union is closed and append-only: a new field comes last and
+has a default, and `SCHEMA` grows with every change that an older reader could not
+follow. Literals are numbered as in `neurosnap.sensorium`; bit strings are packed with
+the lowest bit first and travel as base64.
+
+Which process sent a message follows from the message itself (`sender`). The sender's
+running number and clock travel beside the payload (`Delivery`), so that completeness
+can be proved without a word about it in the messages.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal, NamedTuple, TypeAlias
+
+import msgspec
+
+from neurosnap.errors import MessageError
+
+SCHEMA = 1
+ROOT = "neurosnap"
+
+_LARGEST = 2**31 - 1
+Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
+Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
+Naturals = tuple[Natural, ...]
+
+
+class Observation(msgspec.Struct, frozen=True, tag="observe", gc=False):
+    """What every sensor read at one tick; each cell latches its own bit."""
+
+    tick: Numbered
+    """Counts from 1, so that it equals the snapshot's clock after learning from it."""
+    bits: bytes
+    """The readings, sensor 0 in the lowest bit of the first byte."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "world"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "observe"
+
+
+class Wiring(msgspec.Struct, frozen=True, tag="wiring", gc=False):
+    """The out-edges of a cell's two literals: whole, or as changes to an epoch."""
+
+    cell: Natural
+    """The sensor whose cell this is for."""
+    epoch: Numbered
+    """The number of this wiring; grows with every message to the same cell."""
+    after: Natural
+    """The epoch these changes build on; 0: forget all edges first."""
+    add: Naturals = ()
+    """Targets gained by the sensor's own literal, ascending."""
+    drop: Naturals = ()
+    """Targets lost by the sensor's own literal, ascending."""
+    add_complement: Naturals = ()
+    """Targets gained by the complement, ascending."""
+    drop_complement: Naturals = ()
+    """Targets lost by the complement, ascending."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "coordinator"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"wiring/{self.cell}"
+
+
+class WaveStart(msgspec.Struct, frozen=True, tag="wave", gc=False):
+    """A wave begins: the cells of its signal fire."""
+
+    wave: Numbered
+    """The wave's number; grows by one with each wave of a run."""
+    tick: Natural
+    """The tick it belongs to; 0 where there are no observations."""
+    kind: Literal["state", "signal"]
+    """`state`: every cell fires its own reading of `tick`. `signal`: those named."""
+    credit: Natural
+    """Every literal of the signal starts with the share ``2^-credit``."""
+    settled_below: Numbered
+    """All waves below this number have settled or were given up; forget them."""
+    signal: Naturals = ()
+    """Literals that fire; empty in a `state` wave unless it repeats a lost one."""
+    repeats: Natural = 0
+    """The number of the wave that was given up for this one; 0: none."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "coordinator"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "wave"
+
+
+class Pulse(msgspec.Struct, frozen=True, tag="pulse", gc=False):
+    """One literal's firing, passed along one edge."""
+
+    wave: Numbered
+    """The wave it belongs to."""
+    source: Natural
+    """The literal that fired."""
+    target: Natural
+    """The literal it makes fire: positive excites, complementary inhibits."""
+    hops: Numbered
+    """Edges from the signal to the target along the way this pulse came."""
+    credit: Natural
+    """It carries the share ``2^-credit`` of the wave."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return f"cell/{self.source >> 1}"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"{'inhibit' if self.target & 1 else 'excite'}/{self.target >> 1}"
+
+
+class Settled(msgspec.Struct, frozen=True, tag="settled", gc=False):
+    """A cell's report on one wave: what fired since its last, and credit given back."""
+
+    wave: Numbered
+    """The wave it belongs to."""
+    cell: Natural
+    """The reporting cell's sensor."""
+    part: Natural
+    """How many reports on this wave the cell sent before this one."""
+    literals: Naturals
+    """Literals that fired, at most two."""
+    hops: Naturals
+    """For each of `literals`, the hops of the pulse that made it fire."""
+    credit: Naturals
+    """Exponents: the shares ``2^-e`` that end here."""
+    pulses: Natural
+    """Pulses sent with this report."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return f"cell/{self.cell}"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "settle"
+
+
+class State(msgspec.Struct, frozen=True, tag="state", gc=False):
+    """The state that the settled wave of one tick gave."""
+
+    tick: Numbered
+    """The tick it belongs to."""
+    wave: Numbered
+    """The wave that gave it."""
+    literals: bytes
+    """The coherent state ``S``: 2N bits, literal 0 in the lowest bit."""
+    incoherent: bool
+    """The observation contradicted what was learned."""
+    depth: Natural
+    """Hops until the last literal reached was first reached, as reported."""
+    longest: Natural
+    """Edges on the longest chain that starts in the signal."""
+    height: Natural
+    """Edges on the longest chain of the learned order."""
+    edges: Natural
+    """Covering relations of the learned order, equivalent literals counted once."""
+    pulses: Natural
+    """Pulses the wave took, as reported."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "coordinator"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "state"
+
+
+class Decision(msgspec.Struct, frozen=True, tag="decision", gc=False):
+    """What to do next; the world answers it with the observation of ``tick + 1``."""
+
+    tick: Natural
+    """The tick it was taken at; 0 opens the run."""
+    action: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)]
+    """The action, -1 where the source takes none."""
+    why: str
+    """The reason, for people."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "coordinator"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "decide"
+
+
+class KeyFrame(msgspec.Struct, frozen=True, tag="keyframe", gc=False):
+    """The whole snapshot after one tick, for seeking and resuming."""
+
+    tick: Natural
+    """The tick after which it was taken."""
+    snapshot: bytes
+    """What `Snapshot.to_bytes` gave."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "coordinator"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "keyframe"
+
+
+class Fault(msgspec.Struct, frozen=True, tag="fault", gc=False):
+    """Somebody met a message that is bad or unexpected, and dropped it."""
+
+    who: str
+    """The part that met it, as in `Message.sender`."""
+    what: str
+    """What was wrong with it."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return self.who
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "fault"
+
+
+Message: TypeAlias = (
+    Observation
+    | Wiring
+    | WaveStart
+    | Pulse
+    | Settled
+    | State
+    | Decision
+    | KeyFrame
+    | Fault
+)
+
+TOPICS: dict[str, type[Message]] = {
+    "observe": Observation,
+    "wiring": Wiring,
+    "wave": WaveStart,
+    "excite": Pulse,
+    "inhibit": Pulse,
+    "settle": Settled,
+    "state": State,
+    "decide": Decision,
+    "keyframe": KeyFrame,
+    "fault": Fault,
+}
+"""The first chunk of every key, and what travels there."""
+
+
+class Delivery(NamedTuple):
+    """A message as it arrives: undecoded, with what travels beside the payload."""
+
+    key: str
+    """Below the swarm's prefix."""
+    sequence: int
+    """The sender's running number over all it sent, from 0."""
+    sent: int
+    """The sender's clock, nanoseconds since the epoch."""
+    payload: bytes
+    """The message's JSON."""
+
+
+_encoder = msgspec.json.Encoder()
+_decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
+
+
+def encode(message: Message) -> bytes:
+    """Return the payload of `message`."""
+    return _encoder.encode(message)
+
+
+def decode(key: str, payload: bytes) -> Message:
+    """Return the message in `payload`, which came under `key`.
+
+    Raises:
+        MessageError: It is no message of this protocol, or belongs under another key.
+    """
+    try:
+        message = _decoder.decode(payload)
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise MessageError(f"{key}: must hold a message, got {error}") from error
+    if message.key != key:
+        raise MessageError(f"{key}: must hold its own messages, got one for {message.key}")
+    return message
+
+
+def topic(key: str) -> str:
+    """Return the first chunk of `key`: the channel it is recorded in."""
+    return key.partition("/")[0]
+
+
+def cell_keys(cell: int) -> tuple[str, ...]:
+    """Return the key expressions a cell listens to."""
+    return (f"*/{cell}", "observe", "wave")
+
+
+def split_evenly(credit: int, parts: int) -> Iterator[int]:
+    """Split the share ``2^-credit`` into `parts` shares that add up to it exactly.
+
+    The exponents are the leaf depths of a complete binary tree, so they differ by at
+    most one and nothing is left over.
+
+    Args:
+        credit: The exponent to split.
+        parts: How many shares, at least 1.
+
+    Yields:
+        The exponents of the shares, larger shares first.
+    """
+    depth = (parts - 1).bit_length()
+    larger = (1 << depth) - parts
+    for index in range(parts):
+        yield credit + depth - (index < larger)
