@@ -176,7 +176,7 @@ class State(msgspec.Struct, frozen=True, tag="state", gc=False):
     height: Natural
     """Edges on the longest chain of the learned order."""
     edges: Natural
-    """Covering relations of the learned order, equivalent literals counted once."""
+    """Edges of the learned order's Hasse wiring, an edge and its contrapositive one."""
     pulses: Natural
     """Pulses the wave took, as reported."""
 
@@ -189,6 +189,37 @@ class State(msgspec.Struct, frozen=True, tag="state", gc=False):
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
         return "state"
+
+
+class Reached(msgspec.Struct, frozen=True, tag="reached", gc=False):
+    """What a settled planning wave reached: all above its signal."""
+
+    tick: Numbered
+    """The tick it belongs to."""
+    wave: Numbered
+    """The wave that gave it."""
+    signal: Naturals
+    """The literals it started from."""
+    literals: bytes
+    """``↑signal``: 2N bits, literal 0 in the lowest bit."""
+    depth: Natural
+    """Hops until the last literal reached was first reached, as reported."""
+    longest: Natural
+    """Edges on the longest chain that starts in the signal."""
+    height: Natural
+    """Edges on the longest chain of the learned order."""
+    pulses: Natural
+    """Pulses the wave took, as reported."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return "coordinator"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "reach"
 
 
 class Decision(msgspec.Struct, frozen=True, tag="decision", gc=False):
@@ -250,6 +281,23 @@ class Fault(msgspec.Struct, frozen=True, tag="fault", gc=False):
         return "fault"
 
 
+class Leave(msgspec.Struct, frozen=True, tag="leave", gc=False):
+    """A part's last message. Whoever has it and all before it has everything."""
+
+    who: str
+    """The part that leaves."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return self.who
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "leave"
+
+
 Message: TypeAlias = (
     Observation
     | Wiring
@@ -257,9 +305,11 @@ Message: TypeAlias = (
     | Pulse
     | Settled
     | State
+    | Reached
     | Decision
     | KeyFrame
     | Fault
+    | Leave
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -270,9 +320,11 @@ TOPICS: dict[str, type[Message]] = {
     "inhibit": Pulse,
     "settle": Settled,
     "state": State,
+    "reach": Reached,
     "decide": Decision,
     "keyframe": KeyFrame,
     "fault": Fault,
+    "leave": Leave,
 }
 """The first chunk of every key, and what travels there."""
 
@@ -307,10 +359,12 @@ def decode(key: str, payload: bytes) -> Message:
     """
     try:
         message = _decoder.decode(payload)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(f"{key}: must hold a message, got {error}") from error
     if message.key != key:
-        raise MessageError(f"{key}: must hold its own messages, got one for {message.key}")
+        raise MessageError(
+            f"{key}: must hold its own messages, got one for {message.key}"
+        )
     return message
 
 
@@ -321,7 +375,13 @@ def topic(key: str) -> str:
 
 def cell_keys(cell: int) -> tuple[str, ...]:
     """Return the key expressions a cell listens to."""
-    return (f"*/{cell}", "observe", "wave")
+    return (
+        "observe",
+        f"wiring/{cell}",
+        "wave",
+        f"excite/{cell}",
+        f"inhibit/{cell}",
+    )
 
 
 def split_evenly(credit: int, parts: int) -> Iterator[int]:

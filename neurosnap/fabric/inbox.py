@@ -1,0 +1,164 @@
+"""The one door between Zenoh's threads and the rest of a process.
+
+Any thread pushes and never blocks. What waits is delivered in bursts, in order, by one
+thread: the event loop's (`Inbox`), or one of its own (`Courier`) where latency counts.
+Waking an event loop takes two system calls and its selector, a hundred microseconds on
+a small machine, and a wave pays that at every hop; waking a thread takes a fifth of it.
+
+Both are bounded: a push beyond the bound is an error for the owner, never a silent
+loss.
+"""
+
+import asyncio
+import queue
+import threading
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
+
+from neurosnap.errors import InboxOverflowError
+
+T = TypeVar("T")
+T_contra = TypeVar("T_contra", contravariant=True)
+
+_CAPACITY = 1 << 20
+
+
+class Door(Protocol[T_contra]):
+    """What both have in common."""
+
+    def push(self, item: T_contra) -> None:
+        """Leave `item`; any thread, never blocks, ignored when closed."""
+        ...
+
+    def close(self) -> None:
+        """Ignore every later push; deliver what waits."""
+        ...
+
+
+class Inbox(Generic[T]):
+    """A bounded queue from any thread into one loop.
+
+    Args:
+        owner: Whose inbox it is, for the error.
+        deliver: Called on the loop with all that waited, oldest first.
+        fail: Called on the loop, once, with what `deliver` raised or with an
+            `InboxOverflowError`; the inbox is closed then.
+        capacity: How many items may wait.
+    """
+
+    def __init__(
+        self,
+        owner: str,
+        deliver: Callable[[list[T]], None],
+        fail: Callable[[BaseException], None],
+        capacity: int = _CAPACITY,
+    ) -> None:
+        self._owner = owner
+        self._deliver = deliver
+        self._fail = fail
+        self._capacity = capacity
+        self._loop = asyncio.get_running_loop()
+        self._lock = threading.Lock()
+        self._items: list[T] = []
+        self._overflown = False
+        self._closed = False
+
+    def push(self, item: T) -> None:
+        """Leave `item` for the loop; any thread, never blocks, ignored when closed."""
+        with self._lock:
+            if self._closed or self._overflown:
+                return
+            if len(self._items) == self._capacity:
+                self._overflown = True
+                return
+            self._items.append(item)
+            if len(self._items) == 1:
+                # Under the lock: `close` cannot come between the check and the call,
+                # so the loop is still running here.
+                self._loop.call_soon_threadsafe(self._drain)
+
+    def close(self) -> None:
+        """Ignore every later push. What waits is still delivered by the loop."""
+        with self._lock:
+            self._closed = True
+
+    def _drain(self) -> None:
+        with self._lock:
+            items, self._items = self._items, []
+            overflown = self._overflown
+        try:
+            self._deliver(items)
+        except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
+            self.close()
+            self._fail(error)
+        if overflown:
+            self.close()
+            self._fail(InboxOverflowError(self._owner, self._capacity))
+
+
+class Courier(Generic[T]):
+    """A bounded queue with a thread of its own that delivers.
+
+    Args:
+        owner: Whose it is, for the error.
+        deliver: Called on the courier's thread with all that waited, oldest first.
+        fail: Called on the loop, once, with what `deliver` raised or with an
+            `InboxOverflowError`; nothing is delivered any more then.
+        capacity: How many items may wait.
+    """
+
+    def __init__(
+        self,
+        owner: str,
+        deliver: Callable[[list[T]], None],
+        fail: Callable[[BaseException], None],
+        capacity: int = _CAPACITY,
+    ) -> None:
+        self._owner = owner
+        self._deliver = deliver
+        self._fail = fail
+        self._capacity = capacity
+        self._loop = asyncio.get_running_loop()
+        self._closed = False
+        # Not `queue.Queue`: this one is a single lock in C, safe to use in a callback.
+        self._items: queue.SimpleQueue[T | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name=f"courier/{owner}")
+        self._thread.start()
+
+    def push(self, item: T) -> None:
+        """Leave `item` for the thread; any thread, never blocks."""
+        if self._closed:
+            return
+        if self._items.qsize() >= self._capacity:
+            self._end(InboxOverflowError(self._owner, self._capacity))
+            return
+        self._items.put(item)
+
+    def close(self) -> None:
+        """Deliver what waits, then end the thread. Blocks until it has ended."""
+        self._closed = True
+        self._items.put(None)
+        self._thread.join()
+
+    def _end(self, error: BaseException) -> None:
+        self._closed = True
+        self._loop.call_soon_threadsafe(self._fail, error)
+
+    def _run(self) -> None:
+        while (first := self._items.get()) is not None:
+            burst = [first]
+            last = False
+            # Nobody else takes items out, so what is not empty can be taken.
+            while not last and not self._items.empty():
+                item = self._items.get()
+                if item is None:
+                    last = True
+                else:
+                    burst.append(item)
+            try:
+                self._deliver(burst)
+            except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
+                self._end(error)
+                return
+            if last:
+                return

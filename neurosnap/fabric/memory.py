@@ -1,0 +1,279 @@
+"""The fabric in one process: for swarms without processes, and for simulation.
+
+Without a seed every message is delivered in the order it was published. With a seed the
+hub draws which link delivers next, so that messages of different senders overtake each
+other while each link keeps its own order, as the protocol promises; it can also repeat
+and lose messages and cut links, each of which leaves the trace the protocol promises: a
+gap in the sender's numbers.
+
+The hub is synchronous. Simulations call `step` themselves; where a loop is running, the
+hub delivers as part of it.
+"""
+
+import asyncio
+import contextlib
+import random
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from neurosnap import wire
+from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
+
+_TURN = 256  # deliveries before other tasks of the loop get their turn
+
+
+@dataclass(frozen=True)
+class Faults:
+    """How badly a simulated network behaves; each a probability a message."""
+
+    duplicate: float = 0.0
+    """A message arrives once more, later."""
+    drop: float = 0.0
+    """A message does not arrive at one of its receivers."""
+
+
+def matches(expression: str, key: str) -> bool:
+    """Tell whether `key` is one of those `expression` stands for.
+
+    Args:
+        expression: Chunks between slashes; ``*`` is any one, ``**`` as the last any
+            number of them.
+        key: A key without wildcards.
+    """
+    wanted, given = expression.split("/"), key.split("/")
+    if wanted[-1] == "**":
+        wanted.pop()
+        given = given[: len(wanted)]
+    return len(wanted) == len(given) and all(
+        w in ("*", g) for w, g in zip(wanted, given, strict=True)
+    )
+
+
+class MemoryHub:
+    """What connects the `MemoryFabric` ends of one swarm.
+
+    Args:
+        seed: Draws the order of deliveries and the faults; None: first come, first
+            served, and no faults.
+        faults: What goes wrong, and how often.
+    """
+
+    def __init__(self, seed: int | None = None, faults: Faults | None = None) -> None:
+        self._random = None if seed is None else random.Random(seed)
+        self._faults = faults or Faults()
+        self._links: dict[tuple[str, str], deque[wire.Delivery]] = {}
+        self._queue: deque[tuple[str, str]] = deque()
+        self._routes: dict[str, dict[str, list[Handler]]] = {}
+        self._subscriptions: list[tuple[str, str, Handler]] = []
+        self._watchers: list[tuple[str, PresenceHandler]] = []
+        self._alive: list[str] = []
+        self._cut: set[frozenset[str]] = set()
+        self._ends: dict[str, MemoryFabric] = {}
+        self._pumping = False
+
+    def fabric(self, who: str, *, first: int = 0) -> "MemoryFabric":
+        """Return the end of part `who`, its messages numbered from `first`."""
+        end = MemoryFabric(self, who, first)
+        self._ends[who] = end
+        return end
+
+    def cut(self, a: str, b: str) -> None:
+        """Lose everything between `a` and `b` until `heal`."""
+        self._cut.add(frozenset((a, b)))
+        for link in ((a, b), (b, a)):
+            waiting = self._links.pop(link, ())
+            for _ in waiting:
+                self._queue.remove(link)
+
+    def heal(self, a: str, b: str) -> None:
+        """Let messages between `a` and `b` pass again; what was lost stays lost."""
+        self._cut.discard(frozenset((a, b)))
+
+    @property
+    def pending(self) -> int:
+        """How many deliveries are under way."""
+        return len(self._queue)
+
+    def step(self) -> bool:
+        """Deliver one message; tell whether there was one.
+
+        Raises:
+            Exception: Whatever the receiving handler raises.
+        """
+        taken = self._take()
+        if taken is None:
+            return False
+        self._hand_over(*taken)
+        return True
+
+    def run(self, most: int = 10_000_000) -> int:
+        """Deliver until nothing is under way; return how many it took.
+
+        Raises:
+            RuntimeError: There was no end to it within `most` deliveries.
+        """
+        for count in range(most):
+            if not self.step():
+                return count
+        raise RuntimeError(f"hub: must fall silent within {most} deliveries")
+
+    def _take(self) -> tuple[str, wire.Delivery] | None:
+        """Return the next receiver and what it gets."""
+        if not self._queue:
+            return None
+        if self._random is not None:
+            # Any waiting link may be next; which of its own messages it is does not
+            # matter, because a link keeps its order.
+            self._queue.rotate(self._random.randrange(len(self._queue)))
+        link = self._queue.popleft()
+        waiting = self._links[link]
+        delivery = waiting.popleft()
+        if self._chance(self._faults.duplicate):
+            waiting.append(delivery)
+            self._queue.append(link)
+        return link[1], delivery
+
+    def _hand_over(self, receiver: str, delivery: wire.Delivery) -> None:
+        for handler in self._route(delivery.key).get(receiver, ()):
+            handler([delivery])
+
+    def _chance(self, probability: float) -> bool:
+        return (
+            self._random is not None
+            and probability > 0.0
+            and self._random.random() < probability
+        )
+
+    def _route(self, key: str) -> dict[str, list[Handler]]:
+        """Return who listens to `key`; remembered, since keys come again and again."""
+        route = self._routes.get(key)
+        if route is None:
+            route = self._routes[key] = {}
+            for who, expression, handler in self._subscriptions:
+                if matches(expression, key):
+                    route.setdefault(who, []).append(handler)
+        return route
+
+    def send(self, sender: str, delivery: wire.Delivery) -> None:
+        """Put a delivery on its way to everybody who listens to its key."""
+        for receiver in self._route(delivery.key):
+            if frozenset((sender, receiver)) in self._cut:
+                continue
+            if self._chance(self._faults.drop):
+                continue
+            link = (sender, receiver)
+            self._links.setdefault(link, deque()).append(delivery)
+            self._queue.append(link)
+        self._pump_soon()
+
+    def listen(self, who: str, expression: str, handler: Handler) -> None:
+        """Add a subscription."""
+        self._subscriptions.append((who, expression, handler))
+        self._routes.clear()
+
+    def leave(self, who: str) -> None:
+        """Take a part off the network: its subscriptions, its presence, its mail."""
+        self._subscriptions = [s for s in self._subscriptions if s[0] != who]
+        self._watchers = [w for w in self._watchers if w[0] != who]
+        self._routes.clear()
+        if who in self._alive:
+            self._alive.remove(who)
+            for _, handler in self._watchers:
+                handler(who, False)
+
+    def announce(self, who: str) -> None:
+        """Show `who` as alive to everybody who watches."""
+        self._alive.append(who)
+        for _, handler in self._watchers:
+            handler(who, True)
+
+    def watch(self, who: str, handler: PresenceHandler) -> None:
+        """Tell `handler` who is there, and from now on who comes and goes."""
+        self._watchers.append((who, handler))
+        for present in list(self._alive):
+            handler(present, True)
+
+    def _pump_soon(self) -> None:
+        if self._pumping:
+            return
+        with contextlib.suppress(RuntimeError):  # no loop: the simulation steps itself
+            asyncio.get_running_loop().call_soon(self._pump)
+            self._pumping = True
+
+    def _pump(self) -> None:
+        self._pumping = False
+        for _ in range(_TURN):
+            taken = self._take()
+            if taken is None:
+                return
+            try:
+                self._hand_over(*taken)
+            except BaseException as error:  # noqa: BLE001 - goes to the part it is of
+                self._ends[taken[0]].fail(error)
+        self._pump_soon()
+
+
+class MemoryFabric:
+    """One part's end of a `MemoryHub`; see `neurosnap.fabric.protocol`."""
+
+    def __init__(self, hub: MemoryHub, who: str, first: int = 0) -> None:
+        self.who = who
+        self.sent = first
+        self._hub = hub
+        self._failure: Failure | None = None
+
+    async def __aenter__(self) -> Self:
+        """Nothing needs opening."""
+        self._failure = Failure()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave the network."""
+        self._hub.leave(self.who)
+
+    def publish(self, message: wire.Message) -> None:
+        """Send `message` under its key."""
+        delivery = wire.Delivery(
+            message.key, self.sent, time.time_ns(), wire.encode(message)
+        )
+        self.sent += 1
+        self._hub.send(self.who, delivery)
+
+    def listen(self, keys: Sequence[str], handler: Handler) -> None:
+        """Subscribe without a loop, for simulations."""
+        for key in keys:
+            self._hub.listen(self.who, key, handler)
+
+    async def subscribe(
+        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+    ) -> None:
+        """Hand every message under `keys` to `handler`; `poll` changes nothing."""
+        self.listen(keys, handler)
+
+    async def announce(self) -> None:
+        """Show this part as alive."""
+        self._hub.announce(self.who)
+
+    async def watch(self, handler: PresenceHandler) -> None:
+        """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
+        self._hub.watch(self.who, handler)
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Wait until `stop` is set; raise what a handler raised before that."""
+        if self._failure is None:
+            raise RuntimeError("serve: must be called inside the fabric's context")
+        await self._failure.wait(stop)
+
+    def fail(self, error: BaseException) -> None:
+        """Let `serve` raise `error`."""
+        if self._failure is not None:
+            self._failure.set(error)

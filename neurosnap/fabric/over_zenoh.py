@@ -1,0 +1,313 @@
+"""The fabric over Zenoh: one session a process, loopback only, nothing found by chance.
+
+What keeps the promises of `neurosnap.fabric.protocol`: one session and one priority a
+process; no callback that blocks, so that no receiver ever stalls the hub; every put
+with BLOCK; callbacks run on Zenoh's own receiving thread (``indirect=False``), which
+keeps the order across several subscriptions. A running number and the sender's clock
+travel as the attachment.
+"""
+
+import asyncio
+import json
+import struct
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from neurosnap import wire
+from neurosnap.errors import FabricError
+from neurosnap.fabric.inbox import Courier, Door, Inbox
+from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
+
+_BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
+_CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
+_CHUNK = 4096  # deliveries handled before other tasks get their turn
+
+
+def configuration(mode: str, **settings: object) -> zenoh.Config:
+    """Return a Zenoh configuration that listens to nobody and looks for nobody.
+
+    Args:
+        mode: ``client`` or ``router``.
+        settings: More of Zenoh's keys, ``__`` for ``/``; values as JSON can say them.
+    """
+    config = zenoh.Config()
+    defaults: dict[str, object] = {
+        "mode": mode,
+        "listen/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        # On, no more than some 350 sessions connect to one router.
+        "transport/shared_memory/enabled": False,
+    }
+    named = {key.replace("__", "/"): value for key, value in settings.items()}
+    for key, value in (defaults | named).items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def open_hub(endpoints: Sequence[str], sessions: int) -> zenoh.Session:
+    """Open the router all parts of a swarm connect to. Blocks; close it when done.
+
+    Args:
+        endpoints: What it listens on.
+        sessions: How many parts will connect.
+
+    Raises:
+        FabricError: An endpoint is in use or cannot be listened on.
+    """
+    try:
+        return zenoh.open(
+            configuration(
+                "router",
+                listen__endpoints=list(endpoints),
+                transport__unicast__max_sessions=sessions + 100,
+                transport__unicast__accept_pending=sessions + 100,
+                # A stalled part must not get its link closed and lose what waits.
+                transport__link__tx__queue__congestion_control__block__wait_before_close=60_000_000,
+            )
+        )
+    except zenoh.ZError as error:
+        raise FabricError(
+            f"hub: must be able to listen on {', '.join(endpoints)}, got {error}"
+        ) from error
+
+
+class ZenohFabric:
+    """One process's end of a swarm's network.
+
+    Args:
+        who: The part's name, as in `Message.sender`.
+        swarm: The run's id.
+        endpoint: Where the hub listens.
+        first: The number of the first message; more than 0 where a run is resumed.
+        patience: Seconds to go on trying until the hub answers.
+        swift: Handlers run on a thread of their own, not on the event loop: a third
+            off the time of a hop. For parts that share nothing with their loop.
+    """
+
+    def __init__(
+        self,
+        who: str,
+        swarm: str,
+        endpoint: str,
+        *,
+        first: int = 0,
+        patience: float = 60.0,
+        swift: bool = False,
+    ) -> None:
+        self.who = who
+        self.sent = first
+        self._prefix = f"{wire.ROOT}/{swarm}/"
+        self._endpoint = endpoint
+        self._patience = patience
+        self._swift = swift
+        self._declared: list[Any] = []
+        self._doors: list[Door[Any]] = []
+        self._polls: list[_Poll] = []
+
+    async def __aenter__(self) -> Self:
+        """Open the session.
+
+        Raises:
+            FabricError: The hub cannot be reached.
+        """
+        self._failure = Failure()
+        try:
+            self._session = await asyncio.to_thread(zenoh.open, self._config())
+        except zenoh.ZError as error:
+            raise FabricError(
+                f"{self.who}: must reach the hub at {self._endpoint}, got {error}"
+            ) from error
+        return self
+
+    def _config(self) -> zenoh.Config:
+        return configuration(
+            "client",
+            connect__endpoints=[self._endpoint],
+            connect__timeout_ms=int(self._patience * 1000),
+            connect__retry={
+                "period_init_ms": 50,
+                "period_max_ms": 200,
+                "period_increase_factor": 1.5,
+            },
+            transport__link__tx__queue__congestion_control__block__wait_before_close=60_000_000,
+        )
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop receiving, hand over what waits, deliver what was sent, close."""
+        await asyncio.to_thread(self._undeclare)
+        for poll in self._polls:
+            poll.finish()
+        for door in self._doors:
+            await asyncio.to_thread(door.close)
+        await asyncio.to_thread(self._session.close)
+
+    def _undeclare(self) -> None:
+        for declared in reversed(self._declared):
+            declared.undeclare()
+        self._declared.clear()
+
+    def publish(self, message: wire.Message) -> None:
+        """Send `message` under its key; blocks while the hub is congested."""
+        self._session.put(
+            self._prefix + message.key,
+            wire.encode(message),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            attachment=_BESIDE.pack(self.sent, time.time_ns()),
+        )
+        self.sent += 1
+
+    async def subscribe(
+        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+    ) -> None:
+        """Hand every message under `keys` to `handler`; see the protocol."""
+        cut = len(self._prefix)
+        if poll is not None:
+            for key in keys:
+                subscriber = await asyncio.to_thread(
+                    self._session.declare_subscriber,
+                    self._prefix + key,
+                    zenoh.handlers.FifoChannel(_CHANNEL),
+                )
+                self._declared.append(subscriber)
+                self._polls.append(
+                    _Poll(subscriber.handler, cut, handler, poll, self._failure)
+                )
+            return
+        kind = Courier if self._swift else Inbox
+        door: Door[wire.Delivery] = kind(self.who, handler, self._failure.set)
+        self._doors.append(door)
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            delivery = _delivery(sample, cut)
+            if delivery is not None:
+                door.push(delivery)
+
+        callback = zenoh.handlers.Callback(hand_over, indirect=False)
+        for key in keys:
+            self._declared.append(
+                await asyncio.to_thread(
+                    self._session.declare_subscriber, self._prefix + key, callback
+                )
+            )
+
+    async def announce(self) -> None:
+        """Declare the liveliness token ``alive/<who>``."""
+        self._declared.append(
+            await asyncio.to_thread(
+                self._session.liveliness().declare_token,
+                f"{self._prefix}alive/{self.who}",
+            )
+        )
+
+    async def watch(self, handler: PresenceHandler) -> None:
+        """Follow the liveliness tokens, those already there included."""
+        cut = len(f"{self._prefix}alive/")
+
+        def deliver(changes: list[tuple[str, bool]]) -> None:
+            for who, alive in changes:
+                handler(who, alive)
+
+        inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)
+        self._doors.append(inbox)
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            alive = sample.kind == zenoh.SampleKind.PUT
+            inbox.push((str(sample.key_expr)[cut:], alive))
+
+        self._declared.append(
+            await asyncio.to_thread(
+                self._session.liveliness().declare_subscriber,
+                f"{self._prefix}alive/**",
+                zenoh.handlers.Callback(hand_over, indirect=False),
+                history=True,
+            )
+        )
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Wait until `stop` is set; raise what a handler raised before that."""
+        await self._failure.wait(stop)
+
+    def fail(self, error: BaseException) -> None:
+        """Let `serve` raise `error`."""
+        self._failure.set(error)
+
+
+class _Poll:
+    """Empties a channel every so often, for readers that need rate and not latency.
+
+    The samples wait in Zenoh's own channel, which costs neither a thread nor the GIL. A
+    full channel holds back the hub, and so the senders: a slow reader slows the run
+    down and loses nothing.
+    """
+
+    def __init__(
+        self,
+        channel: zenoh.Handler[zenoh.Sample],
+        cut: int,
+        handler: Handler,
+        every: float,
+        failure: Failure,
+    ) -> None:
+        self._channel = channel
+        self._cut = cut
+        self._handler = handler
+        self._every = every
+        self._failure = failure
+        self._loop = asyncio.get_running_loop()
+        self._timer = self._loop.call_later(every, self._turn)
+
+    def _turn(self) -> None:
+        try:
+            more = self._drain()
+        except BaseException as error:  # noqa: BLE001 - goes on to `serve`, whole
+            self._failure.set(error)
+            return
+        self._timer = self._loop.call_later(0.0 if more else self._every, self._turn)
+
+    def _drain(self) -> bool:
+        """Hand over up to a chunk of deliveries; tell whether more may wait."""
+        samples: list[zenoh.Sample] = []
+        while len(samples) < _CHUNK:
+            try:
+                sample = self._channel.try_recv()
+            except zenoh.ZError:  # empty, and closed for good
+                break
+            if sample is None:
+                break
+            samples.append(sample)
+        found = (_delivery(sample, self._cut) for sample in samples)
+        burst = [delivery for delivery in found if delivery is not None]
+        if burst:
+            self._handler(burst)
+        return len(samples) == _CHUNK
+
+    def finish(self) -> None:
+        """Hand over the rest. Called once nothing more can arrive."""
+        self._timer.cancel()
+        while self._drain():
+            pass
+
+
+def _delivery(sample: zenoh.Sample, cut: int) -> wire.Delivery | None:
+    """Copy a sample out of Zenoh's hands; None for a stranger's."""
+    beside = sample.attachment
+    if beside is None:
+        return None
+    raw = beside.to_bytes()
+    if len(raw) != _BESIDE.size:
+        return None
+    number, sent = _BESIDE.unpack(raw)
+    return wire.Delivery(
+        str(sample.key_expr)[cut:], number, sent, sample.payload.to_bytes()
+    )

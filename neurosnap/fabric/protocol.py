@@ -1,0 +1,109 @@
+"""The protocol both fabrics keep, and what they promise.
+
+- One sender's messages arrive at one receiver in the order it published them.
+- Nothing is promised between different senders.
+- A message is lost only with an error or with a gap in its sender's running numbers.
+
+Handlers are plain functions that get a burst of deliveries on the event loop's thread:
+a pulse needs neither an ``await`` nor a task, and either would cost more than the work.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Protocol, Self
+
+from neurosnap import wire
+
+Handler = Callable[[list[wire.Delivery]], None]
+PresenceHandler = Callable[[str, bool], None]
+
+
+class Fabric(Protocol):
+    """One part's end of the network. Entering opens it, leaving closes it."""
+
+    @property
+    def who(self) -> str:
+        """The part's name, as in `Message.sender`."""
+        ...
+
+    @property
+    def sent(self) -> int:
+        """How many messages this part has published; the next one's number."""
+        ...
+
+    def publish(self, message: wire.Message) -> None:
+        """Send `message` under its key. May block while the network is congested."""
+        ...
+
+    async def subscribe(
+        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+    ) -> None:
+        """Hand every message under `keys` to `handler`, in bursts.
+
+        Args:
+            keys: Key expressions below the swarm's prefix: ``*`` is any one chunk,
+                ``**`` any number of them.
+            handler: Called on the event loop. What it raises comes out of `serve`.
+            poll: Collect for this many seconds rather than waking at once, for those
+                who need throughput and not latency.
+        """
+        ...
+
+    async def announce(self) -> None:
+        """Show this part as alive, after all its subscriptions are in place."""
+        ...
+
+    async def watch(self, handler: PresenceHandler) -> None:
+        """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
+        ...
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Wait until `stop` is set; raise what a handler raised before that."""
+        ...
+
+    def fail(self, error: BaseException) -> None:
+        """Let `serve` raise `error`, unless it already has one to raise."""
+        ...
+
+    async def __aenter__(self) -> Self: ...
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None: ...
+
+
+class Failure:
+    """The first error of any handler, and who waits for it.
+
+    Handlers run as callbacks of the loop, where an exception would only be logged;
+    here it ends the part that owns the fabric.
+    """
+
+    def __init__(self) -> None:
+        self._error: BaseException | None = None
+        self._event = asyncio.Event()
+
+    def set(self, error: BaseException) -> None:
+        """Keep `error` unless there is one already."""
+        if self._error is None:
+            self._error = error
+        self._event.set()
+
+    async def wait(self, stop: asyncio.Event) -> None:
+        """Return when `stop` is set, raise as soon as there is an error."""
+        if self._error is None and not stop.is_set():
+            waits = [
+                asyncio.create_task(event.wait(), name="fabric/wait")
+                for event in (stop, self._event)
+            ]
+            try:
+                await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for task in waits:
+                    task.cancel()
+        if self._error is not None:
+            raise self._error

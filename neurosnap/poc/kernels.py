@@ -1,0 +1,356 @@
+"""The compiled loops: each equals a few plain lines, which its docstring gives.
+
+Pairs of sensors, and the code of each pair, are as in `neurosnap.poc.codes`. Nothing
+here is compiled with fast-math: results are the same bits on every run.
+
+The loops over a row have no branch, store to two arrays at most and cast every result
+of 32-bit arithmetic back (numba widens it): so the compiler makes vector instructions
+of them.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from neurosnap.poc.literals import Words
+
+SLACK = 1e-12
+"""By how much a discounted weight must be smaller to count as smaller."""
+
+_ONE = np.uint64(1)
+_EVEN = np.uint64(0x5555555555555555)
+
+
+@njit(cache=True)
+def learn_counts(
+    bits: NDArray[np.uint8],
+    joints: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    clock: int,
+    threshold: NDArray[np.float64],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> bool:
+    """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
+
+    ``n_i += x_i``, ``n_ij += x_i x_j``, then ``a -> b`` iff
+    ``w_ab* < min(tau clock, w_ab, w_a*b, w_a*b*)``, and ``a <-> b`` iff
+    ``w_ab* = w_a*b = 0``. With no bit on it only derives.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        joints: ``(N (N - 1) / 2,)``, updated.
+        marginals: ``(N,)``, updated.
+        clock: The number of observations, this one included; at least 1.
+        threshold: ``(1,)`` for all pairs, or one a pair.
+        codes: One a pair, updated.
+        rows: ``(2N, w)``, the derived graph, updated where codes change.
+
+    Returns:
+        Whether any code changed. O(N²/2) time.
+    """
+    count = bits.shape[0]
+    ticks = np.uint32(clock)
+    # For a whole w, w < x iff w < ceil(x): the product is rounded once, as a double,
+    # and the comparison is then exact.
+    limit = np.full(count, np.uint32(math.ceil(threshold[0] * clock)))
+    fresh = np.empty(count, np.uint8)
+    for j in range(count):
+        marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))
+    changed = False
+    for i in range(1, count):
+        start = i * (i - 1) // 2
+        joint = joints[start : start + i]
+        if bits[i]:
+            for j in range(i):
+                joint[j] = np.uint32(joint[j] + np.uint32(bits[j]))
+        if threshold.shape[0] > 1:
+            for j in range(i):
+                limit[j] = np.uint32(math.ceil(threshold[start + j] * clock))
+        mine = marginals[i]
+        rest = np.uint32(ticks - mine)
+        for j in range(i):
+            w11 = joint[j]
+            w10 = np.uint32(mine - w11)
+            w01 = np.uint32(marginals[j] - w11)
+            w00 = np.uint32(rest - w01)
+            mixed, like = min(w10, w01), min(w11, w00)
+            up = mixed < min(min(max(w10, w01), like), limit[j])
+            down = like < min(min(max(w11, w00), mixed), limit[j])
+            code = np.uint8(0)
+            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+            code = np.uint8(3) if (w10 | w01) == 0 else code
+            fresh[j] = np.uint8(12) if (w11 | w00) == 0 else code
+        changed |= _rewire(i, fresh, codes[start : start + i], rows)
+    return changed
+
+
+@njit(cache=True)
+def learn_discounted(
+    bits: NDArray[np.uint8],
+    joints: NDArray[np.float64],
+    marginals: NDArray[np.float64],
+    decay: float,
+    threshold: NDArray[np.float64],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> bool:
+    """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
+
+    ``n <- q n + (1 - q) x`` for marginals and joints; codes as in `learn_counts` for
+    clock 1, where ``<`` is smaller by more than `SLACK` and ``= 0`` at most `SLACK`;
+    then every square with an implication loses the weight against it ([GK] snapshot
+    truncation). Marginals keep.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        joints: ``(N (N - 1) / 2,)``, updated.
+        marginals: ``(N,)``, updated.
+        decay: ``q`` in [0, 1).
+        threshold: ``(1,)`` for all pairs, or one a pair.
+        codes: One a pair, updated.
+        rows: ``(2N, w)``, the derived graph, updated where codes change.
+
+    Returns:
+        Whether any code changed. O(N²/2) time.
+    """
+    count = bits.shape[0]
+    gain = np.empty(count, np.float64)
+    limit = np.full(count, threshold[0])
+    fresh = np.empty(count, np.uint8)
+    for j in range(count):
+        gain[j] = (1.0 - decay) * bits[j]
+        marginals[j] = decay * marginals[j] + gain[j]
+    changed = False
+    for i in range(1, count):
+        start = i * (i - 1) // 2
+        joint = joints[start : start + i]
+        on = float(bits[i])
+        if threshold.shape[0] > 1:
+            limit[:i] = threshold[start : start + i]
+        mine = marginals[i]
+        rest = 1.0 - mine
+        for j in range(i):
+            yours = marginals[j]
+            # The same products and sums as for the marginals: with x_i = x_i x_j, a
+            # joint that was equal to its marginal stays equal to it, bit for bit.
+            w11 = decay * joint[j] + on * gain[j]
+            w10 = mine - w11
+            w01 = yours - w11
+            w00 = rest - w01
+            mixed, like = min(w10, w01), min(w11, w00)
+            more, most = max(w10, w01), max(w11, w00)
+            # Rounding may take a weight below 0; an equivalence excludes the rest
+            # all the same.
+            equal, opposite = more <= SLACK, most <= SLACK
+            loose = not (equal | opposite)
+            up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
+            down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
+            code = np.uint8(0)
+            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+            code = np.uint8(3) if equal else code
+            fresh[j] = np.uint8(12) if opposite else code
+            # Taking all weight from w_ij* or w_i*j, whichever is smaller, is the
+            # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
+            w11 = min(mine, yours) if up else w11
+            joint[j] = max(0.0, mine + yours - 1.0) if down else w11
+        changed |= _rewire(i, fresh, codes[start : start + i], rows)
+    return changed
+
+
+@njit(cache=True)
+def _rewire(
+    i: int, fresh: NDArray[np.uint8], codes: NDArray[np.uint8], rows: Words
+) -> bool:
+    """Bring row `i` of the codes and the graph up to date; whether it changed."""
+    differ = np.uint8(0)
+    for j in range(codes.shape[0]):
+        differ |= fresh[j] ^ codes[j]
+    if differ == 0:
+        return False
+    for j in range(codes.shape[0]):
+        flips = fresh[j] ^ codes[j]
+        if flips:
+            codes[j] = fresh[j]
+            for bit in range(4):
+                if (flips >> bit) & 1:
+                    # Bits 1, 2, 4, 8: sources i, j, i, i*; targets j, i, j*, j.
+                    a = 2 * (j if bit == 1 else i) + (bit == 3)
+                    b = 2 * (i if bit == 1 else j) + (bit == 2)
+                    rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+                    a, b = b ^ 1, a ^ 1
+                    rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+    return True
+
+
+@njit(cache=True)
+def spread(rows: Words, reached: Words) -> int:
+    """Grow `reached` by everything above it; return the hops the last of it took.
+
+    Breadth first: what hop ``k`` finds is what edges lead to from hop ``k - 1``.
+
+    Args:
+        rows: ``(n, w)``, the out-edges of every literal.
+        reached: ``(w,)``, updated.
+
+    Returns:
+        The number of hops; 0 if nothing is added. O(n w) time.
+    """
+    width = reached.shape[0]
+    frontier = reached.copy()
+    found = np.empty(width, np.uint64)
+    hops = 0
+    while True:
+        found[:] = 0
+        for word in range(width):
+            pending = frontier[word]
+            literal = 64 * word
+            while pending:
+                if pending & _ONE:
+                    for k in range(width):
+                        found[k] |= rows[literal, k]
+                pending >>= _ONE
+                literal += 1
+        more = False
+        for k in range(width):
+            frontier[k] = found[k] & ~reached[k]
+            reached[k] |= found[k]
+            more |= frontier[k] != 0
+        if not more:
+            return hops
+        hops += 1
+
+
+@njit(cache=True)
+def project(bits: NDArray[np.uint8], rows: Words, state: NDArray[np.bool_]) -> None:
+    """Write the coherent projection of an observation ([GK] coherent projection).
+
+    ``state = up(O) - up(O)*``, ``O`` the complete *-selection of `bits`.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        rows: ``(2N, w)``, the out-edges of every literal.
+        state: ``(2N,)``, overwritten.
+    """
+    reached = np.zeros(rows.shape[1], np.uint64)
+    for i in range(bits.shape[0]):
+        literal = np.uint64(2 * i + 1 - bits[i])
+        reached[i >> 5] |= _ONE << (literal & np.uint64(63))
+    spread(rows, reached)
+    for i in range(bits.shape[0]):
+        pair = reached[i >> 5] >> np.uint64(2 * (i & 31))
+        state[2 * i] = (pair & np.uint64(3)) == 1
+        state[2 * i + 1] = (pair & np.uint64(3)) == 2
+
+
+@njit(cache=True)
+def close(rows: Words) -> Words:
+    """Return the reflexive and transitive closure of a relation (Warshall's).
+
+    Args:
+        rows: ``(n, w)``, the out-edges of every literal.
+
+    Returns:
+        ``(n, w)``: bit ``b`` of row ``a`` iff a path leads from ``a`` to ``b``.
+        O(n² w) time.
+    """
+    total, width = rows.shape
+    closed = rows.copy()
+    for a in range(total):
+        closed[a, a >> 6] |= _ONE << np.uint64(a & 63)
+    for via in range(total):
+        word, shift = via >> 6, np.uint64(via & 63)
+        for a in range(total):
+            if (closed[a, word] >> shift) & _ONE and a != via:
+                for k in range(width):
+                    closed[a, k] |= closed[via, k]
+    return closed
+
+
+@njit(cache=True)
+def condense(
+    closed: Words,
+    representative: NDArray[np.int64],
+    covers: Words,
+    heights: NDArray[np.int64],
+) -> None:
+    """Write classes, covering relation and heights of a closed relation.
+
+    Args:
+        closed: ``(n, w)`` as `close` gives it, closed under contraposition.
+        representative: ``(n,)``, overwritten: the least literal of each class.
+        covers: ``(n, w)``, all 0: gets bit ``b`` of row ``a`` iff both represent and
+            ``a < b`` with nothing in between.
+        heights: ``(n,)``, overwritten: edges on the longest chain going up.
+
+    Cost:
+        O(n²) tests and O(w) for every cover.
+    """
+    total, width = closed.shape
+    strict = np.zeros((total, width), np.uint64)
+    heads = np.zeros(width, np.uint64)
+    for a in range(total):
+        representative[a] = -1
+        for k in range(width):
+            # Below a is what a* has above it, complemented: neighbours swap places.
+            above = closed[a ^ 1, k]
+            below = ((above & _EVEN) << _ONE) | ((above >> _ONE) & _EVEN)
+            shared = closed[a, k] & below
+            strict[a, k] = closed[a, k] & ~below
+            if representative[a] < 0 and shared != 0:
+                representative[a] = 64 * k
+                while not shared & _ONE:
+                    shared >>= _ONE
+                    representative[a] += 1
+        if representative[a] == a:
+            heads[a >> 6] |= _ONE << np.uint64(a & 63)
+    order = _by_size(strict, heads)
+    beyond = np.empty(width, np.uint64)
+    for place in range(order.shape[0]):
+        a = order[place]
+        heights[a] = 0
+        beyond[:] = 0
+        # Whatever lies between a and b has more above it than b, and comes first.
+        for earlier in range(place - 1, -1, -1):
+            b = order[earlier]
+            word, shift = b >> 6, np.uint64(b & 63)
+            if ((strict[a, word] & ~beyond[word]) >> shift) & _ONE:
+                covers[a, word] |= _ONE << shift
+                heights[a] = max(heights[a], heights[b] + 1)
+                for k in range(width):
+                    beyond[k] |= strict[b, k]
+    for a in range(total):
+        heights[a] = heights[representative[a]]
+
+
+@njit(cache=True)
+def _by_size(strict: Words, heads: Words) -> NDArray[np.int64]:
+    """Return the representatives, those with the least above them first.
+
+    Cuts each row of `strict` down to representatives on the way.
+    """
+    total, width = strict.shape
+    size = np.full(total, -1, np.int64)
+    places = np.zeros(total + 1, np.int64)
+    for a in range(total):
+        if (heads[a >> 6] >> np.uint64(a & 63)) & _ONE:
+            size[a] = 0
+            for k in range(width):
+                strict[a, k] &= heads[k]
+                word = strict[a, k]
+                while word:
+                    word &= word - _ONE
+                    size[a] += 1
+            places[size[a] + 1] += 1
+    for k in range(total):
+        places[k + 1] += places[k]
+    order = np.empty(places[total], np.int64)
+    for a in range(total):
+        if size[a] >= 0:
+            order[places[size[a]]] = a
+            places[size[a]] += 1
+    return order

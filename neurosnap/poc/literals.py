@@ -1,0 +1,87 @@
+"""Sets of literals, as they are given and as the kernels want them.
+
+A set is a bool array with a place a literal. Packed, it is a row of 64-bit words, the
+lowest bit first, zero beyond the last literal: literal ``a`` is bit ``a % 64`` of word
+``a // 64``. A sensor's two literals always share a word.
+"""
+
+import operator
+from collections.abc import Iterable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+
+Literals: TypeAlias = NDArray[np.bool_] | Iterable[int]
+"""What may be given for a set of literals: ``(2N,)`` bool, or the literals."""
+
+Words: TypeAlias = NDArray[np.uint64]
+"""Packed sets: the last axis holds one set's words."""
+
+
+def as_literals(name: str, literals: Literals, total: int) -> NDArray[np.bool_]:
+    """Return a set of literals as a new bool array.
+
+    Args:
+        name: What to call it in an error.
+        literals: ``(total,)`` bool, or the literals as whole numbers.
+        total: How many literals there are, ``2N``.
+
+    Returns:
+        ``(total,)`` bool, C-contiguous, not shared with the argument.
+
+    Raises:
+        ShapeError: A bool array of another shape.
+        InvalidValueError: An entry is no literal.
+    """
+    if isinstance(literals, np.ndarray) and literals.dtype == np.bool_:
+        if literals.shape != (total,):
+            raise ShapeError(name, f"must be ({total},)", literals.shape)
+        return literals.copy()
+    chosen = np.zeros(total, np.bool_)
+    try:
+        given = iter(literals)
+    except TypeError as error:
+        rule = f"must be ({total},) bool or the literals"
+        raise InvalidValueError(name, rule, literals) from error
+    for literal in given:
+        chosen[as_literal(name, literal, total)] = True
+    return chosen
+
+
+def as_literal(name: str, literal: object, total: int) -> int:
+    """Return one literal as an int.
+
+    Raises:
+        InvalidValueError: It is no whole number in ``[0, total)``; a bool is none.
+    """
+    number = -1
+    if not isinstance(literal, bool | np.bool_):
+        try:
+            number = operator.index(literal)  # type: ignore[arg-type]
+        except TypeError:
+            number = -1
+    if not 0 <= number < total:
+        rule = f"must be a literal, a whole number in [0, {total})"
+        raise InvalidValueError(name, rule, literal)
+    return number
+
+
+def to_words(sets: NDArray[np.bool_]) -> Words:
+    """Return sets packed: ``(..., n)`` bool to ``(..., ceil(n / 64))`` words."""
+    packed = np.packbits(sets, axis=-1, bitorder="little")
+    words = np.zeros((*sets.shape[:-1], (sets.shape[-1] + 63) // 64), "<u8")
+    words.view(np.uint8)[..., : packed.shape[-1]] = packed
+    return words
+
+
+def from_words(words: Words, total: int) -> NDArray[np.bool_]:
+    """Return packed sets as bool: ``(..., w)`` words to ``(..., total)``."""
+    octets = np.ascontiguousarray(words).view(np.uint8)
+    # A last axis of length 0 keeps `count` from meaning anything to numpy.
+    if not total:
+        return np.zeros((*words.shape[:-1], 0), np.bool_)
+    bits = np.unpackbits(octets, axis=-1, count=total, bitorder="little")
+    return bits.view(np.bool_)

@@ -1,0 +1,136 @@
+"""What lies where in a recording, and the errors that name a place in it."""
+
+import io
+import stat
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, TypeVar
+
+import msgspec
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.records import Channel, Schema
+
+from neurosnap.errors import RecordingError
+
+PROFILE = "neurosnap"
+RUN = "neurosnap.run"
+TOTALS = "neurosnap.totals"
+SNAPSHOT = "snapshot.npz"
+LIMIT = 256 * 2**20
+"""The largest record, and the largest chunk once unpacked, that is read at all: a
+stranger's file may claim any size. The writer stays below it."""
+
+_Record = TypeVar("_Record")
+
+
+class Chunk(msgspec.Struct, frozen=True):
+    """Where a chunk's packed messages lie, and what its header says of them."""
+
+    number: int
+    """Counts from 1."""
+    offset: int
+    """Where the packed messages start."""
+    packed: int
+    """Bytes in the file."""
+    unpacked: int
+    """Bytes once unpacked."""
+    checksum: int
+    """CRC-32 of the unpacked bytes."""
+    compression: str
+    """`zstd`, or empty where nothing is packed."""
+    start: int
+    """Time of the earliest message."""
+    end: int
+    """Time of the latest message."""
+    counts: dict[int, int]
+    """Messages a channel, from the indexes behind the chunk."""
+
+
+class Attached(msgspec.Struct, frozen=True):
+    """Where an attachment lies."""
+
+    name: str
+    media_type: str
+    size: int
+    """Bytes of its content."""
+    offset: int
+    """Where its record's body starts."""
+    length: int
+    """Bytes of that body."""
+
+
+class Cut(msgspec.Struct, frozen=True):
+    """Where a recording ends that was never finished."""
+
+    chunks: int
+    """Whole chunks before the cut."""
+    offset: int
+    """Where the last whole record ends."""
+    size: int
+    """Where the file ends."""
+
+
+class Layout(msgspec.Struct):
+    """The records of one file, without the messages in its chunks."""
+
+    size: int = 0
+    library: str = ""
+    metadata: dict[str, dict[str, str]] = {}
+    attachments: dict[str, Attached] = {}
+    chunks: list[Chunk] = []
+    schemas: dict[int, Schema] = {}
+    """Those outside chunks: only the summary of a finished file has them."""
+    channels: dict[int, Channel] = {}
+    """Likewise."""
+    cut: Cut | None = None
+    sealed: bool = False
+    """Finished, and the checksums of data and summary were there and right."""
+
+    @property
+    def indexed(self) -> bool:
+        """The counts of every chunk can be relied on."""
+        return self.sealed and all(chunk.counts for chunk in self.chunks)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a recording; turn what the file system says into errors of ours."""
+    shown = repr(str(path))
+    try:
+        # A pipe or a device could be read for ever.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise RecordingError(f"log: must be a file, got {shown}")
+        file = path.open("rb")
+    except FileNotFoundError as error:
+        raise RecordingError(f"log: must exist, got {shown}") from error
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise RecordingError(f"log: must be readable, got {shown} ({error})") from error
+    try:
+        with file:
+            yield file
+    except OSError as error:
+        raise RecordingError(f"log: must be readable, got {shown} ({error})") from error
+
+
+def damaged(path: Path, offset: int, rule: str, got: object) -> RecordingError:
+    """Return the error for a recording that is not what was written."""
+    return RecordingError(f"{path}: at byte {offset}: {rule}, got {got}")
+
+
+def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
+    """Return the record in `body`, as its class reads it.
+
+    Raises:
+        ValueError: It is not one whole record of this kind.
+    """
+    stream = ReadDataStream(io.BytesIO(body))
+    try:
+        record = read(stream)
+    except (McapError, struct.error, UnicodeDecodeError) as error:
+        raise ValueError(str(error) or "a record that ends too soon") from error
+    if stream.count != len(body):
+        raise ValueError(f"{len(body) - stream.count} bytes beyond its end")
+    return record

@@ -1,0 +1,117 @@
+"""The recorder's part of a swarm: it hears everything and writes it down.
+
+It is the last to leave: every other part says `wire.Leave` as its last word, and once
+that has come from all of them, with no number missing before it, the recording is known
+to be whole.
+"""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Collection, Mapping
+
+from neurosnap import wire
+from neurosnap.errors import MessageError, RecordingError
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.record.sequences import Completeness
+from neurosnap.record.writer import Writer
+
+_POLL = 0.02  # seconds messages may wait before they are written into a chunk
+_FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
+
+
+async def run_recorder(
+    writer: Writer,
+    fabric: Fabric,
+    stop: asyncio.Event,
+    *,
+    parts: Collection[str],
+    grace: float = 5.0,
+) -> Completeness:
+    """Record all traffic until every one of `parts` has left; finish the recording.
+
+    Reads everything; publishes nothing.
+
+    Args:
+        writer: Started by the caller, who also leaves it in case of an error.
+        fabric: Entered by the caller.
+        stop: Once set, those who have not left get `grace` seconds to do so.
+        parts: Whose last word is awaited.
+        grace: Seconds.
+
+    Returns:
+        What the recording holds of what was sent; a part that never said its last word
+        lacks at least that.
+
+    Raises:
+        RecordingError: The disk does not take it; what was flushed stays readable.
+    """
+    listener = _Listener(writer, parts)
+    await fabric.subscribe(("**",), listener.handle, poll=_POLL)
+    await fabric.announce()
+    flushing = asyncio.create_task(_flush(writer, fabric), name="recorder/flush")
+    serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
+    stopping = asyncio.create_task(stop.wait(), name="recorder/stop")
+    try:
+        await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
+        if not serving.done():
+            await asyncio.wait((serving,), timeout=grace)
+        if serving.done():
+            await serving
+    finally:
+        for task in (flushing, serving, stopping):
+            task.cancel()
+    listener.closed = True
+    return writer.finish(listener.totals(), listener.expected())
+
+
+async def _flush(writer: Writer, fabric: Fabric) -> None:
+    """Bound what a crash may cost."""
+    while True:
+        await asyncio.sleep(_FLUSH)
+        try:
+            writer.flush()
+        except RecordingError as error:
+            fabric.fail(error)
+            return
+
+
+class _Listener:
+    """Writes each delivery, and keeps count of who has left and what it came to."""
+
+    def __init__(self, writer: Writer, parts: Collection[str]) -> None:
+        self.all_left = asyncio.Event()
+        self.closed = False
+        self._writer = writer
+        self._parts = frozenset(parts)
+        self._left: dict[str, int] = {}
+        self._ticks = 0
+
+    def handle(self, deliveries: list[wire.Delivery]) -> None:
+        """Write a burst down; what comes after the end shows as missing."""
+        if self.closed:
+            return
+        for delivery in deliveries:
+            self._writer.add(delivery, time.time_ns())
+            if delivery.key == "leave":
+                self._leave(delivery)
+            elif delivery.key == "state":
+                self._ticks += 1
+        if self._parts <= self._left.keys():
+            self.all_left.set()
+
+    def _leave(self, delivery: wire.Delivery) -> None:
+        with contextlib.suppress(MessageError):  # the writer has counted it as foreign
+            message = wire.decode(delivery.key, delivery.payload)
+            self._left[message.sender] = delivery.sequence + 1
+
+    def expected(self) -> Mapping[str, int]:
+        """Return how many messages each part must have sent."""
+        return {
+            who: self._left.get(who, self._writer.sequences.upcoming(who) + 1)
+            for who in self._parts
+        }
+
+    def totals(self) -> Mapping[str, str]:
+        """Return what the run came to, as far as the recorder can tell."""
+        return {"ticks": str(self._ticks)}

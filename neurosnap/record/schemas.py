@@ -1,0 +1,37 @@
+"""The JSON schema of each message, in the form that viewers read.
+
+Foxglove and Lichtblick take a schema only if its root is an object with `properties`,
+every property names its `type`, arrays name the type of their items, and nothing uses
+`$ref`, `anyOf`, null or an array of arrays. What msgspec derives has a reference at the
+root and leaves the type of an enumeration unsaid; both are mended here.
+"""
+
+from typing import Any
+
+import msgspec
+
+from neurosnap.wire import Message
+
+ENCODING = "jsonschema"
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def name(message: type[Message]) -> str:
+    """Return the name a message's schema is recorded under."""
+    return f"neurosnap.{message.__name__}"
+
+
+def schema(message: type[Message]) -> dict[str, Any]:
+    """Return the flat JSON schema of a message, as JSON-able objects."""
+    _, components = msgspec.json.schema_components([message])
+    flat = components[message.__name__]
+    properties = {
+        field: {"type": "string", **rule} if "enum" in rule else rule
+        for field, rule in flat["properties"].items()
+    }
+    return {"$schema": _DIALECT, **flat, "properties": properties}
+
+
+def encoded(message: type[Message]) -> bytes:
+    """Return the flat JSON schema of a message as JSON."""
+    return msgspec.json.encode(schema(message))

@@ -1,0 +1,129 @@
+"""Whether anything is missing: one running number a sender, and what has come of it.
+
+Every sender numbers all it sends from 0. A number that never came is a lost message,
+one that came twice a message delivered twice, whatever order they came in: a repaired
+loss arrives late and closes its gap. What was lost at the very end shows only against
+the sender's own word for how many it sent.
+"""
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import msgspec
+
+_NOTHING: Mapping[str, int] = MappingProxyType({})
+
+
+class Completeness(msgspec.Struct, frozen=True):
+    """What a recording holds of what was sent."""
+
+    messages: int
+    """Messages recorded, each once."""
+    missing: dict[str, int] = {}
+    """For each sender that lost any, how many, those at the very end included."""
+    duplicates: int = 0
+    """Messages that came again and were left out."""
+    foreign: int = 0
+    """Payloads that are no message of this protocol and were left out."""
+
+    @property
+    def whole(self) -> bool:
+        """Nothing that was sent is missing."""
+        return not self.missing
+
+
+def _start(gap: tuple[int, int]) -> int:
+    return gap[0]
+
+
+class Sequences:
+    """The running numbers of all senders, as they arrive.
+
+    Memory grows with the senders and the open gaps, not with the messages.
+    """
+
+    def __init__(self) -> None:
+        self.duplicates = 0
+        self._next: dict[str, int] = {}
+        # For each sender, the numbers below its next that have not come: disjoint
+        # half-open ranges, ascending, none empty. A sender without any is not in here.
+        self._gaps: dict[str, list[tuple[int, int]]] = {}
+
+    def receive(self, sender: str, sequence: int) -> bool:
+        """Take note of one message; constant time as long as they come in order.
+
+        Args:
+            sender: Who sent it.
+            sequence: Its running number, at least 0.
+
+        Returns:
+            Whether it came for the first time. A duplicate is counted.
+        """
+        upcoming = self._next.get(sender, 0)
+        if sequence == upcoming:
+            self._next[sender] = sequence + 1
+            return True
+        if sequence > upcoming:
+            self._gaps.setdefault(sender, []).append((upcoming, sequence))
+            self._next[sender] = sequence + 1
+            return True
+        if self._fill(sender, sequence):
+            return True
+        self.duplicates += 1
+        return False
+
+    def _fill(self, sender: str, sequence: int) -> bool:
+        """Take `sequence` out of the sender's gaps; tell whether it was in one."""
+        gaps = self._gaps.get(sender, [])
+        index = bisect_right(gaps, sequence, key=_start) - 1
+        if index < 0 or sequence >= gaps[index][1]:
+            return False
+        start, stop = gaps[index]
+        rest = ((start, sequence), (sequence + 1, stop))
+        gaps[index : index + 1] = [gap for gap in rest if gap[0] < gap[1]]
+        if not gaps:
+            del self._gaps[sender]
+        return True
+
+    def upcoming(self, sender: str) -> int:
+        """Return the number after the highest that came from `sender`."""
+        return self._next.get(sender, 0)
+
+    @property
+    def messages(self) -> int:
+        """How many messages came, each counted once."""
+        return sum(self._next.values()) - sum(
+            stop - start for gaps in self._gaps.values() for start, stop in gaps
+        )
+
+    def gaps(
+        self, expected: Mapping[str, int] = _NOTHING
+    ) -> dict[str, list[tuple[int, int]]]:
+        """Return which numbers are missing, as half-open ranges, ascending.
+
+        Args:
+            expected: How many messages each sender says it sent; a sender that is not
+                in here is taken to have sent nothing after its last that came.
+        """
+        gaps = {sender: list(ranges) for sender, ranges in self._gaps.items()}
+        for sender, count in expected.items():
+            upcoming = self._next.get(sender, 0)
+            if count > upcoming:
+                gaps.setdefault(sender, []).append((upcoming, count))
+        return gaps
+
+    def completeness(
+        self, expected: Mapping[str, int] = _NOTHING, *, foreign: int = 0
+    ) -> Completeness:
+        """Return the balance, against what each sender says it sent.
+
+        Args:
+            expected: As in `gaps`.
+            foreign: How many payloads were no message at all.
+        """
+        missing = {
+            sender: sum(stop - start for start, stop in ranges)
+            for sender, ranges in sorted(self.gaps(expected).items())
+        }
+        return Completeness(self.messages, missing, self.duplicates, foreign)

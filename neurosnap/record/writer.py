@@ -1,0 +1,293 @@
+"""Recording: every message as it was on the wire, into one MCAP file.
+
+What is in the file can be read back: a payload goes in only if it decodes, under its
+own key, and only once. Whatever happens after a chunk was flushed (a crash, a full
+disk), that chunk stays readable; `finish` adds the index, the totals and the final
+snapshot.
+
+Every payload is decoded in full before it goes in. Reading just the sender out of it
+would save a third of a microsecond of five, and would let through what no reader could
+decode afterwards.
+"""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self, TypeAlias
+
+import msgspec
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, MessageError, RecordingError
+from neurosnap.record import schemas
+from neurosnap.record.layout import LIMIT, PROFILE, RUN, SNAPSHOT, TOTALS
+from neurosnap.record.sequences import Completeness, Sequences
+
+Compression: TypeAlias = Literal["zstd", "none"]
+
+_COMPRESSION = {"zstd": CompressionType.ZSTD, "none": CompressionType.NONE}
+_LARGEST_CHUNK = LIMIT // 4
+_LARGEST_PAYLOAD = LIMIT // 2
+"""A chunk is closed once it is full, so it holds at most one payload beyond its size;
+both together stay well below what the reader takes."""
+_SEQUENCES = 1 << 32
+_TIMES = 1 << 64
+
+
+class Writer:
+    """Writes one recording; to be used from one thread.
+
+    A `Writer` left by `with` or `abandon` before `finish` leaves a recording without
+    totals and index, readable to its last message. After an error from the file system
+    the writer is closed, and the file readable to its last whole chunk.
+
+    Args:
+        path: Where to write; must not exist yet. Only the owner may read it.
+        compression: How chunks are packed.
+        chunk: Bytes (before packing) after which a chunk is closed, in [1, 64 MiB].
+
+    Raises:
+        RecordingError: The file exists already, or cannot be made.
+        InvalidValueError: An option is outside its range.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        compression: Compression = "zstd",
+        chunk: int = 1 << 20,
+    ) -> None:
+        if compression not in _COMPRESSION:
+            raise InvalidValueError("compression", "must be zstd or none", compression)
+        if not 1 <= chunk <= _LARGEST_CHUNK:
+            raise InvalidValueError("chunk", f"must be in [1, {_LARGEST_CHUNK}]", chunk)
+        self.path = Path(path)
+        self.sequences = Sequences()
+        self.foreign = 0
+        self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
+        self._started = False
+        self._stream = os.fdopen(_create(self.path), "wb")
+        self._open = True
+        # The checksum of the whole data section is the only one that covers metadata,
+        # attachments and message indexes.
+        self._mcap = McapWriter(
+            self._stream,
+            chunk_size=chunk,
+            compression=_COMPRESSION[compression],
+            enable_data_crcs=True,
+        )
+        self._mcap.start(PROFILE, f"neurosnap {version('neurosnap')}")
+        self._channels = self._register()
+
+    def _register(self) -> dict[str, int]:
+        """Register a channel a topic; return the channel of each."""
+        types = dict.fromkeys(wire.TOPICS.values())
+        ids = {
+            message: self._mcap.register_schema(
+                schemas.name(message), schemas.ENCODING, schemas.encoded(message)
+            )
+            for message in types
+        }
+        return {
+            topic: self._mcap.register_channel(f"/{topic}", "json", ids[message])
+            for topic, message in wire.TOPICS.items()
+        }
+
+    def start(self, metadata: Mapping[str, str]) -> None:
+        """Write what the run is, before its first message.
+
+        Args:
+            metadata: Anything worth keeping; the schema number is added.
+
+        Raises:
+            RecordingError: It was started or closed already, or cannot be written.
+            InvalidValueError: A text cannot be written as UTF-8.
+        """
+        self._demand(self._open and not self._started, "must be started once")
+        facts = {**_plain(metadata), "schema": str(wire.SCHEMA)}
+        self._started = True
+        try:
+            self._mcap.add_metadata(RUN, facts)
+            self._stream.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def add(self, delivery: wire.Delivery, log_time: int) -> None:
+        """Write one message, unless it is foreign or came before.
+
+        Foreign is what does not decode, came under another key than its own, carries
+        a number or a time that no sender of ours sends, or is larger than 128 MiB. It
+        is counted in `foreign` and touches no sender's running number.
+
+        Args:
+            delivery: As it arrived.
+            log_time: When it arrived, nanoseconds since the epoch.
+
+        Raises:
+            RecordingError: The recording is not open, a sender has run out of numbers,
+                or the disk does not take what it is given.
+            InvalidValueError: `log_time` is no time.
+        """
+        if not (self._started and self._open):
+            self._demand(False, "must be started and open")
+        key, sequence, sent, payload = delivery
+        try:
+            message = wire.decode(key, payload)
+        except (MessageError, RecursionError):  # deep nesting is foreign as well
+            self.foreign += 1
+            return
+        if sequence < 0 or not 0 <= sent < _TIMES or len(payload) > _LARGEST_PAYLOAD:
+            self.foreign += 1
+            return
+        # The library counts a message before it packs it, and leaves half a record
+        # behind if a number does not fit: nothing may fail in there.
+        if not 0 <= log_time < _TIMES:
+            raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
+        if sequence >= _SEQUENCES:
+            raise RecordingError(
+                f"sequence: must be below 2^32, got {sequence} from {message.sender}"
+            )
+        if not self.sequences.receive(message.sender, sequence):
+            return
+        if type(message) is wire.KeyFrame:
+            self._keyframe = (message, sent, log_time)
+        channel = self._channels[wire.topic(key)]
+        try:
+            self._mcap.add_message(channel, log_time, payload, sent, sequence)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def flush(self) -> None:
+        """Close the chunk in progress and give it to the operating system.
+
+        What was flushed survives the end of this process, not a power cut.
+
+        Raises:
+            RecordingError: The recording is closed, or cannot be written.
+        """
+        self._demand(self._open, "must be open")
+        try:
+            self._mcap.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def finish(
+        self, totals: Mapping[str, str], expected: Mapping[str, int]
+    ) -> Completeness:
+        """Write the totals, the last key-frame's snapshot and the index; close.
+
+        Args:
+            totals: Anything worth keeping of the run as a whole; the balance is added.
+            expected: For each sender, how many messages it says it sent.
+
+        Returns:
+            What the recording holds of what was sent.
+
+        Raises:
+            RecordingError: The recording was not started, is closed already, or cannot
+                be written; it stays readable up to its last whole chunk.
+            InvalidValueError: A text cannot be written as UTF-8.
+        """
+        self._demand(self._started and self._open, "must be started and open")
+        completeness = self.sequences.completeness(expected, foreign=self.foreign)
+        balance = {"completeness": completeness, "expected": dict(expected)}
+        facts = _plain(totals) | {
+            name: msgspec.json.encode(value).decode() for name, value in balance.items()
+        }
+        try:
+            self._mcap.flush()
+            if self._keyframe is not None:
+                frame, sent, log_time = self._keyframe
+                self._mcap.add_attachment(
+                    sent, log_time, SNAPSHOT, "application/octet-stream", frame.snapshot
+                )
+            self._mcap.add_metadata(TOTALS, facts)
+            self._mcap.finish()
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+        except OSError as error:
+            raise self._failed(error) from error
+        self._open = False
+        return completeness
+
+    def abandon(self) -> None:
+        """Close without totals and index; do nothing if closed already.
+
+        Raises:
+            RecordingError: What was not flushed yet cannot be written.
+        """
+        if not self._open:
+            return
+        try:
+            self._mcap.flush()
+            self._stream.close()
+        except OSError as error:
+            raise self._failed(error) from error
+        self._open = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.abandon()
+
+    def _demand(self, held: bool, rule: str) -> None:
+        if not held:
+            raise RecordingError(f"log: {rule}, got {str(self.path)!r}")
+
+    def _failed(self, error: OSError) -> RecordingError:
+        """Close without writing another byte; return the error to raise.
+
+        The buffer is dropped with the descriptor: the library has lost what it was
+        about to write, and anything after it would stand in the wrong place.
+        """
+        self._open = False
+        # Closed all the same if that fails, and the first error is the one that says.
+        with suppress(OSError):
+            self._stream.raw.close()
+        return RecordingError(
+            f"log: must take what is recorded, got {error.strerror}"
+            f" for {str(self.path)!r}"
+        )
+
+
+def _create(path: Path) -> int:
+    """Create the file for its owner alone; return its descriptor."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    try:
+        return os.open(path, flags, 0o600)
+    except FileExistsError as error:
+        raise RecordingError(f"log: must not exist yet, got {str(path)!r}") from error
+    except FileNotFoundError as error:
+        rule = "must be in a folder that exists"
+        raise RecordingError(f"log: {rule}, got {str(path)!r}") from error
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise RecordingError(
+            f"log: must be writable, got {str(path)!r} ({error})"
+        ) from error
+
+
+def _plain(texts: Mapping[str, str]) -> dict[str, str]:
+    """Return `texts`, once it is sure that each can be written.
+
+    Names from the command line may hold bytes that are no text; the library would
+    notice in the middle of a record.
+    """
+    for name, value in texts.items():
+        try:
+            f"{name}{value}".encode()
+        except UnicodeEncodeError as error:
+            raise InvalidValueError(name, "must be text in UTF-8", value) from error
+    return dict(texts)

@@ -1,0 +1,360 @@
+"""Where observations come from: a Gymnasium environment, or a CSV file of readings.
+
+What a source gives after k steps is a function of its name, the seed and the actions,
+and of nothing else. Whatever can be checked beforehand is checked by `open_source`: a
+file with a bad row 900 is refused before anything is started, not at tick 900.
+"""
+
+import csv
+import difflib
+import importlib
+import logging
+import warnings
+from collections.abc import Iterator, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Protocol
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Discrete, MultiBinary
+from numpy.typing import ArrayLike, NDArray
+
+from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
+from neurosnap.sensorium import Sensorium
+
+WORLDS = "neurosnap.worlds"
+"""The entry-point group of modules that register environments when imported."""
+
+_BITS = frozenset({"0", "1"})
+
+_logger = logging.getLogger(__name__)
+
+
+class Source(Protocol):
+    """A sequence of observations, which actions may influence."""
+
+    sensors: tuple[str, ...]
+    """The sensors' names, in the order of the observations."""
+    actions: int
+    """How many actions there are; 0: it takes none."""
+    length: int | None
+    """Observations it has in all, the first included; None: no end is known."""
+
+    def first(self) -> NDArray[np.bool_]:
+        """Start, or start over, and return the first observation: ``(N,)``."""
+
+    def step(self, action: int) -> NDArray[np.bool_] | None:
+        """Return the observation that follows `action`; None: it is over, for good."""
+
+    def close(self) -> None:
+        """Give up what it holds; may be called twice."""
+
+
+def open_source(name: str, seed: int) -> Source:
+    """Return the source called `name`.
+
+    Args:
+        name: The path of a CSV file (it ends with ``.csv``, or the file exists), or the
+            id of a Gymnasium environment, ``module:Id`` to import a module first.
+        seed: For the environment's reset, from 0 up; a file does not use it.
+
+    Raises:
+        InvalidValueError: There is no such source, or it is not fit for use; for a
+            file the text names the row and the column.
+    """
+    if seed < 0:
+        raise InvalidValueError("seed", "must be 0 or more", seed)
+    if name.lower().endswith(".csv") or _is_file(name):
+        return CsvSource(name)
+    return GymnasiumSource(name, seed)
+
+
+class GymnasiumSource:
+    """The observations of an environment.
+
+    The observation space must be a flat ``MultiBinary``, the action space
+    ``Discrete``; actions count from 0 here even where the space starts elsewhere. The
+    sensors' names are the environment's attribute `sensors`, or ``s0``, ``s1``, and so
+    on where it has none. An episode that terminates or is truncated is over, and the
+    observation that comes with its end is not given out.
+
+    Args:
+        name: The environment's id.
+        seed: For its reset.
+
+    Raises:
+        InvalidValueError: There is no such environment, or it has other spaces, or its
+            names are no names.
+    """
+
+    def __init__(self, name: str, seed: int) -> None:
+        self._name = name
+        self._seed = seed
+        self._over = False
+        self._env = _make(name)
+        try:
+            self._sensorium = _sensorium(name, self._env)
+            self._actions = _actions(name, self._env)
+        except Exception:
+            self._env.close()
+            raise
+        self.sensors: tuple[str, ...] = self._sensorium.names
+        self.actions: int = int(self._actions.n)
+        self.length: int | None = None
+
+    def first(self) -> NDArray[np.bool_]:
+        """Reset the environment with the seed and return the first observation.
+
+        Raises:
+            InvalidValueError: The observation is not in the observation space.
+        """
+        observation, _ = self._env.reset(seed=self._seed)
+        self._over = False
+        return self._checked(observation)
+
+    def step(self, action: int) -> NDArray[np.bool_] | None:
+        """Take `action` and return what follows, or None at the end of the episode.
+
+        Raises:
+            InvalidValueError: There is no such action, or the observation is not in the
+                observation space.
+        """
+        if not 0 <= action < self.actions:
+            rule = f"must be a whole number in 0..{self.actions - 1}"
+            raise InvalidValueError("action", rule, action)
+        if self._over:
+            return None
+        chosen = int(self._actions.start) + action
+        observation, _, terminated, truncated, _ = self._env.step(chosen)
+        self._over = bool(terminated or truncated)
+        return None if self._over else self._checked(observation)
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._env.close()
+
+    def _checked(self, observation: ArrayLike) -> NDArray[np.bool_]:
+        """Return a copy, since an environment may use its buffer again."""
+        try:
+            return self._sensorium.observation(observation).copy()
+        except InvalidValueError as error:
+            raise _within(self._name, error) from error
+
+
+class CsvSource:
+    """The rows of a CSV file of readings, one after the other; actions change nothing.
+
+    The first row names the sensors, every other holds a 0 or 1 for each. A first column
+    named ``time`` is left out. The file is UTF-8, with or without a byte order mark;
+    white space around a cell and blank lines at the end do not count. It is read twice,
+    once to check it and once to give it out, and never held in memory.
+
+    Args:
+        path: Where it is.
+
+    Raises:
+        InvalidValueError: The file cannot be read or breaks a rule.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._readings: Iterator[NDArray[np.bool_]] | None = None
+        self.sensors, readings = _parse(path)
+        self.actions: int = 0
+        self.length: int | None = sum(1 for _ in readings)
+        if self.length == 0:
+            raise InvalidValueError(path, "must have rows below its header", 0)
+        self._left = 0
+
+    def first(self) -> NDArray[np.bool_]:
+        """Go to the top of the file and return the first reading.
+
+        Raises:
+            InvalidValueError: The file has changed since it was opened.
+        """
+        sensors, self._readings = _parse(self._path)
+        if sensors != self.sensors:
+            raise self._changed()
+        self._left = self.length or 0
+        return self._next(self._readings)
+
+    def step(self, action: int) -> NDArray[np.bool_] | None:
+        """Return the next reading, or None below the last; `action` is ignored.
+
+        Raises:
+            InvalidValueError: The file has changed since it was opened.
+            NeurosnapError: `first` was not called, or the source is closed.
+        """
+        if self._readings is None:
+            raise NeurosnapError(f"{self._path}: step needs a call of first before")
+        # Not until the file ends: rows that were added meanwhile are nobody's.
+        return self._next(self._readings) if self._left else None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._readings = None
+
+    def _next(self, readings: Iterator[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+        reading = next(readings, None)
+        if reading is None:
+            raise self._changed()
+        self._left -= 1
+        return reading
+
+    def _changed(self) -> InvalidValueError:
+        rule = f"must keep its {self.length} rows while in use"
+        return InvalidValueError(self._path, rule, "other contents")
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except OSError:  # too long for a path, for one
+        return False
+
+
+def _make(name: str) -> gymnasium.Env[Any, Any]:
+    """Return the environment called `name`, wrapped as Gymnasium wraps it.
+
+    Without its passive checker: that only warns, and what matters here is checked here.
+    """
+    with warnings.catch_warnings():
+        # Advice to whoever develops the environment; here it would be noise, and fatal
+        # where warnings are errors.
+        warnings.simplefilter("ignore")
+        _import_worlds()
+        module, _, identifier = name.rpartition(":")
+        try:
+            if ":" in name:
+                _import(module, name)
+            return gymnasium.make(identifier, disable_env_checker=True)
+        except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
+            rule = f"must be an environment that can be imported ({error})"
+            raise InvalidValueError("source", rule, name) from error
+        except gymnasium.error.Error as error:
+            raise _unknown(name, identifier) from error
+
+
+def _import_worlds() -> None:
+    """Import the modules that installed packages name under `WORLDS`."""
+    for entry in entry_points(group=WORLDS):
+        try:
+            entry.load()
+        except Exception:
+            # A broken package must not keep the others from being used.
+            _logger.exception("%s: cannot be imported", entry.value)
+
+
+def _import(module: str, name: str) -> None:
+    if not all(part.isidentifier() for part in module.split(".")):
+        raise InvalidValueError("source", "must have a module before its colon", name)
+    importlib.import_module(module)
+
+
+def _unknown(name: str, identifier: str) -> InvalidValueError:
+    ours = sorted(
+        known for known in gymnasium.registry if known.startswith("neurosnap/")
+    )
+    likely = difflib.get_close_matches(identifier, ours) or ours
+    rule = "must be a registered environment id or a CSV file"
+    if likely:
+        rule = f"{rule} (did you mean {' or '.join(likely)}?)"
+    return InvalidValueError("source", rule, name)
+
+
+def _sensorium(name: str, env: gymnasium.Env[Any, Any]) -> Sensorium:
+    """Return the names of the environment's sensors."""
+    space = env.observation_space
+    if not isinstance(space, MultiBinary) or len(space.shape) != 1:
+        rule = "must be MultiBinary with one axis"
+        raise InvalidValueError(f"{name}: observation space", rule, space)
+    count = space.shape[0]
+    names = getattr(env.unwrapped, "sensors", None)
+    if names is None:
+        return Sensorium.of(count)
+    if not isinstance(names, Sequence) or len(names) != count:
+        rule = f"must be a sequence of {count} names"
+        raise InvalidValueError(f"{name}: sensors", rule, names)
+    try:
+        return Sensorium(names)
+    except InvalidValueError as error:
+        raise _within(name, error) from error
+
+
+def _actions(name: str, env: gymnasium.Env[Any, Any]) -> Discrete[Any]:
+    space = env.action_space
+    if not isinstance(space, Discrete):
+        raise InvalidValueError(f"{name}: action space", "must be Discrete", space)
+    return space
+
+
+def _within(place: str, error: InvalidValueError) -> InvalidValueError:
+    """Return `error` with the place it happened at before its name."""
+    return type(error)(f"{place}: {error.name}", error.rule, error.value)
+
+
+def _parse(path: str) -> tuple[tuple[str, ...], Iterator[NDArray[np.bool_]]]:
+    """Return the sensors' names and, lazily, the readings of a CSV file.
+
+    Raises:
+        InvalidValueError: The header breaks a rule; the iterator raises it for rows.
+    """
+    lines = _lines(path)
+    _, header = next(lines, (1, []))
+    if not header:
+        raise InvalidValueError(path, "must have a header of sensor names", "no text")
+    skipped = 1 if header[0] == "time" else 0
+    names = header[skipped:]
+    if not names or _BITS.issuperset(names):
+        # Readings without a header would lose their first row unnoticed.
+        raise InvalidValueError(f"{path}:1", "must be a header of sensor names", header)
+    try:
+        sensors = Sensorium(names).names
+    except InvalidValueError as error:
+        raise _within(f"{path}:1", error) from error
+    return sensors, _readings(path, lines, header, skipped)
+
+
+def _readings(
+    path: str, lines: Iterator[tuple[int, list[str]]], header: list[str], skipped: int
+) -> Iterator[NDArray[np.bool_]]:
+    """Yield each of `lines` as a reading, without its first `skipped` cells."""
+    for line, row in lines:
+        if len(row) != len(header):
+            rule = f"must have {len(header)} cells, as many as the header"
+            raise ShapeError(f"{path}:{line}", rule, len(row))
+        cells = row[skipped:]
+        if not _BITS.issuperset(cells):
+            column = next(k for k, cell in enumerate(cells) if cell not in _BITS)
+            where = f"{path}:{line}: {header[skipped + column]}"
+            raise InvalidValueError(where, "must be 0 or 1", cells[column])
+        yield np.array([cell == "1" for cell in cells])
+
+
+def _lines(path: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield line numbers and stripped cells, down to the blank lines at the end."""
+    line = 0
+    blank = 0
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, strict=True)
+            for row in reader:
+                line = reader.line_num
+                cells = [cell.strip() for cell in row]
+                if cells in ([], [""]):
+                    blank = blank or line
+                    continue
+                if blank:
+                    rule = "must not be blank before the end of the file"
+                    raise InvalidValueError(f"{path}:{blank}", rule, "")
+                yield line, cells
+    except OSError as error:
+        rule = f"must be a file that can be read ({error.strerror})"
+        raise InvalidValueError("source", rule, path) from error
+    except UnicodeDecodeError as error:
+        wrong = error.object[error.start : error.end]
+        raise InvalidValueError(path, "must be UTF-8 text", wrong) from error
+    except csv.Error as error:
+        where = f"{path}:{line + 1}"
+        raise InvalidValueError(where, "must be CSV", str(error)) from error

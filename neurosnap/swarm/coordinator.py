@@ -1,0 +1,281 @@
+"""The coordinator: learns, keeps the cells wired, sends waves, decides.
+
+`Coordinator` is a pure core: every message it sends is a function of the messages it
+was given, in order. That is what makes a recording checkable: fed with the recorded
+observations and reports, the same core must say the same again, byte for byte.
+
+The state is what the cells reported. The snapshot only learns weights here; it is told
+the state (`Snapshot.adopt`) and never asked for one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.errors import MessageError, ShapeError
+from neurosnap.sensorium import complement, complete, pack, unpack
+from neurosnap.swarm.conductor import Conductor
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from neurosnap.poc.graph import PocGraph
+    from neurosnap.poc.snapshot import Snapshot
+    from neurosnap.swarm.options import WiringKind
+    from neurosnap.swarm.wave import Wave
+
+_WHO = "coordinator"
+
+
+class Policy(Protocol):
+    """What decides once the state is known."""
+
+    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
+        """Return the signals of the planning waves it wants answered first."""
+        ...
+
+    def decide(
+        self,
+        tick: int,
+        state: NDArray[np.bool_],
+        answers: Sequence[NDArray[np.bool_]],
+    ) -> tuple[int, str]:
+        """Return the action, -1 for none, and the reason.
+
+        `answers` holds ``↑signal`` for each signal asked for, as the cells reported it.
+        """
+        ...
+
+
+class Totals(msgspec.Struct, kw_only=True):
+    """What a run came to."""
+
+    ticks: int = 0
+    """Observations learned from, each with its state."""
+    waves: int = 0
+    """Waves started."""
+    pulses: int = 0
+    """Pulses sent in the waves that settled."""
+    depth: int = 0
+    """The deepest wave's hops."""
+    height: int = 0
+    """The height of the order at the end."""
+    edges: int = 0
+    """Edges of its Hasse wiring, an edge and its contrapositive counted as one."""
+    incoherent: int = 0
+    """Observations that contradicted what was learned."""
+    faults: int = 0
+    """Messages dropped as bad or unexpected."""
+
+
+class Coordinator:
+    """The sans-I/O core.
+
+    Args:
+        snapshot: Learns; new, or as it was after the last tick of a resumed run.
+        policy: Decides.
+        wiring: Which edges carry the pulses.
+        ticks: Observations after which the run is over.
+        keyframe_every: Ticks between two whole snapshots on the wire.
+        repeats: How often a wave that does not settle is sent again.
+    """
+
+    def __init__(
+        self,
+        snapshot: Snapshot,
+        policy: Policy,
+        *,
+        wiring: WiringKind = "hasse",
+        ticks: int,
+        keyframe_every: int = 1000,
+        repeats: int = 2,
+    ) -> None:
+        self.totals = Totals()
+        self.finished = False
+        self._snapshot = snapshot
+        self._policy = policy
+        self._wiring: WiringKind = wiring
+        self._ticks = ticks
+        self._keyframe_every = keyframe_every
+        self._conductor = Conductor(len(snapshot.sensorium), repeats)
+        self._graph: PocGraph = snapshot.poc_graph()
+        self._tick = 0
+        self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
+        self._asked: dict[int, int] = {}  # planning wave -> which question it is
+        self._answers: list[NDArray[np.bool_]] = []
+        self._stopping = False
+        self._next_decision = wire.Decision(0, -1, "the run begins")
+
+    @property
+    def tick(self) -> int:
+        """The last whole tick: its decision is taken."""
+        return self._tick
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        """The numbers of the waves that have not settled."""
+        return self._conductor.in_flight
+
+    def begin(self) -> list[wire.Message]:
+        """Open the run, or go on with one: wire the cells, ask for an observation."""
+        return [*self._conductor.rewire_whole(), self._next_decision]
+
+    def go_on(self, ticks: int) -> None:
+        """Let a run that ended go on to `ticks`."""
+        self._ticks = ticks
+        self.finished = self._stopping = False
+
+    def receive(self, message: wire.Message) -> list[wire.Message]:
+        """Take in one message and return what is to be sent for it, in order.
+
+        Reads: observations, reports, faults. Publishes: wirings and a wave start for an
+        observation; for the report that settles a wave its result, then the planning
+        waves, and once all have settled key-frames and a decision.
+        """
+        match message:
+            case wire.Observation():
+                return self._observe(message)
+            case wire.Settled():
+                return self._settle(message)
+            case wire.Fault():
+                self.totals.faults += 1
+                return []
+            case _:
+                return [self._fault(f"{message.key}: is not for the coordinator")]
+
+    def overdue(self, number: int) -> list[wire.Message]:
+        """Send wave `number` again, since it has not settled within its deadline.
+
+        Raises:
+            WaveLostError: It was sent often enough.
+        """
+        messages = self._conductor.repeat(number, self._signal)
+        if number in self._asked:
+            again = max(self._conductor.in_flight)
+            self._asked[again] = self._asked.pop(number)
+        return messages
+
+    def stop(self) -> list[wire.Message]:
+        """End the run after the tick under way, if there is one."""
+        self._stopping = True
+        if self.finished or self._signal:
+            return []
+        return self._finish()
+
+    def _fault(self, what: str) -> wire.Fault:
+        self.totals.faults += 1
+        return wire.Fault(_WHO, what)
+
+    def _observe(self, observation: wire.Observation) -> list[wire.Message]:
+        if self.finished or self._stopping:
+            return []
+        expected = self._tick + 1
+        if observation.tick != expected or self._signal:
+            what = f"must be tick {expected}, once, got tick {observation.tick}"
+            return [self._fault(f"observe: {what}")]
+        try:
+            bits = unpack(observation.bits, len(self._snapshot.sensorium))
+        except ShapeError as error:
+            return [self._fault(f"observe: {error}")]
+        messages: list[wire.Message] = []
+        if self._snapshot.learn(bits):
+            self._graph = self._snapshot.poc_graph()
+            messages = self._conductor.rewire(self._graph.wiring(self._wiring))
+        self._signal = tuple(np.flatnonzero(complete(bits)).tolist())
+        return [*messages, self._conductor.start("state", observation.tick)]
+
+    def _settle(self, settled: wire.Settled) -> list[wire.Message]:
+        if settled.cell >= len(self._snapshot.sensorium):
+            return [self._fault(f"settle: must be a cell's, got cell {settled.cell}")]
+        try:
+            wave = self._conductor.report(settled)
+        except MessageError as error:
+            return [self._fault(str(error))]
+        if wave is None:
+            return []
+        reached = np.zeros(2 * len(self._snapshot.sensorium), dtype=np.bool_)
+        reached[list(wave.hops)] = True
+        self.totals.pulses += wave.pulses
+        self.totals.depth = max(self.totals.depth, wave.depth)
+        if wave.number in self._asked:
+            return self._answer(wave, reached)
+        return self._conclude(wave, reached)
+
+    def _conclude(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
+        """Turn a settled state wave into the tick's state; send the planning waves."""
+        state = reached & ~complement(reached)
+        self._snapshot.adopt(state)
+        report = self._state(wave, state)
+        self._count(report)
+        questions = self._policy.ask(wave.tick, state)
+        self._answers = [reached] * len(questions)
+        starts: list[wire.Message] = []
+        for index, signal in enumerate(questions):
+            start = self._conductor.start("signal", wave.tick, signal)
+            self._asked[start.wave] = index
+            starts.append(start)
+        return [report, *starts, *([] if starts else self._decide(wave.tick))]
+
+    def _answer(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
+        """Take in a settled planning wave; decide if it was the last."""
+        self._answers[self._asked.pop(wave.number)] = reached
+        result = wire.Reached(
+            tick=wave.tick,
+            wave=wave.number,
+            signal=wave.signal,
+            literals=pack(reached),
+            depth=wave.depth,
+            longest=self._longest(wave.signal),
+            height=self._graph.height(),
+            pulses=wave.pulses,
+        )
+        return [result, *([] if self._asked else self._decide(wave.tick))]
+
+    def _decide(self, tick: int) -> list[wire.Message]:
+        """Close the tick: a key-frame if one is due, and the decision."""
+        action, why = self._policy.decide(tick, self._snapshot.state, self._answers)
+        self._next_decision = wire.Decision(tick, action, why)
+        self._tick = tick
+        self._signal = ()
+        self.totals.ticks += 1
+        self.totals.waves = self._conductor.waves
+        if self._stopping or tick == self._ticks:
+            return self._finish()
+        if tick % self._keyframe_every == 0:
+            return [self._keyframe(), self._next_decision]
+        return [self._next_decision]
+
+    def _longest(self, signal: tuple[int, ...]) -> int:
+        return int(self._graph.heights()[list(signal)].max(initial=0))
+
+    def _state(self, wave: Wave, state: NDArray[np.bool_]) -> wire.State:
+        return wire.State(
+            tick=wave.tick,
+            wave=wave.number,
+            literals=pack(state),
+            # An observation is complete, so its projection is unless it contradicts.
+            incoherent=int(state.sum()) < len(state) // 2,
+            depth=wave.depth,
+            longest=self._longest(self._signal),
+            height=self._graph.height(),
+            edges=int(self._graph.hasse().sum() + 1) // 2,
+            pulses=wave.pulses,
+        )
+
+    def _count(self, state: wire.State) -> None:
+        self.totals.height = state.height
+        self.totals.edges = state.edges
+        self.totals.incoherent += state.incoherent
+
+    def _keyframe(self) -> wire.KeyFrame:
+        return wire.KeyFrame(self._tick, self._snapshot.to_bytes())
+
+    def _finish(self) -> list[wire.Message]:
+        self.finished = True
+        return [self._keyframe()] if self._tick else []

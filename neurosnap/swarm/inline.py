@@ -1,0 +1,153 @@
+"""A swarm in one process: every part a task of one loop, over the fabric in memory.
+
+The parts are the same as in processes; only what carries their messages differs.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from neurosnap.errors import NeurosnapError, SwarmError
+from neurosnap.fabric.memory import MemoryFabric, MemoryHub
+from neurosnap.record.recorder import run_recorder
+from neurosnap.record.sequences import Completeness
+from neurosnap.record.writer import Writer
+from neurosnap.source import open_source
+from neurosnap.swarm import jobs
+from neurosnap.swarm.cell import run_cell
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.part import take_part
+from neurosnap.swarm.shell import conduct
+from neurosnap.swarm.world import run_world
+
+T = TypeVar("T")
+Work = Callable[[MemoryFabric], Coroutine[Any, Any, T]]
+
+
+@dataclass(frozen=True)
+class InlineEnding:
+    """What an inline swarm leaves behind."""
+
+    result: jobs.Result
+    completeness: Completeness | None
+    seconds: float
+    """From the call to the end."""
+    stopped: bool
+
+
+async def run_inline(
+    options: RunOptions,
+    log: Path | None,
+    metadata: Mapping[str, str],
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None],
+) -> InlineEnding:
+    """Run a swarm in this process; see `neurosnap.swarm.run.run`."""
+    began = time.perf_counter()
+    with ExitStack() as stack:
+        writer = None
+        if log is not None:
+            writer = stack.enter_context(Writer(log))
+            writer.start({**metadata, "swarm": "inline"})
+        swarm = _Inline(options, writer)
+        stack.callback(swarm.source.close)
+        try:
+            async with asyncio.TaskGroup() as group:
+                seconds, balance = await swarm.run(group, stop, on_progress)
+        except BaseExceptionGroup as errors:
+            raise _first_of(errors) from errors
+    return InlineEnding(
+        jobs.Result(swarm.core.totals, seconds),
+        balance,
+        time.perf_counter() - began,
+        stop.is_set(),
+    )
+
+
+def _first_of(errors: BaseExceptionGroup[BaseException]) -> BaseException:
+    """Return one error for the group: the first of ours, or the first."""
+    ours, _ = errors.split(NeurosnapError)
+    error: BaseException = ours if ours is not None else errors
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
+
+
+class _Inline:
+    """One run with a task a part."""
+
+    def __init__(self, options: RunOptions, writer: Writer | None) -> None:
+        self.core = jobs.new_coordinator(options)
+        self.source = open_source(options.source, options.seed)
+        self._options = options
+        self._writer = writer
+        self._hub = MemoryHub()
+        self._leave = asyncio.Event()
+
+    async def run(
+        self,
+        group: asyncio.TaskGroup,
+        stop: asyncio.Event,
+        on_progress: Callable[[int], None],
+    ) -> tuple[float, Completeness | None]:
+        """Start all parts in `group`; return seconds and the recording's balance."""
+        cells = self._options.cell_names()
+        heard = ["world", *cells]
+        ending = asyncio.Event()
+        recording = None
+        if self._writer is not None:
+            recording = group.create_task(
+                self._record(self._writer, ("coordinator", *heard)), name="recorder"
+            )
+            heard.append("recorder")
+        for number, who in enumerate(cells):
+            work = self._cell(number)
+            group.create_task(self._play(who, work), name=who)
+        world = group.create_task(self._play("world", self._world), name="world")
+        world.add_done_callback(lambda _: ending.set())
+        stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
+
+        async def coordinate(fabric: MemoryFabric) -> float:
+            return await conduct(
+                self.core,
+                fabric,
+                ending,
+                parts=heard,
+                deadline=self._options.deadline,
+                on_progress=on_progress,
+            )
+
+        seconds = await self._play("coordinator", coordinate)
+        self._leave.set()
+        stopping.cancel()
+        return seconds, None if recording is None else await recording
+
+    async def _play(self, who: str, work: Work[T]) -> T:
+        """Take part as `who`; an error that does not say whose it is gets told."""
+        async with self._hub.fabric(who) as fabric:
+            try:
+                return await take_part(fabric, work(fabric))
+            except NeurosnapError:
+                raise
+            except Exception as error:
+                kind = type(error).__name__
+                raise SwarmError(f"{who}: must not fail: {kind}: {error}") from error
+
+    def _cell(self, number: int) -> Work[None]:
+        return lambda fabric: run_cell(number, fabric, self._leave)
+
+    async def _world(self, fabric: MemoryFabric) -> None:
+        await run_world(self.source, fabric, self._leave)
+
+    async def _record(self, writer: Writer, parts: tuple[str, ...]) -> Completeness:
+        async with self._hub.fabric("recorder") as fabric:
+            return await run_recorder(writer, fabric, self._leave, parts=parts)
+
+
+async def _pass_on(cause: asyncio.Event, effect: asyncio.Event) -> None:
+    await cause.wait()
+    effect.set()

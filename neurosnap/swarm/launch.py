@@ -1,0 +1,203 @@
+"""Start a swarm with a process a part, see it through, end it in order.
+
+Starting is hub, recorder, coordinator, world, cells; ending is coordinator, world and
+cells, recorder, hub: the recorder hears everybody's last word.
+"""
+
+import asyncio
+import secrets
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.errors import SwarmError
+from neurosnap.record.sequences import Completeness
+from neurosnap.swarm import jobs
+from neurosnap.swarm.process import Job, Seat, be_cell
+from neurosnap.swarm.supervisor import Child, Supervisor, allow_files
+
+_SERVICES = 4  # hub, recorder, coordinator, world
+_GRACE = 10.0  # seconds a part may take to end
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which parts a swarm has."""
+
+    cells: int
+    """How many cells."""
+    conductor: Job
+    """The coordinator's job; gets `conductor_arguments`, then the parts to wait for."""
+    conductor_arguments: tuple[object, ...]
+    world: Job | None = None
+    """The world's job, where there is one."""
+    world_arguments: tuple[object, ...] = ()
+    log: Path | None = None
+    """Where to record; None: not at all."""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    """What the recording says of the run, the swarm's id aside."""
+    first: Mapping[str, int] = field(default_factory=dict)
+    """The number of each part's first message; 0 where not given."""
+    patience: float = 30.0
+    """Seconds the coordinator may take to end once asked."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What a swarm leaves behind."""
+
+    result: bytes
+    """What the conductor brought home, as JSON."""
+    completeness: Completeness | None
+    """The recording's balance; None where nothing was recorded."""
+    seconds: float
+    """From the start of the first process until the conductor was done."""
+    stopped: bool
+    """It was asked to stop before it was done."""
+
+
+def new_swarm_id() -> str:
+    """Return a random id, so that two swarms never meet."""
+    return secrets.token_hex(4)
+
+
+async def run_processes(
+    plan: Plan,
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Ending:
+    """Run a swarm to its end, or until `stop` is set. No process outlives the call.
+
+    Args:
+        plan: Who takes part.
+        stop: Ends the run in order.
+        on_progress: Told the tick, some twenty times a second.
+
+    Raises:
+        SwarmError: A part failed; the text names it and says why. Whatever was
+            recorded until then is readable.
+    """
+    with tempfile.TemporaryDirectory(prefix="neurosnap-") as folder:
+        # A socket in a folder of one's own: nobody else can connect, and no port is
+        # taken.
+        endpoint = f"unixsock-stream/{folder}/hub"
+        async with Supervisor() as supervisor:
+            launch = _Launch(plan, supervisor, endpoint)
+            reporting = asyncio.create_task(
+                _report(supervisor, on_progress), name="launch/progress"
+            )
+            try:
+                return await launch.run(stop)
+            finally:
+                reporting.cancel()
+
+
+class _Launch:
+    """One run of a plan."""
+
+    def __init__(self, plan: Plan, supervisor: Supervisor, endpoint: str) -> None:
+        self._plan = plan
+        self._supervisor = supervisor
+        self._endpoint = endpoint
+        self._swarm = new_swarm_id()
+        self._cells = [f"cell/{cell}" for cell in range(plan.cells)]
+
+    def _seat(self, who: str) -> Seat:
+        return Seat(who, self._swarm, self._endpoint, self._plan.first.get(who, 0))
+
+    async def run(self, stop: asyncio.Event) -> Ending:
+        """Start everything, wait for the end, end everything."""
+        began = time.perf_counter()
+        try:
+            await self._start_hub(stop)
+            conductor, world, recorder = await self._start_parts()
+            ends = (
+                [conductor.ended] if world is None else [conductor.ended, world.ended]
+            )
+            await _first((self._supervisor.failed, stop, *ends))
+            stopped, ended = stop.is_set(), time.perf_counter()
+        finally:
+            late = await self._end()
+        if self._supervisor.error is not None:
+            raise self._supervisor.error
+        if late:
+            rule = "every part must end when asked to"
+            raise SwarmError(f"swarm: {rule}, killed: {', '.join(late)}")
+        completeness = None
+        if recorder is not None:
+            completeness = msgspec.json.decode(_result(recorder), type=Completeness)
+        return Ending(_result(conductor), completeness, ended - began, stopped)
+
+    async def _start_hub(self, stop: asyncio.Event) -> None:
+        sessions = len(self._cells) + _SERVICES
+        allow_files(sessions)
+        hub = await self._supervisor.start(jobs.be_hub, self._seat("hub"), sessions)
+        await _first((self._supervisor.failed, stop, hub.ready))
+        if self._supervisor.error is not None:
+            raise self._supervisor.error
+
+    async def _start_parts(self) -> tuple[Child, Child | None, Child | None]:
+        start, plan = self._supervisor.start, self._plan
+        heard = self._cells if plan.world is None else ["world", *self._cells]
+        recorder = world = None
+        if plan.log is not None:
+            recorder = await start(
+                jobs.be_recorder,
+                self._seat("recorder"),
+                str(plan.log),
+                {**plan.metadata, "swarm": self._swarm},
+                ("coordinator", *heard),
+            )
+            heard = ["recorder", *heard]
+        conductor = await start(
+            plan.conductor,
+            self._seat("coordinator"),
+            *plan.conductor_arguments,
+            tuple(heard),
+        )
+        if plan.world is not None:
+            world = await start(plan.world, self._seat("world"), *plan.world_arguments)
+        await self._supervisor.start_many(
+            be_cell,
+            [(self._seat(who), (cell,)) for cell, who in enumerate(self._cells)],
+        )
+        return conductor, world, recorder
+
+    async def _end(self) -> list[str]:
+        """End everything in order; return who had to be killed."""
+        end = self._supervisor.end
+        late = await end(["coordinator"], self._plan.patience)
+        late += await end(["world", *self._cells], _GRACE + 0.02 * len(self._cells))
+        late += await end(["recorder"], 2 * _GRACE)
+        late += await end(["hub"], _GRACE)
+        return late
+
+
+def _result(child: Child) -> bytes:
+    """Return what a child said came of it."""
+    if child.result is None:
+        raise SwarmError(
+            f"{child.process.name}: must say what came of it, said nothing"
+        )
+    return child.result
+
+
+async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) -> None:
+    """Pass the coordinator's progress on."""
+    while True:
+        on_progress(supervisor.tick)
+        await asyncio.sleep(0.05)
+
+
+async def _first(events: Iterable[asyncio.Event]) -> None:
+    """Return when one of `events` is set."""
+    waits = [asyncio.create_task(event.wait(), name="launch/wait") for event in events]
+    try:
+        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in waits:
+            task.cancel()

@@ -1,0 +1,66 @@
+"""What a run is made of: enough to make it again, and stored in its recording."""
+
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.sensorium import Sensorium
+
+SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
+WiringKind: TypeAlias = Literal["hasse", "derived"]
+CellKind: TypeAlias = Literal["process", "inline"]
+
+
+class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """The options of one run."""
+
+    source: str
+    """A Gymnasium environment's id, or the path of a CSV file of readings."""
+    sensors: tuple[str, ...]
+    """The sensors' names, in order."""
+    actions: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """How many actions the source takes."""
+    ticks: Annotated[int, msgspec.Meta(ge=1)] = 300
+    """Observations the run takes, at most."""
+    seed: Annotated[int, msgspec.Meta(ge=0, lt=2**63)] = 0
+    """Draws the world's start, its fields and the random actions."""
+    snapshot: SnapshotKind = "empirical"
+    """How the weights are learned."""
+    threshold: float | None = None
+    """The learning threshold of every pair; None: the snapshot's own default."""
+    decay: float | None = None
+    """The decay of a discounted snapshot; None: its own default."""
+    wiring: WiringKind = "hasse"
+    """Which edges carry the pulses."""
+    cells: CellKind = "process"
+    """One OS process a cell over Zenoh, or all in this one over memory."""
+    keyframe_every: Annotated[int, msgspec.Meta(ge=1)] = 1000
+    """Ticks between two whole snapshots in the recording."""
+    deadline: Annotated[float, msgspec.Meta(gt=0)] = 10.0
+    """Seconds a wave may take before it is given up and sent again."""
+
+    def cell_names(self) -> list[str]:
+        """Return the names of the cells' parts, sensor 0 first."""
+        return [f"cell/{cell}" for cell in range(len(self.sensors))]
+
+    def new_snapshot(self) -> Snapshot:
+        """Return the snapshot the run starts with.
+
+        Raises:
+            InvalidValueError: The threshold or the decay is out of range, or a decay is
+                given for a snapshot that has none.
+        """
+        sensorium = Sensorium(self.sensors)
+        given: dict[str, float] = {}
+        if self.threshold is not None:
+            given["threshold"] = self.threshold
+        if self.snapshot == "empirical":
+            if self.decay is not None:
+                rule = "must go with a discounted snapshot only"
+                raise InvalidValueError("decay", rule, self.decay)
+            return EmpiricalSnapshot(sensorium, **given)
+        if self.decay is not None:
+            given["decay"] = self.decay
+        return DiscountedSnapshot(sensorium, **given)

@@ -1,0 +1,25 @@
+"""What every part of a swarm does, whatever its role: open, work, say so, leave."""
+
+from collections.abc import Awaitable
+from typing import TypeVar
+
+from neurosnap import wire
+from neurosnap.fabric.protocol import Fabric
+
+T = TypeVar("T")
+
+
+async def take_part(fabric: Fabric, work: Awaitable[T]) -> T:
+    """Await `work` inside an entered fabric, then say the part's last word.
+
+    A part that fails says why, as a `Fault`, before its last word: the recording then
+    holds the reason. A cancelled part says nothing: it has no time left.
+    """
+    try:
+        result = await work
+    except Exception as error:
+        fabric.publish(wire.Fault(fabric.who, f"{type(error).__name__}: {error}"))
+        fabric.publish(wire.Leave(fabric.who))
+        raise
+    fabric.publish(wire.Leave(fabric.who))
+    return result

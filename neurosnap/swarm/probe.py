@@ -1,0 +1,190 @@
+"""A probe: wires a swarm to given orders and times waves through it, without learning.
+
+It conducts in the coordinator's place. What it measures is what the cells did: hops and
+pulses are from their reports, the time is from the wave's start to its last credit.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.errors import MessageError, SwarmError
+from neurosnap.poc.graph import PocGraph
+from neurosnap.swarm.conductor import Conductor
+from neurosnap.swarm.options import WiringKind
+from neurosnap.swarm.part import take_part
+from neurosnap.swarm.process import Reporter, Seat
+from neurosnap.swarm.shell import conduct
+from neurosnap.swarm.wave import Wave
+
+
+class Measured(msgspec.Struct, frozen=True):
+    """One wave, measured. The fields are the columns of ``depth.csv``."""
+
+    sensors: int
+    """Cells in the swarm."""
+    wiring: str
+    """Which edges carried the pulses."""
+    height: int
+    """Edges on the longest chain of the order."""
+    depth: int
+    """Hops until the last literal reached was first reached."""
+    longest: int
+    """Edges on the longest chain that starts in the wave's signal."""
+    pulses: int
+    """Pulses the wave took."""
+    seconds: float
+    """From the wave's start until it had settled."""
+
+
+class ProbePlan(msgspec.Struct, frozen=True):
+    """What a probe does."""
+
+    sensors: int
+    """Cells in the swarm."""
+    heights: tuple[int, ...]
+    """One after the other, the order is a chain of this height, on the first cells."""
+    wiring: WiringKind
+    """Which edges carry the pulses."""
+    waves: int
+    """Waves timed at each height."""
+    warmup: int = 1
+    """Waves before those, not timed: the first pays for routes being made."""
+
+
+class Probe:
+    """The sans-I/O core; see `neurosnap.swarm.shell.Core`.
+
+    Args:
+        plan: What to do.
+        clock: Seconds, for the times measured.
+    """
+
+    def __init__(
+        self, plan: ProbePlan, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.finished = False
+        self.rows: list[Measured] = []
+        self._plan = plan
+        self._clock = clock
+        self._conductor = Conductor(plan.sensors)
+        self._waves = self._schedule()
+        self._graph = PocGraph.from_implications(plan.sensors, [])
+        self._timed = False
+        self._began = 0.0
+
+    @property
+    def tick(self) -> int:
+        """How many waves are measured."""
+        return len(self.rows)
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        """The numbers of the waves that have not settled."""
+        return self._conductor.in_flight
+
+    def _schedule(self) -> Iterator[tuple[PocGraph, bool]]:
+        """Yield the order of each wave to send, and whether it is timed."""
+        for height in self._plan.heights:
+            graph = chain(self._plan.sensors, height)
+            for number in range(self._plan.warmup + self._plan.waves):
+                yield graph, number >= self._plan.warmup
+
+    def begin(self) -> list[wire.Message]:
+        """Wire the first order and send the first wave."""
+        return self._next()
+
+    def _next(self) -> list[wire.Message]:
+        following = next(self._waves, None)
+        if following is None:
+            self.finished = True
+            return []
+        self._graph, self._timed = following
+        messages = self._conductor.rewire(self._graph.wiring(self._plan.wiring))
+        messages.append(self._conductor.start("signal", signal=(0,)))
+        self._began = self._clock()
+        return messages
+
+    def receive(self, message: wire.Message) -> list[wire.Message]:
+        """Take in a report; once its wave has settled, send the next.
+
+        Raises:
+            SwarmError: The wave did not reach what the order says it must.
+        """
+        if not isinstance(message, wire.Settled):
+            return []
+        try:
+            wave = self._conductor.report(message)
+        except MessageError as error:
+            return [wire.Fault("coordinator", str(error))]
+        if wave is None:
+            return []
+        seconds = self._clock() - self._began
+        self._check(wave)
+        if self._timed:
+            self.rows.append(
+                Measured(
+                    sensors=self._plan.sensors,
+                    wiring=self._plan.wiring,
+                    height=self._graph.height(),
+                    depth=wave.depth,
+                    longest=int(self._graph.heights()[0]),
+                    pulses=wave.pulses,
+                    seconds=seconds,
+                )
+            )
+        return self._next()
+
+    def _check(self, wave: Wave) -> None:
+        reached = np.zeros(len(self._graph), dtype=np.bool_)
+        reached[list(wave.hops)] = True
+        if not np.array_equal(reached, self._graph.up([0])):
+            raise SwarmError(
+                f"wave {wave.number}: must reach all above its signal, got"
+                f" {int(reached.sum())} of {int(self._graph.up([0]).sum())} literals"
+            )
+
+    def overdue(self, number: int) -> list[wire.Message]:
+        """Send a late wave again; its time then counts from the repeat."""
+        self._began = self._clock()
+        return self._conductor.repeat(number, (0,))
+
+    def stop(self) -> list[wire.Message]:
+        """End at once: a wave in flight is not worth waiting for."""
+        self.finished = True
+        return []
+
+
+def chain(sensors: int, height: int) -> PocGraph:
+    """Return the order ``0 < 2 < 4 < …`` of `height` edges on the first sensors."""
+    pairs = [(2 * below, 2 * below + 2) for below in range(height)]
+    return PocGraph.from_implications(sensors, pairs)
+
+
+async def be_probe(
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    plan: ProbePlan,
+    parts: tuple[str, ...],
+) -> None:
+    """Conduct a swarm as a probe; bring the rows home."""
+    core = Probe(plan)
+    async with seat.fabric(swift=True) as fabric:
+        await take_part(
+            fabric,
+            conduct(
+                core,
+                fabric,
+                stop,
+                parts=parts,
+                deadline=10.0 + 0.05 * len(parts),
+                patience=60.0 + 0.05 * len(parts),
+                on_progress=reporter.progress,
+            ),
+        )
+    reporter.done(core.rows)

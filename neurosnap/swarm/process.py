@@ -1,0 +1,169 @@
+"""What every child process of a swarm does: live, report, end with its parent.
+
+Children come from a fork server that has this module loaded already, so a cell costs a
+fork and a Zenoh session and nothing else. Reports go to the parent through a pipe and
+not over the network: they must work when the network does not.
+"""
+
+import asyncio
+import ctypes
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Awaitable, Callable
+from multiprocessing.connection import Connection
+from typing import Annotated, TypeAlias
+
+import msgspec
+
+from neurosnap.errors import NeurosnapError
+from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.swarm.cell import run_cell
+from neurosnap.swarm.part import take_part
+
+_PR_SET_PDEATHSIG = 1
+# A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one.
+_LONGEST = 3000
+_PROGRESS = 0.05  # seconds between two reports of progress
+
+
+class Ready(msgspec.Struct, frozen=True, tag=True):
+    """The part is up."""
+
+    who: str
+
+
+class Progress(msgspec.Struct, frozen=True, tag=True):
+    """The part has come so far."""
+
+    who: str
+    tick: Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Done(msgspec.Struct, frozen=True, tag=True):
+    """The part has done its work; `result` is what came of it."""
+
+    who: str
+    result: msgspec.Raw = msgspec.Raw(b"null")
+
+
+class Failed(msgspec.Struct, frozen=True, tag=True):
+    """The part cannot go on."""
+
+    who: str
+    what: str
+
+
+Report: TypeAlias = Ready | Progress | Done | Failed
+
+_decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
+
+
+def read_report(connection: Connection) -> Report:
+    """Return the next report. Blocks until there is one.
+
+    Raises:
+        EOFError: Nobody is left to report.
+    """
+    return _decoder.decode(connection.recv_bytes())
+
+
+class Seat(msgspec.Struct, frozen=True):
+    """A part's place in a swarm."""
+
+    who: str
+    """Its name, as in `Message.sender`."""
+    swarm: str
+    """The run's id."""
+    endpoint: str
+    """Where the hub listens."""
+    first: int = 0
+    """The number of its first message."""
+
+    def fabric(self, *, swift: bool = False) -> ZenohFabric:
+        """Return the part's end of the network, to be entered; see `ZenohFabric`."""
+        return ZenohFabric(
+            self.who, self.swarm, self.endpoint, first=self.first, swift=swift
+        )
+
+
+class Reporter:
+    """A child's line to its parent."""
+
+    def __init__(self, who: str, connection: Connection) -> None:
+        self._who = who
+        self._connection = connection
+        self._next_progress = 0.0
+
+    def ready(self) -> None:
+        """Say that the part is up."""
+        self._send(Ready(self._who))
+
+    def progress(self, tick: int) -> None:
+        """Say how far it has come; some of it, for nobody reads faster than that."""
+        now = time.monotonic()
+        if now < self._next_progress:
+            return
+        self._next_progress = now + _PROGRESS
+        self._send(Progress(self._who, tick))
+
+    def done(self, result: object = None) -> None:
+        """Say what came of it. Only for parts with a pipe of their own."""
+        self._send(Done(self._who, msgspec.Raw(msgspec.json.encode(result))))
+
+    def failed(self, what: str) -> None:
+        """Say why it cannot go on; the end of a long text is what counts."""
+        self._send(Failed(self._who, what[-_LONGEST:]))
+
+    def _send(self, report: Report) -> None:
+        self._connection.send_bytes(msgspec.json.encode(report))
+
+
+Job: TypeAlias = Callable[..., Awaitable[None]]
+
+
+async def be_cell(
+    seat: Seat, stop: asyncio.Event, reporter: Reporter, cell: int
+) -> None:
+    """Be one cell."""
+    async with seat.fabric(swift=True) as fabric:
+        await take_part(fabric, run_cell(cell, fabric, stop))
+
+
+def child(
+    job: Job, seat: Seat, connection: Connection, arguments: tuple[object, ...]
+) -> None:
+    """Run `job` in this process until it ends or SIGTERM asks it to.
+
+    Exit code 0: ended in order. 1: failed, and the parent was told why.
+    """
+    _end_with_parent()
+    # Ctrl-C reaches the whole process group; the parent decides what ends when.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    reporter = Reporter(seat.who, connection)
+
+    async def live() -> None:
+        stop = asyncio.Event()
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
+        await job(seat, stop, reporter, *arguments)
+
+    try:
+        asyncio.run(live())
+    except NeurosnapError as error:
+        reporter.failed(str(error))
+        sys.exit(1)
+    except Exception:  # noqa: BLE001 - the process ends here, and says why
+        reporter.failed(traceback.format_exc())
+        sys.exit(1)
+
+
+def _end_with_parent() -> None:
+    """Get a SIGTERM when the fork server goes, which goes when the launcher does."""
+    if sys.platform != "linux":
+        return
+    parent = os.getppid()
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM) or os.getppid() != parent:
+        os._exit(1)

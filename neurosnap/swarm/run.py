@@ -1,0 +1,94 @@
+"""One run of a source through a swarm, with processes or inline."""
+
+import asyncio
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.record.sequences import Completeness
+from neurosnap.swarm import jobs
+from neurosnap.swarm.coordinator import Totals
+from neurosnap.swarm.inline import run_inline
+from neurosnap.swarm.launch import Plan, run_processes
+from neurosnap.swarm.options import RunOptions
+
+_PACKAGES = ("neurosnap", "eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
+
+
+class Outcome(msgspec.Struct, kw_only=True):
+    """What became of a run."""
+
+    totals: Totals
+    completeness: Completeness | None
+    """The recording's balance; None where nothing was recorded."""
+    seconds: float
+    """From the first decision to the last state."""
+    startup: float
+    """From the call until every part was up."""
+    stopped: bool
+    """It was asked to stop before it was done."""
+
+
+async def run(
+    options: RunOptions,
+    log: Path | None,
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Outcome:
+    """Run a swarm to its end, or until `stop` is set.
+
+    Args:
+        options: What to run.
+        log: Where to record; None: not at all.
+        stop: Ends the run in order.
+        on_progress: Told the tick as it grows.
+
+    Raises:
+        NeurosnapError: A part failed; the text names it. Whatever was recorded until
+            then is readable, and no process is left.
+    """
+    metadata = describe(options)
+    if options.cells == "inline":
+        inline = await run_inline(options, log, metadata, stop, on_progress)
+        result, completeness = inline.result, inline.completeness
+        total, stopped = inline.seconds, inline.stopped
+    else:
+        plan = Plan(
+            cells=len(options.sensors),
+            conductor=jobs.be_coordinator,
+            conductor_arguments=(options,),
+            world=jobs.be_world,
+            world_arguments=(options,),
+            log=log,
+            metadata=metadata,
+            patience=options.deadline + 10.0,
+        )
+        ending = await run_processes(plan, stop, on_progress)
+        result = msgspec.json.decode(ending.result, type=jobs.Result)
+        completeness = ending.completeness
+        total, stopped = ending.seconds, ending.stopped
+    return Outcome(
+        totals=result.totals,
+        completeness=completeness,
+        seconds=result.seconds,
+        startup=total - result.seconds,
+        stopped=stopped,
+    )
+
+
+def describe(options: RunOptions) -> dict[str, str]:
+    """Return the facts of a run, as text: each option, all of them, the versions."""
+    facts = {
+        name: value if isinstance(value, str) else msgspec.json.encode(value).decode()
+        for name, value in msgspec.structs.asdict(options).items()
+    }
+    versions = {name: version(name) for name in _PACKAGES}
+    versions["python"] = ".".join(map(str, sys.version_info[:3]))
+    return {
+        **facts,
+        "options": msgspec.json.encode(options).decode(),
+        "versions": msgspec.json.encode(versions).decode(),
+    }

@@ -1,0 +1,223 @@
+"""The async shell around a core that conducts a swarm: the coordinator, a depth probe.
+
+It waits until every part is there, hands the core what arrives, publishes what the core
+answers, and keeps a deadline for every wave in flight. It decides nothing itself.
+"""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+from neurosnap import wire
+from neurosnap.errors import MessageError, NeurosnapError, SwarmError
+from neurosnap.fabric.protocol import Fabric
+
+
+class Core(Protocol):
+    """What conducts: pure, messages in, messages out."""
+
+    finished: bool
+
+    @property
+    def tick(self) -> int:
+        """How far it has come, for whoever watches."""
+        ...
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        """The numbers of the waves that have not settled."""
+        ...
+
+    def begin(self) -> list[wire.Message]:
+        """Return what opens the run."""
+        ...
+
+    def receive(self, message: wire.Message) -> list[wire.Message]:
+        """Take in one message; return what is to be sent for it."""
+        ...
+
+    def overdue(self, number: int) -> list[wire.Message]:
+        """Return what is to be sent because wave `number` is late."""
+        ...
+
+    def stop(self) -> list[wire.Message]:
+        """End after what is under way."""
+        ...
+
+
+async def conduct(
+    core: Core,
+    fabric: Fabric,
+    stop: asyncio.Event,
+    *,
+    parts: Collection[str],
+    deadline: float,
+    patience: float = 60.0,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> float:
+    """Let `core` conduct the swarm until it has finished or `stop` is set.
+
+    Reads ``observe``, ``settle``, ``fault`` and the presence of `parts`; publishes what
+    the core says. On `stop` the tick under way is brought to its end first.
+
+    Args:
+        core: Decides what is sent.
+        fabric: Entered by the caller, and closed by it.
+        stop: Ends the run in order.
+        parts: Who must be there before it begins, and stay until it ends.
+        deadline: Seconds a wave may take.
+        patience: Seconds the parts may take to come up.
+        on_progress: Told the core's tick after each burst.
+
+    Returns:
+        Seconds from the beginning to the end, the wait for the parts left out.
+
+    Raises:
+        SwarmError: A part did not come up, or went away; it is named.
+        WaveLostError: A wave did not settle, and neither did its repeats.
+    """
+    shell = _Shell(core, fabric, deadline, on_progress)
+    presence = _Presence(parts, fabric, shell)
+    await fabric.subscribe(("observe", "settle", "fault"), shell.handle)
+    await fabric.watch(presence.change)
+    await fabric.announce()
+    serving = asyncio.create_task(fabric.serve(shell.over), name="conduct/serve")
+    watching = asyncio.create_task(shell.watch(), name="conduct/deadlines")
+    try:
+        await presence.wait_complete(serving, stop, patience)
+        began = time.perf_counter()
+        if not stop.is_set():
+            shell.send(core.begin)
+        stopping = asyncio.create_task(stop.wait(), name="conduct/stop")
+        try:
+            await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            stopping.cancel()
+        if not serving.done():
+            shell.send(core.stop)
+        await serving
+        return time.perf_counter() - began
+    finally:
+        watching.cancel()
+        serving.cancel()
+
+
+class _Shell:
+    """Feeds the core and keeps the deadlines.
+
+    Messages come on the fabric's thread and deadlines on the loop's: `_lock` is held
+    whenever the core is used, and while what it says is published, so that the order
+    on the wire is the order in which it was said.
+    """
+
+    def __init__(
+        self,
+        core: Core,
+        fabric: Fabric,
+        deadline: float,
+        on_progress: Callable[[int], None],
+    ) -> None:
+        self.over = asyncio.Event()
+        self._core = core
+        self._fabric = fabric
+        self._deadline = deadline
+        self._on_progress = on_progress
+        self._loop = asyncio.get_running_loop()
+        self._lock = threading.RLock()
+        self._started: dict[int, float] = {}  # when each wave in flight was sent
+
+    def handle(self, deliveries: list[wire.Delivery]) -> None:
+        """Hand a burst to the core. Called on the fabric's thread."""
+        with self._lock:
+            for delivery in deliveries:
+                try:
+                    message = wire.decode(delivery.key, delivery.payload)
+                except MessageError as error:
+                    message = wire.Fault(self._fabric.who, str(error))
+                    self._fabric.publish(message)
+                self._publish(self._core.receive(message))
+        self._on_progress(self._core.tick)
+
+    def send(self, speak: Callable[[], list[wire.Message]]) -> None:
+        """Publish what the core says when asked by `speak`."""
+        with self._lock:
+            self._publish(speak())
+
+    def _publish(self, messages: list[wire.Message]) -> None:
+        for message in messages:
+            self._fabric.publish(message)
+            if isinstance(message, wire.WaveStart):
+                self._started[message.wave] = time.monotonic()
+        if self._core.finished:
+            self._loop.call_soon_threadsafe(self.over.set)
+
+    async def watch(self) -> None:
+        """Tell the core of every wave that is over its deadline, until cancelled."""
+        while True:
+            await asyncio.sleep(self._deadline / 8)
+            try:
+                with self._lock:
+                    self._find_overdue()
+            except NeurosnapError as error:
+                self._fabric.fail(error)
+                return
+
+    def _find_overdue(self) -> None:
+        flying = self._core.in_flight
+        late = time.monotonic() - self._deadline
+        self._started = {n: t for n, t in self._started.items() if n in flying}
+        for number in [n for n, t in self._started.items() if t < late]:
+            self._publish(self._core.overdue(number))
+
+
+class _Presence:
+    """Who is there, of those who must be."""
+
+    def __init__(self, parts: Collection[str], fabric: Fabric, shell: _Shell) -> None:
+        self._missing = set(parts)
+        self._parts = frozenset(parts)
+        self._fabric = fabric
+        self._shell = shell
+        self._complete = asyncio.Event()
+
+    def change(self, who: str, alive: bool) -> None:
+        """Take in that `who` came or went."""
+        if who not in self._parts:
+            return
+        if alive:
+            self._missing.discard(who)
+            if not self._missing:
+                self._complete.set()
+        elif not self._shell.over.is_set():
+            self._fabric.fail(
+                SwarmError(f"{who}: must stay until the run ends, is gone")
+            )
+
+    async def wait_complete(
+        self, serving: asyncio.Task[None], stop: asyncio.Event, patience: float
+    ) -> None:
+        """Wait until all are there, or `stop`; raise naming who is not in time."""
+        if not self._missing:
+            return
+        waits = [
+            asyncio.create_task(event.wait(), name="conduct/presence")
+            for event in (self._complete, stop)
+        ]
+        try:
+            done, _ = await asyncio.wait(
+                (*waits, serving),
+                timeout=patience,
+                return_when=asyncio.FIRST_COMPLETED,
+            )
+        finally:
+            for task in waits:
+                task.cancel()
+        if not done:
+            late = sorted(self._missing)
+            more = f" and {len(late) - 10} more" if len(late) > 10 else ""
+            raise SwarmError(
+                f"swarm: every part must come up within {patience:g} s,"
+                f" missing: {', '.join(late[:10])}{more}"
+            )

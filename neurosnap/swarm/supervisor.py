@@ -1,0 +1,221 @@
+"""The parent's side of a swarm's processes: start them, hear of them, end them.
+
+Whatever happens, nothing is left running: leaving the supervisor kills what has not
+ended in order, and children end by themselves when the parent dies.
+"""
+
+import asyncio
+import multiprocessing
+import resource
+import sys
+import types
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerProcess
+from types import TracebackType
+from typing import Self
+
+from neurosnap.errors import SwarmError
+from neurosnap.swarm.process import (
+    Done,
+    Failed,
+    Job,
+    Progress,
+    Ready,
+    Report,
+    Seat,
+    child,
+    read_report,
+)
+
+# Per child: a sentinel and the pipe that makes it, here; the same again in the server.
+_FILES_A_CHILD = 3
+_FILES_BESIDE = 200
+
+
+class Child:
+    """One child process, as the parent knows it."""
+
+    def __init__(self, process: ForkServerProcess) -> None:
+        self.process = process
+        self.ready = asyncio.Event()
+        self.ended = asyncio.Event()
+        self.result: bytes | None = None
+
+
+class Supervisor:
+    """Starts children and watches over them.
+
+    A child that ends before it was asked to, or with another exit code than 0, makes
+    `failed` fire; `error` then names it and says why, in the child's own words where it
+    left any. Use as an async context manager.
+    """
+
+    def __init__(self) -> None:
+        self.failed = asyncio.Event()
+        self.error: SwarmError | None = None
+        self.tick = 0
+        self._context = multiprocessing.get_context("forkserver")
+        self._children: dict[str, Child] = {}
+        self._reasons: dict[str, str] = {}
+        self._expected: set[str] = set()
+        self._loop = asyncio.get_running_loop()
+        self._lines: list[Connection] = []
+        self._shared: Connection | None = None
+
+    async def __aenter__(self) -> Self:
+        """Start the fork server with all a cell needs loaded."""
+        self._context.set_forkserver_preload(["neurosnap.swarm.process"])
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Kill what is left."""
+        for child_ in self._children.values():
+            if not child_.ended.is_set():
+                child_.process.kill()
+        for child_ in self._children.values():
+            if not child_.ended.is_set():
+                self._loop.remove_reader(child_.process.sentinel)
+            await asyncio.to_thread(child_.process.join)
+            child_.process.close()
+        for line in self._lines:
+            self._loop.remove_reader(line.fileno())
+            line.close()
+        if self._shared is not None:
+            self._shared.close()
+
+    async def start(self, job: Job, seat: Seat, *arguments: object) -> Child:
+        """Start `job` in a child with a pipe of its own."""
+        reading, writing = self._context.Pipe(duplex=False)
+        self._listen(reading)
+        child_ = await self._start(job, seat, writing, arguments)
+        writing.close()
+        return child_
+
+    async def start_many(
+        self, job: Job, seats: list[tuple[Seat, tuple[object, ...]]]
+    ) -> None:
+        """Start a child a seat; they share one pipe, so their reports must be short."""
+        if self._shared is None:
+            reading, self._shared = self._context.Pipe(duplex=False)
+            self._listen(reading)
+        for seat, arguments in seats:
+            if self.failed.is_set():
+                return
+            await self._start(job, seat, self._shared, arguments)
+
+    async def _start(
+        self, job: Job, seat: Seat, line: Connection, arguments: tuple[object, ...]
+    ) -> Child:
+        process = self._context.Process(
+            target=child, args=(job, seat, line, arguments), name=seat.who
+        )
+        await asyncio.to_thread(_start_bare, process)
+        child_ = self._children[seat.who] = Child(process)
+        self._loop.add_reader(process.sentinel, self._ended, seat.who)
+        return child_
+
+    def _listen(self, line: Connection) -> None:
+        self._lines.append(line)
+        self._loop.add_reader(line.fileno(), self._read, line)
+
+    def _read(self, line: Connection) -> None:
+        """Take in the reports that wait in one pipe."""
+        try:
+            while line.poll():
+                self._take(read_report(line))
+        except (EOFError, ConnectionResetError):
+            self._loop.remove_reader(line.fileno())
+
+    def _take(self, report: Report) -> None:
+        child_ = self._children.get(report.who)
+        match report:
+            case Ready():
+                if child_ is not None:
+                    child_.ready.set()
+            case Progress(tick=tick):
+                self.tick = tick
+            case Done(result=result):
+                self._expected.add(report.who)
+                if child_ is not None:
+                    child_.result = bytes(result)
+            case Failed(what=what):
+                self._reasons[report.who] = what
+
+    def _ended(self, who: str) -> None:
+        """Take in that a child has ended."""
+        child_ = self._children[who]
+        self._loop.remove_reader(child_.process.sentinel)
+        child_.process.join()
+        for line in self._lines:  # its reason may still be waiting
+            self._read(line)
+        child_.ended.set()
+        code = child_.process.exitcode
+        if (code != 0 or who not in self._expected) and self.error is None:
+            how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
+            why = self._reasons.get(who, "it left no word")
+            self.error = SwarmError(f"{who}: must not end like this: {how}; {why}")
+            self.failed.set()
+
+    async def end(self, parts: Collection[str], grace: float) -> list[str]:
+        """Ask `parts` to end and wait for it; return who had to be killed."""
+        self._expected.update(parts)
+        children = [self._children[who] for who in parts if who in self._children]
+        for child_ in children:
+            if not child_.ended.is_set():
+                child_.process.terminate()
+        late = []
+        try:
+            async with asyncio.timeout(grace):
+                for child_ in children:
+                    await child_.ended.wait()
+        except TimeoutError:
+            for child_ in children:
+                if not child_.ended.is_set():
+                    late.append(child_.process.name)
+                    child_.process.kill()
+                    await child_.ended.wait()
+        return late
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Hide the main module, which multiprocessing would run again in every child.
+
+    No child needs it, and where it is a test runner or a notebook, a thousand cells
+    would import that a thousand times.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _start_bare(process: ForkServerProcess) -> None:
+    with _without_main():
+        process.start()
+
+
+def allow_files(children: int) -> None:
+    """Raise this process's limit of open files to what `children` need.
+
+    Raises:
+        SwarmError: The system's own limit is lower than that.
+    """
+    needed = _FILES_A_CHILD * children + _FILES_BESIDE
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise SwarmError(
+            f"open files: limit must be at least {needed} for {children} processes,"
+            f" got {hard} (raise it with ulimit -Hn)"
+        )
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))

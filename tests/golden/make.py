@@ -1,0 +1,79 @@
+"""Make the golden recording of the schema in force, once: then it stays as it is.
+
+A recording is written as ``recording-<schema>.mcap``, its meaning beside it as JSON.
+The next schema gets its own pair, and those before it must stay readable.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.record.reader import Recording
+from neurosnap.record.writer import Writer
+
+FOLDER = Path(__file__).parent
+BEGIN = 1_700_000_000_000_000_000
+
+MESSAGES: tuple[tuple[int, wire.Message], ...] = (
+    (0, wire.Decision(0, 1, "the run opens")),
+    (0, wire.Observation(1, b"\x05")),
+    (1, wire.Wiring(0, 1, 0, (2,), (), (5,), ())),
+    (2, wire.Wiring(0, 2, 1, (), (2,), (), (5,))),
+    (3, wire.WaveStart(1, 1, "state", 2, 1)),
+    (0, wire.Pulse(1, 0, 2, 1, 4)),
+    (1, wire.Pulse(1, 0, 5, 1, 4)),
+    (0, wire.Settled(1, 1, 0, (2,), (1,), (4,), 0)),
+    (2, wire.Settled(1, 0, 0, (0, 1), (0, 3), (3, 3), 2)),
+    (4, wire.WaveStart(2, 1, "signal", 1, 2, (0, 5), 1)),
+    (5, wire.State(1, 1, b"\x15", False, 1, 1, 1, 2, 2)),
+    (6, wire.Decision(1, -1, "ünïcode: nothing to do")),
+    (7, wire.KeyFrame(1, b"PK not quite a snapshot")),
+    (0, wire.Fault("cell/2", "wiring/0: must hold its own messages")),
+    # The world's number 1 is lost, and number 2 is its last word.
+    (2, wire.Leave("world")),
+)
+"""Each with the running number of its sender."""
+
+
+def meaning(recording: Recording) -> dict[str, Any]:
+    """Return what is in a recording, as JSON-able objects."""
+    return {
+        "metadata": recording.metadata,
+        "totals": recording.totals,
+        "snapshot": recording.snapshot,
+        "completeness": recording.completeness(),
+        "messages": [
+            {
+                "key": recorded.message.key,
+                "sender": recorded.message.sender,
+                "sequence": recorded.sequence,
+                "sent": recorded.sent,
+                "log_time": recorded.log_time,
+                "message": recorded.message,
+            }
+            for recorded in recording.messages()
+        ],
+    }
+
+
+def make(folder: Path = FOLDER) -> Path:
+    """Write the pair for the schema in force; refuse to replace one."""
+    path = folder / f"recording-{wire.SCHEMA}.mcap"
+    with Writer(path) as writer:
+        writer.start({"seed": "7", "world": "Golden-v0", "sensors": '["a","b","c"]'})
+        for number, (sequence, message) in enumerate(MESSAGES):
+            sent = BEGIN + number * 1_000_000
+            delivery = wire.Delivery(message.key, sequence, sent, wire.encode(message))
+            writer.add(delivery, sent + 250_000)
+            if number == 7:
+                writer.flush()
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 8})
+    text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
+    path.with_suffix(".json").write_bytes(text + b"\n")
+    return path
+
+
+if __name__ == "__main__":
+    make()

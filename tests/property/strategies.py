@@ -1,0 +1,75 @@
+"""What hypothesis draws: observations, thresholds, graphs and sets of literals."""
+
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.poc.graph import PocGraph
+
+Bits = list[list[bool]]
+
+
+def observations(sensors: int, longest: int) -> st.SearchStrategy[Bits]:
+    """Draw a run of observations; it often repeats itself, so that much is learned."""
+    one = st.lists(st.booleans(), min_size=sensors, max_size=sensors)
+    pool = st.lists(one, min_size=1, max_size=4)
+    return pool.flatmap(
+        lambda seen: st.lists(st.sampled_from(seen) | one, max_size=longest)
+    )
+
+
+@st.composite
+def runs(draw: st.DrawFn, most: int = 5, longest: int = 20) -> tuple[int, Bits]:
+    """Draw a number of sensors and a run of observations."""
+    sensors = draw(st.integers(1, most))
+    return sensors, draw(observations(sensors, longest))
+
+
+@st.composite
+def thresholds(
+    draw: st.DrawFn, sensors: int, values: st.SearchStrategy[float]
+) -> NDArray[np.float64]:
+    """Draw one threshold for all pairs or one a pair, as an array."""
+    if draw(st.booleans()):
+        return np.array(draw(values))
+    full = np.full((sensors, sensors), 0.25)
+    for i in range(sensors):
+        for j in range(i):
+            full[i, j] = full[j, i] = draw(values)
+    return full
+
+
+@st.composite
+def graphs(draw: st.DrawFn, most: int = 5) -> PocGraph:
+    """Draw a graph in which no literal is equivalent to its own complement.
+
+    Literals get levels, opposite ones for complements; edges go up, or along a level
+    that is not 0, so that no cycle meets a literal and its complement.
+    """
+    sensors = draw(st.integers(0, most))
+    level: list[int] = []
+    for _ in range(sensors):
+        height = draw(st.integers(-2, 2))
+        level += [height, -height]
+    allowed = [
+        (a, b)
+        for a in range(2 * sensors)
+        for b in range(2 * sensors)
+        if a != b and (level[a] < level[b] or level[a] == level[b] != 0)
+    ]
+    chosen = draw(st.lists(st.sampled_from(allowed), max_size=12)) if allowed else []
+    return PocGraph.from_implications(sensors, chosen)
+
+
+def subsets(graph: PocGraph) -> st.SearchStrategy[set[int]]:
+    """Draw a set of the graph's literals."""
+    if not len(graph):
+        return st.just(set())
+    return st.sets(st.integers(0, len(graph) - 1))
+
+
+def as_set(literals: NDArray[Any]) -> set[int]:
+    """Return a bool array as the set of its literals."""
+    return set(literals.nonzero()[0].tolist())

@@ -1,0 +1,175 @@
+"""Graphs equal their definitions, whatever the implications."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.graph import PocGraph, WiringKind
+from tests.property import oracles
+from tests.property.oracles import Edges
+from tests.property.strategies import as_set, graphs, subsets
+
+KINDS: list[WiringKind] = ["hasse", "derived"]
+
+
+def pairs(edges: NDArray[np.bool_]) -> Edges:
+    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
+
+
+@given(graphs(), st.data())
+def test_sets_above_and_below(graph: PocGraph, data: st.DataObject) -> None:
+    edges, chosen = pairs(graph.edges), data.draw(subsets(graph))
+    order = oracles.below_or_equal(len(graph), edges)
+    assert as_set(graph.up(chosen)) == {b for a, b in order if a in chosen}
+    assert as_set(graph.down(chosen)) == {a for a, b in order if b in chosen}
+    above = as_set(graph.up(chosen))
+    assert as_set(graph.down(oracles.stars(chosen))) == oracles.stars(above)
+    for a in range(len(graph)):
+        for b in range(len(graph)):
+            assert graph.leq(a, b) == ((a, b) in order)
+
+
+@given(graphs(), st.data())
+def test_coherence_and_its_projection(graph: PocGraph, data: st.DataObject) -> None:
+    edges, chosen = pairs(graph.edges), data.draw(subsets(graph))
+    order = oracles.below_or_equal(len(graph), edges)
+    projection = graph.coherent_projection(chosen)
+    assert as_set(projection) == oracles.projected(edges, chosen)
+    assert oracles.coherent(order, as_set(projection))
+    assert graph.is_coherent(projection)
+    assert (graph.coherent_projection(projection) == projection).all()
+    assert graph.is_coherent(chosen) == oracles.coherent(order, chosen)
+    if graph.is_coherent(chosen):
+        assert (projection == graph.up(chosen)).all()
+
+
+@given(graphs(), st.data())
+def test_propagation_takes_paths_from_and_no_path_against(
+    graph: PocGraph, data: st.DataObject
+) -> None:
+    edges = pairs(graph.edges)
+    load = as_set(graph.coherent_projection(data.draw(subsets(graph))))
+    signal = data.draw(subsets(graph))
+    against = oracles.stars(signal)
+    assert as_set(graph.propagate(load, signal)) == {
+        a
+        for a in oracles.reach(edges, load | signal)
+        if not oracles.reach(edges, [a]) & against
+    }
+
+
+@given(graphs())
+def test_classes_and_representatives(graph: PocGraph) -> None:
+    order = oracles.below_or_equal(len(graph), pairs(graph.edges))
+    classes = {
+        tuple(b for b in range(len(graph)) if {(a, b), (b, a)} <= order)
+        for a in range(len(graph))
+    }
+    assert graph.classes() == sorted(group for group in classes if len(group) > 1)
+    for group in classes:
+        for a in group:
+            assert graph.representative[a] == min(group)
+            assert graph.representative[a ^ 1] == min(group) ^ 1
+
+
+@given(graphs())
+def test_heights_are_the_longest_chains(graph: PocGraph) -> None:
+    order = oracles.below_or_equal(len(graph), pairs(graph.edges))
+    heights = [oracles.chain(order, a) for a in range(len(graph))]
+    assert graph.heights().tolist() == heights
+    assert graph.height() == max(heights, default=0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(graph=graphs())
+def test_a_wiring_leads_where_the_graph_leads(
+    graph: PocGraph, kind: WiringKind
+) -> None:
+    n, edges = len(graph), pairs(graph.edges)
+    wires = pairs(graph.wiring(kind))
+    head = graph.representative.tolist()
+    assert oracles.below_or_equal(n, wires) == oracles.below_or_equal(n, edges)
+    assert wires == {(b ^ 1, a ^ 1) for a, b in wires}
+    spokes = {(head[a], a) for a in range(n)} | {(a, head[a]) for a in range(n)}
+    between = wires - spokes
+    assert wires & spokes == {(a, b) for a, b in spokes if a != b}
+    if kind == "derived":
+        contracted = {(head[a], head[b]) for a, b in edges}
+        assert between == {(a, b) for a, b in contracted if a != b}
+    else:
+        order = oracles.below_or_equal(n, edges)
+        strict = {(a, b) for a, b in order if (b, a) not in order}
+        assert between == {
+            (a, b)
+            for a, b in strict
+            if head[a] == a
+            and head[b] == b
+            and not any((a, c) in strict and (c, b) in strict for c in range(n))
+        }
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(graph=graphs(), data=st.data())
+def test_depth_counts_hops_and_stays_within_height_and_two(
+    graph: PocGraph, kind: WiringKind, data: st.DataObject
+) -> None:
+    wires, signal = pairs(graph.wiring(kind)), data.draw(subsets(graph))
+    assert graph.depth(signal, kind) == oracles.hops(wires, signal)
+    assert graph.depth(signal, kind) <= graph.height() + 2
+    for a in range(len(graph)):
+        assert graph.depth([a], kind) <= graph.height() + 2
+
+
+@given(
+    st.integers(1, 4).flatmap(
+        lambda sensors: st.tuples(
+            st.just(sensors),
+            st.lists(
+                st.tuples(
+                    st.integers(0, 2 * sensors - 1), st.integers(0, 2 * sensors - 1)
+                ),
+                max_size=8,
+            ),
+        )
+    )
+)
+def test_a_literal_equivalent_to_its_complement_is_refused(
+    relation: tuple[int, list[tuple[int, int]]],
+) -> None:
+    sensors, given_pairs = relation
+    n = 2 * sensors
+    edges = set(given_pairs) | {(b ^ 1, a ^ 1) for a, b in given_pairs}
+    order = oracles.below_or_equal(n, edges)
+    if any({(a, a ^ 1), (a ^ 1, a)} <= order for a in range(n)):
+        with pytest.raises(
+            InvalidValueError, match=r"^literal: must not be equivalent"
+        ):
+            PocGraph.from_implications(sensors, given_pairs)
+    else:
+        graph = PocGraph.from_implications(sensors, given_pairs)
+        assert pairs(graph.edges) == {(a, b) for a, b in edges if a != b}
+        assert (PocGraph(graph.edges).edges == graph.edges).all()
+
+
+@given(st.integers(30, 70), st.integers(0, 2**32 - 1))
+def test_words_do_not_show_in_larger_graphs(sensors: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    level = rng.permutation(np.arange(1, sensors + 1))
+    pool = rng.integers(0, sensors, (sensors, 2))
+    chosen = [(2 * int(a), 2 * int(b)) for a, b in pool if level[a] < level[b]]
+    graph = PocGraph.from_implications(sensors, chosen)
+    closed = graph.edges | np.eye(2 * sensors, dtype=np.bool_)
+    for via in range(2 * sensors):
+        closed |= closed[:, via, None] & closed[via]
+    starts = rng.random(2 * sensors) < 0.1
+    assert (graph.up(starts) == closed[starts].any(axis=0)).all()
+    strict = closed & ~closed.T
+    between = (strict.astype(int) @ strict.astype(int)) > 0
+    assert (graph.hasse() == (strict & ~between)).all()
+    height = np.zeros(2 * sensors, int)
+    for _ in range(sensors):
+        height = np.where(strict, height + 1, 0).max(axis=1)
+    assert (graph.heights() == height).all()

@@ -1,0 +1,266 @@
+"""Snapshots equal their definitions, whatever is observed."""
+
+import functools
+from fractions import Fraction
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from tests.property import oracles
+from tests.property.oracles import Edges
+from tests.property.strategies import Bits, as_set, runs, thresholds
+
+Matrix: TypeAlias = NDArray[np.float64]
+
+SHARES = st.floats(0.001, 0.25) | st.sampled_from([0.25, 1 / 8, 1 / 3 / 2, 0.01])
+# With these and at most twelve observations every weight is a whole number of
+# 4 * 8**12ths: doubles hold it exactly, and nothing but a tie is within 1e-12.
+EXACT_SHARES = st.sampled_from([1 / 4, 1 / 8, 1 / 16])
+EXACT_DECAYS = st.integers(0, 7).map(lambda k: k / 8)
+SLACK = Fraction(1e-12)
+
+
+def edges_of(snapshot: Snapshot, equivalences: bool = True) -> Edges:
+    edges = snapshot.poc_graph(equivalences).edges
+    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
+
+
+def share_of_clock(shares: list[list[float]], tick: int, i: int, j: int) -> float:
+    return shares[i][j] * tick
+
+
+def weights_of(snapshot: Snapshot) -> dict[tuple[int, int], float]:
+    pairs = oracles.proper_pairs(2 * len(snapshot.sensorium))
+    return {(a, b): snapshot.weight(a, b) for a, b in pairs}
+
+
+@given(runs(), st.data())
+def test_an_empirical_snapshot_is_what_its_observations_say(
+    run: tuple[int, Bits], data: st.DataObject
+) -> None:
+    sensors, seen = run
+    n = 2 * sensors
+    tau = data.draw(thresholds(sensors, SHARES))
+    snapshot = EmpiricalSnapshot(sensors, tau)
+    shares = np.broadcast_to(tau, (sensors, sensors)).tolist()
+    for tick, bits in enumerate(seen, 1):
+        before, twin = edges_of(snapshot), Snapshot.from_bytes(snapshot.to_bytes())
+        state = snapshot.observe(bits)
+        weights = oracles.counted(n, seen[:tick])
+        limit = functools.partial(share_of_clock, shares, tick)
+        strict, both = oracles.implied(n, weights, limit), oracles.equal(n, weights)
+        assert snapshot.clock == tick
+        assert weights_of(snapshot) == weights
+        assert edges_of(snapshot, equivalences=False) == strict
+        assert edges_of(snapshot) == strict | both
+        start = {a for a in range(n) if oracles.holds(bits, a)}
+        assert as_set(state) == oracles.projected(strict | both, start)
+        assert as_set(snapshot.state) == as_set(state)
+        assert twin.learn(bits) == (before != strict | both)
+        assert edges_of(twin) == strict | both
+
+
+@given(runs(most=4, longest=12), EXACT_DECAYS, st.data())
+def test_a_discounted_snapshot_is_what_its_definition_says(
+    run: tuple[int, Bits], decay: float, data: st.DataObject
+) -> None:
+    sensors, seen = run
+    n = 2 * sensors
+    tau = data.draw(thresholds(sensors, EXACT_SHARES))
+    shares = np.broadcast_to(tau, (sensors, sensors)).tolist()
+    snapshot = DiscountedSnapshot(sensors, tau, decay)
+    weights: oracles.Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
+    for bits in seen:
+        before = edges_of(snapshot)
+        assert snapshot.learn(bits) == (before != edges_of(snapshot))
+        weights = oracles.discounted(n, weights, bits, Fraction(decay))
+        strict = oracles.implied(n, weights, lambda i, j: Fraction(shares[i][j]))
+        both = oracles.equal(n, weights)
+        weights = oracles.truncated(weights, strict)
+        assert weights_of(snapshot) == weights
+        assert edges_of(snapshot, equivalences=False) == strict
+        assert edges_of(snapshot) == strict | both
+
+
+def derived(w: Matrix, limit: Matrix) -> NDArray[np.bool_]:
+    """The derived graph of weights on all pairs of literals; all is exact."""
+    swap = np.arange(len(w)) ^ 1
+    against, other, neither = w[:, swap], w[swap], w[swap][:, swap]
+    least = np.minimum(np.minimum(w, limit), np.minimum(other, neither))
+    edges = (against < least) | ((against == 0) & (other == 0))
+    edges[np.arange(len(w)) // 2 == np.arange(len(w))[:, None] // 2] = False
+    return np.asarray(edges, np.bool_)
+
+
+@given(st.integers(17, 75), st.integers(1, 12), st.booleans(), st.integers(0, 2**32))
+def test_vectors_do_not_show_in_larger_snapshots(
+    sensors: int, ticks: int, by_pair: bool, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    tau = rng.choice([1 / 4, 1 / 8, 1 / 16], (sensors, sensors))
+    tau = np.minimum(tau, tau.T) if by_pair else np.full_like(tau, 1 / 4)
+    share = tau if by_pair else 1 / 4
+    limit = tau.repeat(2, 0).repeat(2, 1)
+    counts = EmpiricalSnapshot(sensors, share)
+    weighted = DiscountedSnapshot(sensors, share, 7 / 8)
+    n = np.zeros((2 * sensors, 2 * sensors))
+    w = np.full((2 * sensors, 2 * sensors), 0.25)
+    levels = rng.integers(0, 6, sensors)
+    for tick in range(1, ticks + 1):
+        bits = (levels < rng.integers(0, 7)) ^ (rng.random(sensors) < 0.03)
+        on = np.stack([bits, ~bits], 1).ravel().astype(float)
+        counts.learn(bits)
+        weighted.learn(bits)
+        n += np.outer(on, on)
+        w = 7 / 8 * w + 1 / 8 * np.outer(on, on)
+        assert (counts.poc_graph().edges == derived(n, limit * tick)).all()
+        edges = derived(w, limit)
+        assert (weighted.poc_graph().edges == edges).all()
+        a, b = (edges & ~edges.T).nonzero()
+        # An implication and its contrapositive move the same weight: once will do.
+        a, b = a[a < b ^ 1], b[a < b ^ 1]
+        against = w[a, b ^ 1]
+        for s, t, sign in [
+            (a, b ^ 1, -1),
+            (a, b, 1),
+            (a ^ 1, b ^ 1, 1),
+            (a ^ 1, b, -1),
+        ]:
+            w[s, t] += sign * against
+            w[t, s] += sign * against
+
+
+@pytest.mark.parametrize(("tau", "decay"), [(0.02, 0.9), (1 / 8000, 63 / 64)])
+def test_a_long_discounted_walk_keeps_to_exact_arithmetic(
+    tau: float, decay: float
+) -> None:
+    sensors, n = 5, 10
+    snapshot = DiscountedSnapshot(sensors, tau, decay)
+    weights: oracles.Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
+    place, rng = 0, np.random.default_rng(7)
+    learned = 0
+    for _ in range(650):
+        place = min(max(place + int(rng.integers(-1, 2)), 0), sensors)
+        bits = [place > s for s in range(sensors)]
+        learned += snapshot.learn(bits)
+        weights = oracles.discounted(n, weights, bits, Fraction(decay))
+        strict = oracles.implied(n, weights, lambda _i, _j: Fraction(tau), SLACK)
+        both = oracles.equal(n, weights, SLACK)
+        assert edges_of(snapshot) == strict | both
+        # Fractions would grow without end; 200 bits are far below what doubles see.
+        weights = {
+            pair: Fraction(int(w * 2**200), 2**200)
+            for pair, w in oracles.truncated(weights, strict).items()
+        }
+    assert learned >= 1
+    for pair, weight in weights_of(snapshot).items():
+        assert weight == pytest.approx(float(weights[pair]), abs=1e-13)
+
+
+@given(runs(longest=40), st.sampled_from([0.3, 0.5, 0.9, 63 / 64]), SHARES)
+def test_truncation_leaves_the_derived_graph(
+    run: tuple[int, Bits], decay: float, tau: float
+) -> None:
+    sensors, seen = run
+    n = 2 * sensors
+    snapshot = DiscountedSnapshot(sensors, tau, decay)
+    for bits in seen:
+        snapshot.learn(bits)
+        weights = weights_of(snapshot)
+        for pair in oracles.proper_pairs(n):
+            assert weights[pair] >= -1e-15
+        strict = edges_of(snapshot, equivalences=False)
+        for a, b in strict:
+            assert abs(weights[a, b ^ 1]) < 1e-15
+            assert weights[a ^ 1, b] > 0.99e-12
+        again = oracles.implied(n, dict(weights), lambda _i, _j: tau, 1e-12)
+        assert again == strict
+
+
+@given(st.integers(1, 80), st.floats(0.5, 0.999), st.booleans(), st.data())
+def test_a_tie_becomes_no_implication(
+    ticks: int, decay: float, opposite: bool, data: st.DataObject
+) -> None:
+    snapshot = DiscountedSnapshot(2, 0.25, decay)
+    alike = {(0, 2), (2, 0), (1, 3), (3, 1)}
+    unlike = {(0, 3), (3, 0), (1, 2), (2, 1)}
+    for _ in range(ticks):
+        bit = data.draw(st.booleans())
+        snapshot.learn([bit, bit != opposite])
+        assert edges_of(snapshot, equivalences=False) == set()
+        assert edges_of(snapshot) in (set(), unlike if opposite else alike)
+
+
+@given(runs(longest=30), st.booleans(), SHARES, st.sampled_from([0.5, 0.9]))
+def test_a_derived_graph_is_acyclic_between_its_classes(
+    run: tuple[int, Bits], counts: bool, tau: float, decay: float
+) -> None:
+    sensors, seen = run
+    snapshot: Snapshot = EmpiricalSnapshot(sensors, tau)
+    if not counts:
+        snapshot = DiscountedSnapshot(sensors, tau, decay)
+    for bits in seen:
+        snapshot.learn(bits)
+    strict = edges_of(snapshot, equivalences=False)
+    both = edges_of(snapshot) - strict
+    head = {a: min(oracles.reach(both, [a])) for a in range(2 * sensors)}
+    assert not oracles.has_cycle(strict)
+    assert not oracles.has_cycle({(head[a], head[b]) for a, b in strict})
+    assert all(head[a] != head[a ^ 1] for a in range(2 * sensors))
+    assert all(snapshot.poc_graph().representative[a] == head[a] for a in head)
+
+
+@given(runs(), runs(), st.booleans(), st.data())
+def test_a_saved_snapshot_goes_on_as_if_nothing_had_happened(
+    first: tuple[int, Bits],
+    second: tuple[int, Bits],
+    counts: bool,
+    data: st.DataObject,
+) -> None:
+    sensors = first[0]
+    assume(second[0] >= sensors)
+    tau = data.draw(thresholds(sensors, SHARES))
+    snapshot: Snapshot = EmpiricalSnapshot(sensors, tau)
+    if not counts:
+        snapshot = DiscountedSnapshot(sensors, tau, data.draw(st.floats(0, 0.99)))
+    for bits in first[1]:
+        snapshot.observe(bits)
+    data_then = snapshot.to_bytes()
+    twin = Snapshot.from_bytes(data_then)
+    assert type(twin) is type(snapshot)
+    assert twin.to_bytes() == data_then
+    assert edges_of(twin) == edges_of(snapshot)
+    for bits in second[1]:
+        assert twin.learn(bits[:sensors]) == snapshot.learn(bits[:sensors])
+        twin.observe(bits[:sensors])
+        snapshot.observe(bits[:sensors])
+    assert twin.to_bytes() == snapshot.to_bytes()
+
+
+@given(runs(most=3, longest=4), st.booleans(), st.data())
+def test_damaged_bytes_are_refused_or_mean_the_same(
+    run: tuple[int, Bits], counts: bool, data: st.DataObject
+) -> None:
+    sensors, seen = run
+    kind = EmpiricalSnapshot if counts else DiscountedSnapshot
+    snapshot: Snapshot = kind(sensors)
+    for bits in seen:
+        snapshot.observe(bits)
+    whole = snapshot.to_bytes()
+    damaged = bytearray(whole)
+    for _ in range(data.draw(st.integers(1, 3))):
+        damaged[data.draw(st.integers(0, len(whole) - 1))] = data.draw(
+            st.integers(0, 255)
+        )
+    damaged = damaged[: data.draw(st.sampled_from([len(whole), len(whole) // 2]))]
+    try:
+        twin = Snapshot.from_bytes(bytes(damaged))
+    except InvalidValueError:
+        return
+    assert twin.to_bytes() == whole

@@ -1,0 +1,78 @@
+"""A grid: thresholds along x and along y, two chains that cross everywhere."""
+
+from typing import Any
+
+import numpy as np
+
+from world.line import steps, thresholds
+from world.places import World, check_at_least
+
+
+class GridWorld(World):
+    """Setting (c): a walk on a grid, sensed by thresholds along both axes.
+
+    Description:
+        Places ``(x, y)`` with ``0 ≤ x < width`` and ``0 ≤ y < height``. What there is
+        to learn is two chains, ``x_below_1 → x_below_2 → …`` and the same for y, with
+        nothing between them: the direct sum of two paths.
+
+    Sensors:
+        ``x_below_1`` to ``x_below_<width - 1>``, then ``y_below_1`` to
+        ``y_below_<height - 1>``; ``x_below_k`` is on iff x is below `k`. Observations
+        are ``MultiBinary(width + height - 2)``.
+
+    Actions:
+        0 steps up (y + 1), 1 down (y - 1), 2 left (x - 1), 3 right (x + 1). A step
+        into a wall stays.
+
+    Start:
+        A place drawn uniformly.
+
+    Reward:
+        Always 0.0.
+
+    End:
+        Never.
+
+    Info:
+        ``x``, ``y``: the coordinates; ``place``: ``x + width·y``, the place's column in
+        `fields`.
+
+    Arguments:
+        width: How many values x takes, at least 2. 11.
+        height: How many values y takes, at least 2. 11.
+
+    References:
+        [GK] setting (c); the example of direct sums of poc sets.
+
+    Versions:
+        v0: the first.
+    """
+
+    def __init__(self, width: int = 11, height: int = 11) -> None:
+        check_at_least("width", 2, width)
+        check_at_least("height", 2, height)
+        self._width = width
+        here = np.arange(width * height)
+        x, y = here % width, here // width
+        right, left = steps(width)
+        up, down = steps(height)
+        super().__init__(
+            sensors=(
+                *(f"x_below_{k}" for k in range(1, width)),
+                *(f"y_below_{k}" for k in range(1, height)),
+            ),
+            moves=np.stack(
+                [
+                    x + width * up[y],
+                    x + width * down[y],
+                    left[x] + width * y,
+                    right[x] + width * y,
+                ]
+            ),
+            fields=np.concatenate([thresholds(width)[:, x], thresholds(height)[:, y]]),
+        )
+
+    def _info(self, place: int) -> dict[str, Any]:
+        y, x = divmod(place, self._width)
+        return {"place": place, "x": x, "y": y}

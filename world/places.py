@@ -1,0 +1,147 @@
+"""What all worlds share: places, moves between them, sensors with fields.
+
+An agent is at exactly one place. An action takes it to the place that `moves` says, and
+it observes of every sensor whether the place is in that sensor's field. There is no
+noise, no goal and no end; chance enters only at a reset.
+"""
+
+from typing import Any, SupportsInt
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Discrete, MultiBinary
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from world.implications import implications
+
+
+class World(gymnasium.Env[NDArray[np.int8], np.int64]):
+    """A world of places; its kinds differ in what they pass here.
+
+    Args:
+        sensors: A name for each sensor.
+        moves: ``(actions, places)``; where an action leads from a place.
+        fields: ``(sensors, places)``; where each sensor is on. None: they are drawn at
+            a reset, by an override of `_begin`.
+
+    Attributes:
+        sensors: The sensors' names, in the order of the observation.
+        moves: As given; read-only.
+    """
+
+    def __init__(
+        self,
+        *,
+        sensors: tuple[str, ...],
+        moves: NDArray[np.intp],
+        fields: NDArray[np.bool_] | None,
+    ) -> None:
+        self.sensors = sensors
+        self.moves = frozen(moves)
+        self.observation_space = MultiBinary(len(sensors))
+        self.action_space = Discrete(len(moves))
+        self._fields = None if fields is None else frozen(fields)
+        self._place: int | None = None
+
+    @property
+    def fields(self) -> NDArray[np.bool_]:
+        """Where each sensor is on: ``(sensors, places)``, read-only.
+
+        Raises:
+            ResetNeeded: The fields are drawn at a reset, and there was none.
+        """
+        if self._fields is None:
+            raise ResetNeeded("fields: are drawn at a reset, and there was none")
+        return self._fields
+
+    @property
+    def implications(self) -> list[tuple[str, str]]:
+        """All true implications between literals of different sensors, by name.
+
+        ``(a, b)`` is there iff the field of `a` lies within the field of `b`; this
+        includes those of empty, full and equal fields. ``name*`` is a complement.
+
+        Raises:
+            ResetNeeded: As for `fields`.
+        """
+        return implications(self.sensors, self.fields)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.int8], dict[str, Any]]:
+        """Put the agent at a place drawn uniformly.
+
+        Args:
+            seed: Starts the world's random numbers over; None goes on with them.
+            options: There are none.
+
+        Returns:
+            The observation and the info.
+        """
+        super().reset(seed=seed, options=options)
+        self._begin(seeded=seed is not None)
+        self._place = int(self.np_random.integers(self.moves.shape[1]))
+        return self._observation(self._place), self._info(self._place)
+
+    def step(
+        self, action: SupportsInt
+    ) -> tuple[NDArray[np.int8], float, bool, bool, dict[str, Any]]:
+        """Move.
+
+        Args:
+            action: Which move; counts from 0.
+
+        Returns:
+            The observation at the new place, reward 0.0, not terminated, not
+            truncated, and the info.
+
+        Raises:
+            InvalidValueError: There is no such action.
+            ResetNeeded: There was no reset before.
+        """
+        if self._place is None:
+            raise ResetNeeded("step: needs a reset before")
+        if not self.action_space.contains(action):
+            rule = f"must be a whole number in 0..{len(self.moves) - 1}"
+            raise InvalidValueError("action", rule, action)
+        self._place = int(self.moves[int(action), self._place])
+        return (
+            self._observation(self._place),
+            0.0,
+            False,
+            False,
+            self._info(self._place),
+        )
+
+    def _begin(self, *, seeded: bool) -> None:
+        """Prepare a run; called by every reset before the start is drawn."""
+
+    def _observation(self, place: int) -> NDArray[np.int8]:
+        return self.fields[:, place].astype(np.int8)
+
+    def _info(self, place: int) -> dict[str, Any]:
+        return {"place": place}
+
+
+def check_at_least(name: str, least: int, value: object) -> None:
+    """Refuse a size that is no whole number or is too small.
+
+    Raises:
+        InvalidValueError: `value` is not a whole number of at least `least`.
+    """
+    if (
+        not isinstance(value, (int, np.integer))
+        or isinstance(value, bool)
+        or value < least
+    ):
+        rule = f"must be a whole number of at least {least}"
+        raise InvalidValueError(name, rule, value)
+
+
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a read-only copy: moves and fields are the truth others compare with."""
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy
