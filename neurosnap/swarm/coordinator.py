@@ -118,6 +118,16 @@ class Coordinator:
         return self._tick
 
     @property
+    def graph(self) -> PocGraph:
+        """The learned order the cells are wired by."""
+        return self._graph
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What has been learned."""
+        return self._snapshot
+
+    @property
     def in_flight(self) -> tuple[int, ...]:
         """The numbers of the waves that have not settled."""
         return self._conductor.in_flight

@@ -24,7 +24,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How many actions the source takes."""
     ticks: Annotated[int, msgspec.Meta(ge=1)] = 300
     """Observations the run takes, at most."""
-    seed: Annotated[int, msgspec.Meta(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     """Draws the world's start, its fields and the random actions."""
     snapshot: SnapshotKind = "empirical"
     """How the weights are learned."""

@@ -187,3 +187,10 @@ def test_observations_of_any_memory_layout_do(kind: Kind) -> None:
     assert snapshot.observe(strided).tolist() == [True, False, True, False]
     assert snapshot.learn(frozen) in (True, False)
     assert snapshot.clock == 2
+
+
+def test_a_discounted_weight_is_zero_from_the_tolerance_down() -> None:
+    snapshot = DiscountedSnapshot(2, 0.25, decay=0.5)
+    since = [snapshot.learn([tick % 3 > 0] * 2) for tick in range(60)].index(True)
+    assert 2.0 ** -(since + 2) > 1e-12 > 2.0 ** -(since + 3)
+    assert snapshot.poc_graph().classes() == [(0, 2), (1, 3)]

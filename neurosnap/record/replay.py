@@ -1,0 +1,269 @@
+"""Derive a run again from its recorded observations and reports, and compare.
+
+The coordinator's core is a pure function of what it was given. A replay gives it the
+recorded observations and the cells' recorded reports, and demands that it says, byte
+for byte, what the recording says it said: every wiring, every wave, every state, every
+decision. Beside that, every wave's reports must name exactly what the in-process
+propagation over the derived graph reaches: so it is the cells that are checked, and not
+only the coordinator's arithmetic.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NoReturn
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.sensorium import complete, unpack
+from neurosnap.swarm.jobs import new_coordinator
+from neurosnap.swarm.options import RunOptions
+
+_INPUTS = ("observe", "settle")
+_OUTPUTS = ("wiring", "wave", "state", "reach", "decide", "keyframe")
+_SHOWN = 300  # characters of a message shown in a difference
+
+
+class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+    """What a replay found."""
+
+    same: bool
+    """Everything derived equals what was recorded."""
+    complete: bool
+    """The recording was finished, and lacks no message."""
+    difference: str | None
+    """The first difference: where, what was recorded, what was derived."""
+    ticks: int
+    """Whole ticks that were compared."""
+    wirings: int
+    """Wirings that were compared, and so on."""
+    waves: int
+    states: int
+    decisions: int
+    seconds: float
+    """What it took."""
+
+
+class DifferenceError(NeurosnapError):
+    """What was derived is not what was recorded."""
+
+
+def options_of(recording: Recording) -> RunOptions:
+    """Return the options a recorded run was made with.
+
+    Raises:
+        RecordingError: The recording says nothing of its run, or nothing valid.
+    """
+    try:
+        return msgspec.json.decode(recording.metadata["options"], type=RunOptions)
+    except (KeyError, msgspec.MsgspecError) as error:
+        raise RecordingError(
+            f"{recording.path}: options: must be those of a run, got {error}"
+        ) from error
+
+
+def resumed_at(recording: Recording) -> tuple[int, ...]:
+    """Return the ticks after which a recorded run was taken up again."""
+    raw = recording.metadata.get("resumed", "[]")
+    return msgspec.json.decode(raw, type=tuple[int, ...])
+
+
+def verify(path: Path) -> Verdict:
+    """Replay a recording and compare.
+
+    Memory is bounded by what arrived out of order. Time: a small fraction of the run's.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    began = time.perf_counter()
+    recording = Recording.open(path)
+    replay = Replay(recording)
+    difference = None
+    try:
+        for _ in replay.ticks():
+            pass
+    except DifferenceError as error:
+        difference = str(error)
+    count = replay.compared
+    return Verdict(
+        same=difference is None,
+        complete=recording.finished and recording.noted().completeness.whole,
+        difference=difference,
+        ticks=replay.core.tick,
+        wirings=count["wiring"],
+        waves=count["wave"],
+        states=count["state"],
+        decisions=count["decide"],
+        seconds=time.perf_counter() - began,
+    )
+
+
+class Replay:
+    """A recorded run, derived again as far as one iterates over `ticks`.
+
+    Args:
+        recording: What to replay.
+
+    Raises:
+        RecordingError: It is not a run's.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.options = options_of(recording)
+        self.core = new_coordinator(self.options)
+        self.compared = dict.fromkeys(_OUTPUTS, 0)
+        self._resumed = deque(resumed_at(recording))
+        self._messages = recording.messages(_INPUTS + _OUTPUTS)
+        # Read ahead: senders overtake each other in a recording, too.
+        self._outputs: deque[Recorded] = deque()
+        self._observations: dict[int, wire.Observation] = {}
+        self._reports: dict[int, list[wire.Settled]] = {}
+        self._reached: dict[int, set[int]] = {}
+        self._observed = np.zeros(0, dtype=np.bool_)
+        self._said: deque[wire.Message] = deque(self.core.begin())
+
+    def ticks(self) -> Iterator[int]:
+        """Yield each tick once it is whole: the core is then as it was at that point.
+
+        Whole means that its state and all its waves are compared; its key-frame and
+        decision follow.
+
+        Raises:
+            DifferenceError: What was derived is not what was recorded.
+            RecordingError: The recording is damaged.
+        """
+        tick = 0
+        while self._outputs or self._read_until(lambda: bool(self._outputs)):
+            self._compare(self._outputs.popleft())
+            if self.core.tick == tick or not self._only_closing_words():
+                continue
+            tick = self.core.tick
+            yield tick
+            if self._resumed and self._resumed[0] == tick:
+                self._resumed.popleft()
+                self._said = deque(self.core.begin())
+
+    def _only_closing_words(self) -> bool:
+        closing = (wire.KeyFrame, wire.Decision)
+        return all(isinstance(message, closing) for message in self._said)
+
+    # Comparing -----------------------------------------------------------------------
+
+    def _compare(self, recorded: Recorded) -> None:
+        """Bring the core to say something, and hold it against what it said then."""
+        message = recorded.message
+        if isinstance(message, wire.KeyFrame) and (
+            not self._said or isinstance(self._said[0], wire.Decision)
+        ):
+            # Only the one who asked the run to stop here knew that it would.
+            self._said = deque(self.core.stop())
+        if not self._said:
+            said = self._feed(recorded)
+            # Faults were said of what came in bad, which was not always recorded.
+            self._said.extend(m for m in said if not isinstance(m, wire.Fault))
+        derived = self._said.popleft() if self._said else None
+        if derived is None or wire.encode(derived) != recorded.payload:
+            self._differ(recorded, derived)
+        if isinstance(message, wire.State):
+            self._check_reached(recorded, message.wave, self._observed)
+        elif isinstance(message, wire.Reached):
+            self._check_reached(recorded, message.wave, message.signal)
+        self.compared[wire.topic(message.key)] += 1
+
+    def _check_reached(
+        self, recorded: Recorded, wave: int, signal: Iterable[int]
+    ) -> None:
+        """Hold what the cells reported against the propagation in process."""
+        above = set(np.flatnonzero(self.core.graph.up(signal)).tolist())
+        reached = self._reached.pop(wave, set())
+        if reached != above:
+            raise DifferenceError(
+                f"{self._where(recorded)}: cells reported {sorted(reached)},"
+                f" the derived order gives {sorted(above)}"
+            )
+
+    def _differ(self, recorded: Recorded, derived: wire.Message | None) -> NoReturn:
+        was = recorded.payload.decode()[:_SHOWN]
+        would = "nothing" if derived is None else wire.encode(derived).decode()[:_SHOWN]
+        raise DifferenceError(
+            f"{self._where(recorded)}: recorded {was}, derived {would}"
+        )
+
+    def _where(self, recorded: Recorded) -> str:
+        return (
+            f"tick {self.core.tick}: /{wire.topic(recorded.message.key)}"
+            f" {recorded.message.sender} {recorded.sequence}"
+        )
+
+    # Giving the core what it was given -----------------------------------------------
+
+    def _feed(self, recorded: Recorded) -> list[wire.Message]:
+        """Give the core what made it say `recorded`; return what it says now."""
+        match recorded.message:
+            case wire.State(wave=wave) | wire.Reached(wave=wave):
+                return self._feed_reports(wave)
+            case wire.Wiring() | wire.WaveStart() if self.core.in_flight:
+                return self._feed_deadline(recorded)
+            case wire.Wiring() | wire.WaveStart():
+                return self._feed_observation()
+            case _:
+                return []
+
+    def _feed_observation(self) -> list[wire.Message]:
+        tick = self.core.tick + 1
+        if not self._read_until(lambda: tick in self._observations):
+            return []
+        observation = self._observations.pop(tick)
+        count = len(self.options.sensors)
+        try:
+            self._observed = complete(unpack(observation.bits, count))
+        except ShapeError as error:
+            raise DifferenceError(f"tick {tick}: /observe: {error}") from error
+        return self.core.receive(observation)
+
+    def _feed_reports(self, wave: int) -> list[wire.Message]:
+        """Give the core the reports on one wave until it says something."""
+        reached = self._reached.setdefault(wave, set())
+        while wave in self.core.in_flight:
+            if not self._read_until(lambda: wave in self._reports):
+                break
+            for settled in self._reports.pop(wave):
+                reached.update(settled.literals)
+                said = self.core.receive(settled)
+                if said:
+                    return said
+        return []
+
+    def _feed_deadline(self, recorded: Recorded) -> list[wire.Message]:
+        """Let the wave be late that was repeated here."""
+
+        def start() -> wire.WaveStart | None:
+            ahead = (r.message for r in (recorded, *self._outputs))
+            return next((m for m in ahead if isinstance(m, wire.WaveStart)), None)
+
+        self._read_until(lambda: start() is not None)
+        following = start()
+        if following is None or following.repeats not in self.core.in_flight:
+            return []
+        return self.core.overdue(following.repeats)
+
+    def _read_until(self, found: Callable[[], bool]) -> bool:
+        """Read on until there is what is looked for; tell whether there is."""
+        while not found():
+            recorded = next(self._messages, None)
+            if recorded is None:
+                return False
+            match recorded.message:
+                case wire.Observation() as observation:
+                    self._observations.setdefault(observation.tick, observation)
+                case wire.Settled() as settled:
+                    self._reports.setdefault(settled.wave, []).append(settled)
+                case _:
+                    self._outputs.append(recorded)
+        return True
