@@ -93,17 +93,18 @@ class _Listener:
             return
         for delivery in deliveries:
             self._writer.add(delivery, time.time_ns())
-            if delivery.key == "leave":
-                self._leave(delivery)
-            elif delivery.key == "state":
-                self._ticks += 1
+            if delivery.key in ("leave", "state"):
+                self._note(delivery)
         if self._parts <= self._left.keys():
             self.all_left.set()
 
-    def _leave(self, delivery: wire.Delivery) -> None:
+    def _note(self, delivery: wire.Delivery) -> None:
         with contextlib.suppress(MessageError):  # the writer has counted it as foreign
             message = wire.decode(delivery.key, delivery.payload)
-            self._left[message.sender] = delivery.sequence + 1
+            if isinstance(message, wire.State):
+                self._ticks = message.tick
+            else:
+                self._left[message.sender] = delivery.sequence + 1
 
     def expected(self) -> Mapping[str, int]:
         """Return how many messages each part must have sent."""

@@ -21,7 +21,7 @@ from neurosnap import wire
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.sensorium import complete, unpack
-from neurosnap.swarm.jobs import new_coordinator
+from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
 
 _INPUTS = ("observe", "settle")
@@ -116,7 +116,7 @@ class Replay:
 
     def __init__(self, recording: Recording) -> None:
         self.options = options_of(recording)
-        self.core = new_coordinator(self.options)
+        self.core = Coordinator.of(self.options)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self._resumed = deque(resumed_at(recording))
         self._messages = recording.messages(_INPUTS + _OUTPUTS)

@@ -10,12 +10,13 @@ the state (`Snapshot.adopt`) and never asked for one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Self
 
 import msgspec
 import numpy as np
 
 from neurosnap import wire
+from neurosnap.agent.walker import Walker
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.sensorium import complement, complete, pack, unpack
 from neurosnap.swarm.conductor import Conductor
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from neurosnap.poc.graph import PocGraph
     from neurosnap.poc.snapshot import Snapshot
-    from neurosnap.swarm.options import WiringKind
+    from neurosnap.swarm.options import RunOptions, WiringKind
     from neurosnap.swarm.wave import Wave
 
 _WHO = "coordinator"
@@ -111,6 +112,17 @@ class Coordinator:
         self._answers: list[NDArray[np.bool_]] = []
         self._stopping = False
         self._next_decision = wire.Decision(0, -1, "the run begins")
+
+    @classmethod
+    def of(cls, options: RunOptions) -> Self:
+        """Return the core of a run that has seen nothing yet."""
+        return cls(
+            options.new_snapshot(),
+            Walker(options.actions, options.seed),
+            wiring=options.wiring,
+            ticks=options.ticks,
+            keyframe_every=options.keyframe_every,
+        )
 
     @property
     def tick(self) -> int:

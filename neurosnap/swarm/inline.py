@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
 from neurosnap.record.recorder import run_recorder
+from neurosnap.record.resume import Past, begin_recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.writer import Writer
 from neurosnap.source import open_source
@@ -43,6 +44,7 @@ async def run_inline(
     options: RunOptions,
     log: Path | None,
     metadata: Mapping[str, str],
+    past: Past | None,
     stop: asyncio.Event,
     on_progress: Callable[[int], None],
 ) -> InlineEnding:
@@ -52,8 +54,8 @@ async def run_inline(
         writer = None
         if log is not None:
             writer = stack.enter_context(Writer(log))
-            writer.start({**metadata, "swarm": "inline"})
-        swarm = _Inline(options, writer)
+            begin_recording(writer, {**metadata, "swarm": "inline"}, past)
+        swarm = _Inline(options, writer, past)
         stack.callback(swarm.source.close)
         try:
             async with asyncio.TaskGroup() as group:
@@ -80,11 +82,14 @@ def _first_of(errors: BaseExceptionGroup[BaseException]) -> BaseException:
 class _Inline:
     """One run with a task a part."""
 
-    def __init__(self, options: RunOptions, writer: Writer | None) -> None:
-        self.core = jobs.new_coordinator(options)
+    def __init__(
+        self, options: RunOptions, writer: Writer | None, past: Past | None
+    ) -> None:
+        self.core = jobs.coordinator_for(options, past)
         self.source = open_source(options.source, options.seed)
         self._options = options
         self._writer = writer
+        self._past = past
         self._hub = MemoryHub()
         self._leave = asyncio.Event()
 
@@ -128,7 +133,8 @@ class _Inline:
 
     async def _play(self, who: str, work: Work[T]) -> T:
         """Take part as `who`; an error that does not say whose it is gets told."""
-        async with self._hub.fabric(who) as fabric:
+        first = 0 if self._past is None else self._past.counts.get(who, 0)
+        async with self._hub.fabric(who, first=first) as fabric:
             try:
                 return await take_part(fabric, work(fabric))
             except NeurosnapError:
@@ -141,7 +147,8 @@ class _Inline:
         return lambda fabric: run_cell(number, fabric, self._leave)
 
     async def _world(self, fabric: MemoryFabric) -> None:
-        await run_world(self.source, fabric, self._leave)
+        past = None if self._past is None else self._past.actions
+        await run_world(self.source, fabric, self._leave, past=past)
 
     async def _record(self, writer: Writer, parts: tuple[str, ...]) -> Completeness:
         async with self._hub.fabric("recorder") as fabric:

@@ -4,9 +4,9 @@ import asyncio
 
 import msgspec
 
-from neurosnap.agent.walker import Walker
 from neurosnap.fabric.over_zenoh import open_hub
 from neurosnap.record.recorder import run_recorder
+from neurosnap.record.resume import Past, begin_recording, restore
 from neurosnap.record.writer import Writer
 from neurosnap.source import open_source
 from neurosnap.swarm.coordinator import Coordinator, Totals
@@ -25,15 +25,9 @@ class Result(msgspec.Struct):
     """What the run took, once every part was up."""
 
 
-def new_coordinator(options: RunOptions) -> Coordinator:
-    """Return the core of a run that has seen nothing yet."""
-    return Coordinator(
-        options.new_snapshot(),
-        Walker(options.actions, options.seed),
-        wiring=options.wiring,
-        ticks=options.ticks,
-        keyframe_every=options.keyframe_every,
-    )
+def coordinator_for(options: RunOptions, past: Past | None) -> Coordinator:
+    """Return the core of a run: new, or as it was where it is taken up again."""
+    return Coordinator.of(options) if past is None else restore(past, options.ticks)
 
 
 async def be_hub(
@@ -54,24 +48,30 @@ async def be_recorder(
     reporter: Reporter,
     path: str,
     metadata: dict[str, str],
+    past: Past | None,
     parts: tuple[str, ...],
 ) -> None:
-    """Record everything."""
+    """Record everything, after what there is of a resumed run."""
     with Writer(path) as writer:
-        writer.start(metadata)
+        begin_recording(writer, metadata, past)
         async with seat.fabric() as fabric:
             balance = await run_recorder(writer, fabric, stop, parts=parts)
     reporter.done(balance)
 
 
 async def be_world(
-    seat: Seat, stop: asyncio.Event, reporter: Reporter, options: RunOptions
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    options: RunOptions,
+    past: Past | None,
 ) -> None:
     """Be the world, or the file of readings."""
     source = open_source(options.source, options.seed)
     try:
         async with seat.fabric(swift=True) as fabric:
-            await take_part(fabric, run_world(source, fabric, stop))
+            actions = None if past is None else past.actions
+            await take_part(fabric, run_world(source, fabric, stop, past=actions))
     finally:
         source.close()
     reporter.done()
@@ -82,10 +82,11 @@ async def be_coordinator(
     stop: asyncio.Event,
     reporter: Reporter,
     options: RunOptions,
+    past: Past | None,
     parts: tuple[str, ...],
 ) -> None:
     """Learn, conduct and decide."""
-    core = new_coordinator(options)
+    core = coordinator_for(options, past)
     async with seat.fabric(swift=True) as fabric:
         seconds = await take_part(
             fabric,

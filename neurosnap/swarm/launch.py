@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import SwarmError
+from neurosnap.record.resume import Past
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm import jobs
 from neurosnap.swarm.process import Job, Seat, be_cell
@@ -40,8 +41,8 @@ class Plan:
     """Where to record; None: not at all."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     """What the recording says of the run, the swarm's id aside."""
-    first: Mapping[str, int] = field(default_factory=dict)
-    """The number of each part's first message; 0 where not given."""
+    past: Past | None = None
+    """Where to go on from, for a run that is resumed."""
     patience: float = 30.0
     """Seconds the coordinator may take to end once asked."""
 
@@ -107,7 +108,9 @@ class _Launch:
         self._cells = [f"cell/{cell}" for cell in range(plan.cells)]
 
     def _seat(self, who: str) -> Seat:
-        return Seat(who, self._swarm, self._endpoint, self._plan.first.get(who, 0))
+        past = self._plan.past
+        first = 0 if past is None else past.counts.get(who, 0)
+        return Seat(who, self._swarm, self._endpoint, first)
 
     async def run(self, stop: asyncio.Event) -> Ending:
         """Start everything, wait for the end, end everything."""
@@ -150,6 +153,7 @@ class _Launch:
                 self._seat("recorder"),
                 str(plan.log),
                 {**plan.metadata, "swarm": self._swarm},
+                plan.past,
                 ("coordinator", *heard),
             )
             heard = ["recorder", *heard]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from neurosnap.record.resume import Past
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm import jobs
 from neurosnap.swarm.coordinator import Totals
@@ -37,6 +38,7 @@ async def run(
     log: Path | None,
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
+    past: Past | None = None,
 ) -> Outcome:
     """Run a swarm to its end, or until `stop` is set.
 
@@ -45,6 +47,7 @@ async def run(
         log: Where to record; None: not at all.
         stop: Ends the run in order.
         on_progress: Told the tick as it grows.
+        past: Where to go on from, for a run that is resumed.
 
     Raises:
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
@@ -52,18 +55,19 @@ async def run(
     """
     metadata = describe(options)
     if options.cells == "inline":
-        inline = await run_inline(options, log, metadata, stop, on_progress)
+        inline = await run_inline(options, log, metadata, past, stop, on_progress)
         result, completeness = inline.result, inline.completeness
         total, stopped = inline.seconds, inline.stopped
     else:
         plan = Plan(
             cells=len(options.sensors),
             conductor=jobs.be_coordinator,
-            conductor_arguments=(options,),
+            conductor_arguments=(options, past),
             world=jobs.be_world,
-            world_arguments=(options,),
+            world_arguments=(options, past),
             log=log,
             metadata=metadata,
+            past=past,
             patience=options.deadline + 10.0,
         )
         ending = await run_processes(plan, stop, on_progress)

@@ -1,0 +1,157 @@
+"""Go on with a recorded run from its last whole tick.
+
+The new recording starts as a copy of the old one up to that tick and goes on from
+there, so it is whole by itself: it replays, and resumes, like any other. What the old
+one holds beyond the last whole tick is left out, and so are last words.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.replay import DifferenceError, Replay, resumed_at
+from neurosnap.record.sequences import Sequences
+from neurosnap.record.writer import Writer
+from neurosnap.swarm.coordinator import Coordinator
+from neurosnap.swarm.options import RunOptions
+
+
+class Past(msgspec.Struct, frozen=True):
+    """What a run that is resumed has behind it; small, and sent to every part."""
+
+    log: str
+    """The recording it goes on from."""
+    tick: int
+    """The last whole tick."""
+    actions: tuple[int, ...]
+    """The actions between its first observation and its last."""
+    counts: dict[str, int]
+    """For each part, how many of its messages are kept; its next one's number."""
+    resumed: tuple[int, ...]
+    """The ticks after which it was resumed, this time included."""
+
+
+def look_back(log: Path) -> tuple[RunOptions, Past]:
+    """Find out where a recorded run can go on.
+
+    Derives the run again on the way: what is resumed is known to be right.
+
+    Raises:
+        RecordingError: There is no whole tick in it, it lacks messages before the last
+            one, or it is not the run it says it is.
+    """
+    recording = Recording.open(log)
+    tick = _last_whole_tick(recording)
+    if tick == 0:
+        raise RecordingError(f"{log}: must hold a whole tick to go on from, got none")
+    replay = Replay(recording)
+    options = replay.options
+    counts = _counts(recording, tick)
+    past = Past(
+        log=str(log),
+        tick=tick,
+        actions=_actions(recording, tick),
+        counts=counts,
+        resumed=(*resumed_at(recording), tick),
+    )
+    kept = Sequences()
+    for recorded in copied(past):
+        kept.receive(recorded.message.sender, recorded.sequence)
+    lacking = kept.completeness(counts).missing
+    if lacking:
+        raise RecordingError(f"{log}: must be whole up to tick {tick}, lacks {lacking}")
+    return options, past
+
+
+def _last_whole_tick(recording: Recording) -> int:
+    tick = 0
+    try:
+        for tick in Replay(recording).ticks():  # noqa: B007 - the last one counts
+            pass
+    except DifferenceError as error:
+        raise RecordingError(
+            f"{recording.path}: must be a true run: {error}"
+        ) from error
+    return tick
+
+
+def _actions(recording: Recording, tick: int) -> tuple[int, ...]:
+    """Return the actions decided on at ticks 1 to `tick` - 1."""
+    taken = {
+        recorded.message.tick: recorded.message.action
+        for recorded in recording.messages(("decide",))
+        if isinstance(recorded.message, wire.Decision)
+    }
+    return tuple(taken[before] for before in range(1, tick))
+
+
+def _counts(recording: Recording, tick: int) -> dict[str, int]:
+    """Return how many messages of each part belong to the ticks up to `tick`.
+
+    Every part's messages of one tick come before those of the next, so each keeps a
+    beginning of its running numbers.
+    """
+    last_wave = 0
+    counts: dict[str, int] = {}
+    for recorded in recording.messages(("state", "reach")):
+        message = recorded.message
+        if isinstance(message, wire.State | wire.Reached) and message.tick <= tick:
+            last_wave = max(last_wave, message.wave)
+            counts["coordinator"] = recorded.sequence + 1
+    for recorded in recording.messages(("observe", "excite", "inhibit", "settle")):
+        message = recorded.message
+        belongs = (
+            message.tick <= tick
+            if isinstance(message, wire.Observation)
+            else isinstance(message, wire.Pulse | wire.Settled)
+            and message.wave <= last_wave
+        )
+        if belongs:
+            known = counts.get(message.sender, 0)
+            counts[message.sender] = max(known, recorded.sequence + 1)
+    return counts
+
+
+def copied(past: Past) -> Iterator[Recorded]:
+    """Yield what the new recording takes over from the old one."""
+    for recorded in Recording.open(Path(past.log)).messages():
+        if recorded.sequence < past.counts.get(recorded.message.sender, 0):
+            yield recorded
+
+
+def begin_recording(
+    writer: Writer, metadata: Mapping[str, str], past: Past | None
+) -> None:
+    """Start a recording: with what is taken over, where a run is resumed."""
+    if past is None:
+        writer.start(metadata)
+        return
+    resumed = msgspec.json.encode(past.resumed).decode()
+    writer.start({**metadata, "resumed": resumed})
+    for recorded in copied(past):
+        writer.add(recorded.delivery, recorded.log_time)
+
+
+def restore(past: Past, ticks: int) -> Coordinator:
+    """Return the coordinator's core as it was after the last whole tick.
+
+    Args:
+        past: From `look_back`.
+        ticks: How many ticks the run is to have in all.
+
+    Raises:
+        InvalidValueError: The run is that long already.
+    """
+    if ticks <= past.tick:
+        rule = f"must be more than the {past.tick} there are"
+        raise InvalidValueError("ticks", rule, ticks)
+    replay = Replay(Recording.open(Path(past.log)))
+    for tick in replay.ticks():
+        if tick == past.tick:
+            break
+    replay.core.go_on(ticks)
+    return replay.core
