@@ -1,9 +1,81 @@
-"""Settings that all tests share."""
+"""Settings that all tests share, and what no test may leave behind.
 
+After every test no thread and no task of its own is alive, and nothing was logged as an
+error by `zenoh.handlers`, which is where an exception in one of Zenoh's callbacks goes.
+"""
+
+import asyncio
+import inspect
+import logging
 import os
+import threading
+from collections.abc import AsyncIterator, Iterator
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("dev", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "dev")
+
+
+@pytest.fixture(autouse=True)
+def no_thread_is_left() -> Iterator[None]:
+    """Fail if a thread outlives the test.
+
+    Asyncio's executor needs no exception: this comes first, so it looks once the loop
+    has closed. Neither does Zenoh: its own threads are not Python's, except that Python
+    makes a lasting dummy of one that ever asks for its name, and those cannot be ended.
+    """
+    before = set(threading.enumerate())
+    yield
+    left = [
+        thread
+        for thread in threading.enumerate()
+        if thread not in before and not isinstance(thread, threading._DummyThread)
+    ]
+    for thread in left:
+        thread.join(0.5)  # it may be about to end
+    names = [thread.name for thread in left if thread.is_alive()]
+    assert not names, f"threads that outlived the test: {', '.join(names)}"
+
+
+@pytest.fixture(autouse=True)
+def no_task_is_left(request: pytest.FixtureRequest, no_thread_is_left: None) -> None:
+    """Fail if a task outlives an asynchronous test."""
+    if inspect.iscoroutinefunction(getattr(request, "function", None)):
+        request.getfixturevalue("_loop_is_empty")
+
+
+@pytest.fixture
+async def _loop_is_empty() -> AsyncIterator[None]:
+    yield
+    # What was cancelled in the test's last step gets the turns it needs to end.
+    for _ in range(5):
+        await asyncio.sleep(0)
+    left = asyncio.all_tasks() - {asyncio.current_task()}
+    names = sorted(task.get_name() for task in left)
+    assert not names, f"tasks that outlived the test: {', '.join(names)}"
+
+
+class _Kept(logging.Handler):
+    """Keeps what it is given."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.records: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.records.append(record)
+
+
+@pytest.fixture(autouse=True)
+def no_callback_fails(no_thread_is_left: None) -> Iterator[None]:
+    """Fail if one of Zenoh's callbacks raised: that is only logged."""
+    kept = _Kept()
+    logger = logging.getLogger("zenoh.handlers")
+    logger.addHandler(kept)
+    yield
+    logger.removeHandler(kept)
+    said = [record.getMessage() for record in kept.records]
+    assert not said, f"errors in Zenoh's callbacks: {said}"

@@ -159,13 +159,19 @@ class ZenohFabric:
 
     def publish(self, message: wire.Message) -> None:
         """Send `message` under its key; blocks while the hub is congested."""
-        self._session.put(
-            self._prefix + message.key,
-            wire.encode(message),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            attachment=_BESIDE.pack(self.sent, time.time_ns()),
+        self.forward(
+            wire.Delivery(message.key, self.sent, time.time_ns(), wire.encode(message))
         )
         self.sent += 1
+
+    def forward(self, delivery: wire.Delivery) -> None:
+        """Send what somebody else sent, as it was; blocks like `publish`."""
+        self._session.put(
+            self._prefix + delivery.key,
+            delivery.payload,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            attachment=_BESIDE.pack(delivery.sequence, delivery.sent),
+        )
 
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None

@@ -103,6 +103,11 @@ class Recording:
         return self.layout.metadata.get(RUN, {})
 
     @property
+    def swarm(self) -> str:
+        """The id of the swarm that was recorded."""
+        return self.metadata.get("swarm", "recorded")
+
+    @property
     def totals(self) -> dict[str, str] | None:
         """What was written at the end; None if the recording did not get there."""
         return self.layout.metadata.get(TOTALS)

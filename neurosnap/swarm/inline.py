@@ -63,7 +63,7 @@ async def run_inline(
         except BaseExceptionGroup as errors:
             raise _first_of(errors) from errors
     return InlineEnding(
-        jobs.Result(swarm.core.totals, seconds),
+        jobs.Result.of(swarm.core, seconds),
         balance,
         time.perf_counter() - began,
         stop.is_set(),

@@ -1,6 +1,7 @@
 """The parts beside the cells, each as the job of a process of its own."""
 
 import asyncio
+from typing import Self
 
 import msgspec
 
@@ -23,6 +24,14 @@ class Result(msgspec.Struct):
     totals: Totals
     seconds: float
     """What the run took, once every part was up."""
+    implications: list[tuple[str, str]]
+    """The learned order by name, covering pairs only."""
+
+    @classmethod
+    def of(cls, core: Coordinator, seconds: float) -> Self:
+        """Sum a core up."""
+        named = core.graph.implications(core.snapshot.sensorium)
+        return cls(core.totals, seconds, named)
 
 
 def coordinator_for(options: RunOptions, past: Past | None) -> Coordinator:
@@ -100,4 +109,4 @@ async def be_coordinator(
                 on_progress=reporter.progress,
             ),
         )
-    reporter.done(Result(core.totals, seconds))
+    reporter.done(Result.of(core, seconds))

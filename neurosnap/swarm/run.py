@@ -23,6 +23,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     """What became of a run."""
 
     totals: Totals
+    implications: list[tuple[str, str]]
+    """The order learned, by name, covering pairs only."""
     completeness: Completeness | None
     """The recording's balance; None where nothing was recorded."""
     seconds: float
@@ -76,6 +78,7 @@ async def run(
         total, stopped = ending.seconds, ending.stopped
     return Outcome(
         totals=result.totals,
+        implications=result.implications,
         completeness=completeness,
         seconds=result.seconds,
         startup=total - result.seconds,

@@ -1,0 +1,176 @@
+"""What people see on the terminal."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import msgspec
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from neurosnap.depth import Line
+    from neurosnap.doctor import Finding
+    from neurosnap.record.replay import Verdict
+    from neurosnap.swarm.options import RunOptions
+    from neurosnap.swarm.probe import Measured
+    from neurosnap.swarm.run import Outcome
+
+_MOST = 24  # implications shown; all of them are in `neurosnap graph`
+
+
+@contextmanager
+def progress(
+    screen: Console, what: str, total: int | None
+) -> Iterator[Callable[[int], None]]:
+    """Show a bar that follows the number the callback is told."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=screen, transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def outcome_facts(
+    options: RunOptions, outcome: Outcome, log: Path | None
+) -> dict[str, object]:
+    """Return a run's outcome as one JSON object."""
+    return {
+        "log": None if log is None else str(log),
+        "cells": len(options.sensors),
+        **msgspec.structs.asdict(outcome.totals),
+        "seconds": outcome.seconds,
+        "startup": outcome.startup,
+        "stopped": outcome.stopped,
+        "complete": outcome.completeness is not None and outcome.completeness.whole,
+        "implications": outcome.implications,
+    }
+
+
+def outcome(
+    console: Console, options: RunOptions, outcome_: Outcome, log: Path | None
+) -> None:
+    """Print a run's summary."""
+    totals = outcome_.totals
+    rate = totals.ticks / outcome_.seconds if outcome_.seconds > 0 else 0.0
+    kind = "process" if options.cells == "process" else "inline"
+    rows = {
+        "cells": f"{len(options.sensors)} ({kind}, {options.wiring} wiring)",
+        "ticks": f"{totals.ticks} in {outcome_.seconds:.1f} s ({rate:.0f} a second)",
+        "waves": f"{totals.waves}",
+        "pulses": f"{totals.pulses}",
+        "depth": f"{totals.depth} hops, the deepest wave",
+        "height": f"{totals.height}, the longest chain of implications now",
+        "incoherent": f"{totals.incoherent} observations",
+        "implications": f"{totals.edges}",
+    }
+    if totals.faults:
+        rows["faults"] = f"{totals.faults} messages dropped as bad or unexpected"
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value in rows.items():
+        table.add_row(f"[bold]{name}[/bold]", value)
+    console.print(table)
+    _implications(console, outcome_.implications)
+    if outcome_.stopped:
+        console.print(f"stopped after tick {totals.ticks}, as asked")
+    if log is not None:
+        console.print(f"recording: {escape(str(log))}", soft_wrap=True)
+    balance = outcome_.completeness
+    if balance is not None and not balance.whole:
+        console.print(f"[red]the recording lacks messages[/red]: {balance.missing}")
+
+
+def _implications(console: Console, pairs: Sequence[tuple[str, str]]) -> None:
+    shown = ", ".join(f"{below} → {above}" for below, above in pairs[:_MOST])
+    more = f" and {len(pairs) - _MOST} more" if len(pairs) > _MOST else ""
+    if pairs:
+        console.print(f"  {escape(shown)}{more}")
+
+
+def verdict(console: Console, found: Verdict) -> None:
+    """Print what a replay found."""
+    if not found.same:
+        console.print("[red]different[/red]:", escape(str(found.difference)))
+        return
+    console.print(
+        f"same: every state and decision of {found.ticks} ticks came out the same"
+        f" ({found.states} states, {found.decisions} decisions, {found.wirings} wirings,"
+        f" {found.waves} waves; {found.seconds:.2f} s)"
+    )
+    if not found.complete:
+        console.print("[yellow]the recording is incomplete[/yellow]")
+
+
+def depth_facts(
+    rows: Sequence[Measured], line: Line | None, out: Path
+) -> dict[str, object]:
+    """Return what was measured as one JSON object."""
+    return {
+        "csv": str(out / "depth.csv"),
+        "png": str(out / "depth.png"),
+        "waves": len(rows),
+        "line": None if line is None else msgspec.structs.asdict(line),
+        "rows": [msgspec.structs.asdict(row) for row in rows],
+    }
+
+
+def depths(
+    console: Console, rows: Sequence[Measured], line: Line | None, out: Path
+) -> None:
+    """Print depth and time by height."""
+    table = Table("sensors", "wiring", "height", "waves", "depth", "pulses", "ms")
+    groups: dict[tuple[int, str, int], list[Measured]] = {}
+    for row in rows:
+        groups.setdefault((row.sensors, row.wiring, row.height), []).append(row)
+    for (sensors, wiring, height), found in groups.items():
+        times = sorted(row.seconds for row in found)
+        table.add_row(
+            str(sensors),
+            wiring,
+            str(height),
+            str(len(found)),
+            _span([row.depth for row in found]),
+            _span([row.pulses for row in found]),
+            f"{1e3 * times[len(times) // 2]:.2f}",
+        )
+    console.print(table)
+    if line is not None:
+        console.print(
+            f"time over depth: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
+        )
+    console.print(
+        f"wrote {escape(str(out / 'depth.csv'))} and {escape(str(out / 'depth.png'))}"
+    )
+
+
+def _span(values: Sequence[int]) -> str:
+    least, most = min(values), max(values)
+    return str(least) if least == most else f"{least}–{most}"
+
+
+def findings(console: Console, found: Sequence[Finding]) -> None:
+    """Print what the doctor found, each with its mend."""
+    for finding in found:
+        mark = "[green]ok[/green] " if finding.ok else "[red]bad[/red]"
+        console.print(f"{mark} {escape(finding.what)}: {escape(finding.found)}")
+        if not finding.ok:
+            console.print(f"    → {escape(finding.mend)}")

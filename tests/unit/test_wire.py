@@ -1,0 +1,167 @@
+"""Every message comes back as it went, and nothing else comes through."""
+
+from fractions import Fraction
+from typing import Any
+
+import msgspec.inspect as kinds
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+
+KINDS = sorted(set(wire.TOPICS.values()), key=lambda kind: kind.__name__)
+
+
+def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
+    """Draw what a field may hold."""
+    match kind:
+        case kinds.IntType():
+            return st.integers(kind.ge, kind.le)
+        case kinds.VarTupleType():
+            return st.lists(values(kind.item_type), max_size=5).map(tuple)
+        case kinds.LiteralType():
+            return st.sampled_from(kind.values)
+        case kinds.BytesType():
+            return st.binary(max_size=40)
+        case kinds.StrType():
+            return st.text(max_size=20)
+        case kinds.BoolType():
+            return st.booleans()
+        case _:
+            raise NotImplementedError(kind)
+
+
+def structs(kind: type[wire.Message]) -> st.SearchStrategy[wire.Message]:
+    """Draw messages of one kind, all fields given."""
+    info = kinds.type_info(kind)
+    assert isinstance(info, kinds.StructType)
+    return st.builds(kind, **{f.name: values(f.type) for f in info.fields})
+
+
+messages = st.one_of([structs(kind) for kind in KINDS])
+
+
+@given(messages)
+def test_a_message_comes_back_as_it_went(message: wire.Message) -> None:
+    back = wire.decode(message.key, wire.encode(message))
+    assert back == message
+    assert type(back) is type(message)
+
+
+@given(messages)
+def test_a_message_travels_under_its_topic(message: wire.Message) -> None:
+    assert wire.TOPICS[wire.topic(message.key)] is type(message)
+
+
+def test_every_kind_of_message_has_a_topic() -> None:
+    assert set(KINDS) == set(wire.Message.__args__)
+
+
+@given(message=messages, other=st.sampled_from(sorted(wire.TOPICS)))
+def test_a_message_under_another_key_is_refused(
+    message: wire.Message, other: str
+) -> None:
+    key = f"{other}/x"
+    with pytest.raises(MessageError, match=rf"^{key}: must hold its own messages, got"):
+        wire.decode(key, wire.encode(message))
+
+
+def test_a_pulse_that_excites_is_refused_where_inhibition_travels() -> None:
+    payload = wire.encode(wire.Pulse(1, 0, 4, 1, 0))
+    assert wire.decode("excite/2", payload) == wire.Pulse(1, 0, 4, 1, 0)
+    with pytest.raises(
+        MessageError,
+        match=r"^inhibit/2: must hold its own messages, got one for excite/2$",
+    ):
+        wire.decode("inhibit/2", payload)
+
+
+@given(key=st.text(max_size=20), payload=st.binary(max_size=100))
+def test_garbage_is_a_message_error(key: str, payload: bytes) -> None:
+    with pytest.raises(MessageError, match="must hold a message, got"):
+        wire.decode(key, payload)
+
+
+@given(messages, st.data())
+def test_a_damaged_payload_is_a_message_error_or_a_message(
+    message: wire.Message, data: st.DataObject
+) -> None:
+    payload = bytearray(wire.encode(message))
+    for _ in range(data.draw(st.integers(1, 3))):
+        place = data.draw(st.integers(0, len(payload) - 1))
+        payload[place] = data.draw(st.integers(0, 255))
+    try:
+        found = wire.decode(message.key, bytes(payload))
+    except MessageError:
+        return
+    assert found.key == message.key
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"null",
+        b"[]",
+        b"{}",
+        b'{"type":"nobody"}',
+        b'{"type":"pulse"}',
+        b'{"type":"leave","who":"\xff\xfe"}',
+        b'{"type":"observe","tick":0,"bits":""}',
+        b'{"type":"observe","tick":1,"bits":"not base64"}',
+        b'{"type":"observe","tick":2147483648,"bits":""}',
+        b'{"type":"observe","tick":1.5,"bits":""}',
+        b'{"type":"observe","tick":NaN,"bits":""}',
+        b'{"type":"observe","tick":' + b"9" * 10_000 + b',"bits":""}',
+        b"[" * 100_000,
+    ],
+    ids=lambda payload: repr(payload[:40]),
+)
+def test_what_breaks_a_rule_is_a_message_error(payload: bytes) -> None:
+    with pytest.raises(MessageError, match=r"^observe: must hold a message, got "):
+        wire.decode("observe", payload)
+
+
+def test_an_unknown_field_is_ignored_so_that_later_schemas_stay_readable() -> None:
+    payload = b'{"type":"leave","who":"world","since":7}'
+    assert wire.decode("leave", payload) == wire.Leave("world")
+
+
+@given(messages)
+def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
+    match message:
+        case wire.Observation():
+            assert message.sender == "world"
+        case wire.Pulse():
+            assert message.sender == f"cell/{message.source // 2}"
+        case wire.Settled():
+            assert message.sender == f"cell/{message.cell}"
+        case wire.Fault() | wire.Leave():
+            assert message.sender == message.who
+        case _:
+            assert message.sender == "coordinator"
+
+
+@given(credit=st.integers(0, 10_000), parts=st.integers(1, 300))
+def test_split_shares_add_up_to_the_whole(credit: int, parts: int) -> None:
+    shares = list(wire.split_evenly(credit, parts))
+    assert len(shares) == parts
+    assert sum(Fraction(1, 2**share) for share in shares) == Fraction(1, 2**credit)
+    assert shares == sorted(shares)
+    assert shares[-1] - shares[0] <= 1
+
+
+def test_a_cell_listens_to_what_is_for_it_and_to_nothing_else() -> None:
+    keys = set(wire.cell_keys(3))
+    for_it: list[wire.Message] = [
+        wire.Observation(1, b""),
+        wire.Wiring(3, 1, 0),
+        wire.WaveStart(1, 0, "signal", 0, 1),
+        wire.Pulse(1, 0, 6, 1, 0),
+        wire.Pulse(1, 0, 7, 1, 0),
+    ]
+    assert {message.key for message in for_it} == keys
+    assert wire.Pulse(1, 0, 8, 1, 0).key not in keys
+    assert wire.Wiring(2, 1, 0).key not in keys

@@ -1,0 +1,230 @@
+"""What Zenoh alone can do on this machine: the bare side of `bench.py`.
+
+A program of its own, so that its fork server has nothing loaded but Zenoh and what
+comes with Python, and its processes hold nothing else. Prints one JSON object.
+
+- ``spawn N``: N processes, each with a session and one subscriber; `--memory` measures
+  them once all are up.
+- ``ring N LAPS``: a message goes round N processes, each callback puts it on to the
+  next through a declared publisher: no queue, no decoding, no report.
+"""
+
+import argparse
+import ctypes
+import itertools
+import json
+import multiprocessing
+import resource
+import signal
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerProcess
+from typing import Self
+
+import zenoh
+
+_context = multiprocessing.get_context("forkserver")
+_BLOCK = zenoh.CongestionControl.BLOCK
+_WARMUP = 5  # laps not counted
+_PATIENCE = 60.0
+_PAYLOAD = b"x" * 64  # about what a pulse takes
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(prog="bench_bare")
+    parser.add_argument("what", choices=("spawn", "ring"))
+    parser.add_argument("count", type=int)
+    parser.add_argument("laps", type=int, nargs="?", default=50)
+    parser.add_argument("--memory", action="store_true")
+    given = parser.parse_args()
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    _context.set_forkserver_preload(["tools.bench_bare"])
+    if given.what == "spawn":
+        measured = measure_spawn(given.count, memory=given.memory)
+    else:
+        measured = measure_ring(given.count, given.laps)
+    print(json.dumps(measured))
+
+
+def measure_spawn(count: int, *, memory: bool = False) -> dict[str, float]:
+    """Return the seconds from the start of the hub until `count` processes are up."""
+    with _Family() as family:
+        up, say_up = _context.Pipe(duplex=False)
+        began = time.perf_counter()
+        endpoint = family.open_hub(count)
+        pids = [family.start(be_bare, endpoint, i, say_up) for i in range(count)]
+        _await(up, count)
+        measured = {"seconds": time.perf_counter() - began}
+        if memory:
+            measured["pss"] = mean_pss(pids)
+    return measured
+
+
+def measure_ring(count: int, laps: int) -> dict[str, float]:
+    """Return the median seconds a hop of `laps` laps round `count` processes."""
+    with _Family() as family:
+        endpoint = family.open_hub(count)
+        up, say_up = _context.Pipe(duplex=False)
+        line, line_end = _context.Pipe()
+        for number in range(count):
+            end = line_end if number == 0 else None
+            family.start(be_relay, endpoint, number, count, laps, say_up, end)
+        _await(up, count)
+        line.send_bytes(b"go")
+        took = json.loads(_await(line, 1))
+    return {"hop": statistics.median(took) / count}
+
+
+def mean_pss(pids: list[int]) -> float:
+    """Return the mean PSS of processes, in bytes: shared pages in equal shares."""
+    import psutil
+
+    return statistics.fmean(psutil.Process(pid).memory_full_info().pss for pid in pids)
+
+
+class _Family:
+    """Processes from one warm fork server; leaving it kills them all."""
+
+    def __init__(self) -> None:
+        self._processes: list[ForkServerProcess] = []
+        self._folder = tempfile.TemporaryDirectory(prefix="bench-")
+
+    def __enter__(self) -> Self:
+        """Start the fork server: its imports are not what is measured."""
+        self.start(time.sleep, 0)
+        self._processes[0].join()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Kill what is left."""
+        for process in self._processes:
+            process.kill()
+        for process in self._processes:
+            process.join()
+        self._folder.cleanup()
+
+    def start(self, work: Callable[..., None], *arguments: object) -> int:
+        """Start a process that does `work`; return its id."""
+        process = _context.Process(target=work, args=arguments)
+        process.start()
+        self._processes.append(process)
+        return process.pid or 0
+
+    def open_hub(self, sessions: int) -> str:
+        """Start the hub in a process of its own; return its endpoint once it is up."""
+        endpoint = f"unixsock-stream/{self._folder.name}/hub"
+        up, say_up = _context.Pipe(duplex=False)
+        self.start(be_hub, endpoint, sessions, say_up)
+        _await(up, 1)
+        return endpoint
+
+
+def _await(line: Connection, count: int) -> bytes:
+    """Wait for `count` words on `line` and return the last; raise when none comes."""
+    word = b""
+    for _ in range(count):
+        if not line.poll(_PATIENCE):
+            raise TimeoutError(f"bare: must be heard of within {_PATIENCE:g} s")
+        word = line.recv_bytes()
+    return word
+
+
+def be_hub(endpoint: str, sessions: int, say_up: Connection) -> None:
+    """Be the hub: the swarm's own, with the same settings."""
+    _end_with_parent()
+    from neurosnap.fabric.over_zenoh import open_hub
+
+    session = open_hub([endpoint], sessions)
+    say_up.send_bytes(b"1")
+    signal.pause()
+    session.close()
+
+
+def be_bare(endpoint: str, number: int, say_up: Connection) -> None:
+    """Open a session, declare one subscriber, stay."""
+    _end_with_parent()
+    session = _open(endpoint)
+    callback = zenoh.handlers.Callback(_ignore, indirect=False)
+    subscriber = session.declare_subscriber(f"bare/*/{number}", callback)
+    say_up.send_bytes(b"1")
+    signal.pause()
+    subscriber.undeclare()
+
+
+def be_relay(
+    endpoint: str,
+    number: int,
+    count: int,
+    laps: int,
+    say_up: Connection,
+    line: Connection | None,
+) -> None:
+    """Put on to the next whatever comes; the first process times the laps."""
+    _end_with_parent()
+    session = _open(endpoint)
+    onward = session.declare_publisher(
+        f"ring/{(number + 1) % count}", congestion_control=_BLOCK
+    )
+    times: list[float] = []
+
+    def relay(sample: zenoh.Sample) -> None:
+        onward.put(sample.payload)
+
+    def count_lap(sample: zenoh.Sample) -> None:
+        times.append(time.perf_counter())
+        if len(times) <= _WARMUP + laps:
+            onward.put(sample.payload)
+        elif line is not None:
+            took = [b - a for a, b in itertools.pairwise(times)]
+            line.send_bytes(json.dumps(took[_WARMUP:]).encode())
+
+    work = relay if line is None else count_lap
+    callback = zenoh.handlers.Callback(work, indirect=False)
+    session.declare_subscriber(f"ring/{number}", callback)
+    # Its stub says bool, and it is an object that has one.
+    while not getattr(onward.matching_status, "matching", False):
+        time.sleep(0.005)
+    say_up.send_bytes(b"1")
+    if line is not None:
+        line.recv_bytes()
+        onward.put(_PAYLOAD)
+    signal.pause()
+
+
+def _open(endpoint: str) -> zenoh.Session:
+    """Open a client session with the swarm's settings."""
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": 60_000,
+        "connect/retry": {
+            "period_init_ms": 50,
+            "period_max_ms": 200,
+            "period_increase_factor": 1.5,
+        },
+        "listen/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        "transport/shared_memory/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+def _ignore(sample: zenoh.Sample) -> None:
+    """Take in nothing."""
+
+
+def _end_with_parent() -> None:
+    """Get a SIGTERM when the fork server goes, as the swarm's cells do."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)

@@ -1,0 +1,182 @@
+"""The row on learning in one process: our kernels against plain numpy.
+
+The plain version is what one writes first: dense weights of all pairs of literals, the
+test on whole matrices, the state by a breadth-first walk. It starts from the same
+weights, and each of its states must be the snapshot's.
+"""
+
+import time
+from collections.abc import Callable
+from itertools import cycle, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.sensorium import complete
+from tools.bench_report import Line, Sizes
+
+_PLACES = 64  # observations there are; each stays above every threshold
+_FEW = 3
+_LONGEST = 100  # rounds of all places until the graph must have settled
+_REACH = {145: 60e-6, 1000: 2e-3}
+_SLACK = 1e-12
+
+Bits = NDArray[np.bool_]
+
+
+def observe(sizes: Sizes) -> list[Line]:
+    """Time one observation, once the graph has stopped changing."""
+    return [
+        _observe(kind, sensors, sizes.batches)
+        for sensors in sizes.sensors
+        for kind in (EmpiricalSnapshot, DiscountedSnapshot)
+    ]
+
+
+def _observe(
+    kind: type[EmpiricalSnapshot] | type[DiscountedSnapshot], sensors: int, batches: int
+) -> Line:
+    snapshot = kind(sensors)
+    places = _intervals(sensors)
+    _settle(snapshot, places)
+    upcoming = cycle(places)
+    ours, theirs = [], []
+    for _ in range(batches):
+        batch = list(islice(upcoming, _PLACES))
+        # The plain side takes a hundred times as long: a few will do.
+        plain, few = Plain(snapshot), batch[:_FEW]
+        seconds, expected = _timed(plain.observe, few)
+        theirs.append(seconds)
+        seconds, states = _timed(snapshot.observe, batch)
+        ours.append(seconds)
+        if not np.array_equal(expected, states[:_FEW]):
+            raise RuntimeError(f"{kind.__name__}: must have the states of plain numpy")
+    best, bare = min(ours), min(theirs)
+    reach = _REACH.get(sensors)
+    return Line(
+        f"{kind.__name__}.observe, {sensors:,} sensors",
+        f"{_short(best)} (1/{bare / best:.0f} of numpy)",
+        f"plain numpy {_short(bare)}",
+        "" if reach is None else f"≤ {_short(reach)}",
+        None if reach is None else best <= reach,
+        {"seconds": best, "numpy_seconds": bare, "times_numpy": bare / best},
+    )
+
+
+class Plain:
+    """The same snapshot in plain numpy.
+
+    Args:
+        snapshot: Whose weights to start from.
+    """
+
+    def __init__(self, snapshot: Snapshot) -> None:
+        arrays = snapshot.arrays()
+        count = len(snapshot.sensorium)
+        self._clock = snapshot.clock
+        self._decay = arrays.get("decay")
+        self._threshold = arrays["threshold"]
+        self._flip = np.arange(2 * count) ^ 1
+        self._pairs = np.arange(2 * count) // 2
+        self._other = self._pairs[:, None] != self._pairs[None, :]
+        self._weights = _dense(arrays["joints"], arrays["marginals"], self._total())
+
+    def _total(self) -> float:
+        return float(self._clock) if self._decay is None else 1.0
+
+    def observe(self, bits: Bits) -> Bits:
+        """Return the state after one more observation."""
+        observation = complete(bits)
+        both = observation[:, None] & observation[None, :]
+        if self._decay is None:
+            self._clock += 1
+            self._weights += both
+            slack = 0.0
+        else:
+            self._weights *= self._decay
+            self._weights += (1 - self._decay) * both
+            slack = _SLACK
+        edges = self._edges(slack)
+        reached = self._above(observation, edges)
+        return reached & ~reached[self._flip]
+
+    def _edges(self, slack: float) -> Bits:
+        """Return the edges of the weights; where they decay, truncate these after."""
+        w, flip = self._weights, self._flip
+        against, counter = w[:, flip], w[flip]  # w_ab*, w_a*b
+        rest = counter[:, flip]
+        least = np.minimum(np.minimum(w, counter), rest)
+        least = np.minimum(least, self._threshold * self._total())
+        equal = (against <= slack) & (counter <= slack) & self._other
+        opposite = equal[:, flip]
+        strict = (against < least - slack) & self._other & ~equal & ~opposite
+        if self._decay is not None:
+            self._truncate(strict)
+        return strict | equal
+
+    def _truncate(self, strict: Bits) -> None:
+        """Take from every square the weight against its implication."""
+        flip = self._flip
+        mine = self._weights.diagonal()
+        w = np.where(strict, mine[:, None], self._weights)  # a -> b
+        w = np.where(strict.T, mine[None, :], w)  # b -> a
+        w[strict[:, flip]] = 0.0  # a -> b*
+        w = np.where(strict[flip], mine[:, None] - mine[flip][None, :], w)  # a* -> b
+        self._weights = w
+
+    def _above(self, literals: Bits, edges: Bits) -> Bits:
+        """Return the literals and all that can be reached from them."""
+        reached = literals.copy()
+        fresh = literals
+        while fresh.any():
+            fresh = edges[fresh].any(axis=0) & ~reached
+            reached |= fresh
+        return reached
+
+
+def _dense(
+    joints: NDArray[np.generic], marginals: NDArray[np.generic], total: float
+) -> NDArray[np.float64]:
+    """Return the weights of all pairs of literals, ``(2N, 2N)``."""
+    count = marginals.size
+    mine = marginals.astype(np.float64)
+    square = np.zeros((count, count))
+    square[np.tril_indices(count, -1)] = joints
+    square += square.T
+    np.fill_diagonal(square, mine)
+    weights = np.zeros((2 * count, 2 * count))
+    weights[::2, ::2] = square
+    weights[::2, 1::2] = mine[:, None] - square
+    weights[1::2, ::2] = mine[None, :] - square
+    weights[1::2, 1::2] = total - mine[:, None] - mine[None, :] + square
+    return weights
+
+
+def _intervals(sensors: int) -> list[Bits]:
+    """Return what sensors that are on along stretches of a line see at each place."""
+    rng = np.random.default_rng(7)
+    start = rng.integers(0, _PLACES, sensors)
+    stop = start + rng.integers(1, _PLACES // 2, sensors)
+    places = rng.permutation(_PLACES)
+    return [(start <= place) & (place < stop) for place in places]
+
+
+def _settle(snapshot: Snapshot, places: list[Bits]) -> None:
+    """Observe all places over and over until the graph no longer changes."""
+    for _ in range(_LONGEST):
+        if not any([snapshot.learn(bits) for bits in places]):
+            return
+    raise RuntimeError("observe: the graph must settle, it goes on changing")
+
+
+def _timed(work: Callable[[Bits], Bits], batch: list[Bits]) -> tuple[float, list[Bits]]:
+    """Return the seconds a call takes, and what the calls returned."""
+    began = time.perf_counter()
+    results = [work(bits) for bits in batch]
+    return (time.perf_counter() - began) / len(batch), results
+
+
+def _short(seconds: float) -> str:
+    """Return a short time in words."""
+    return f"{seconds * 1e6:.0f} µs" if seconds < 1e-3 else f"{seconds * 1e3:.1f} ms"

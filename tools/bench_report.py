@@ -1,0 +1,99 @@
+"""What a benchmark hands in: lines of a table, with the bare figures beside."""
+
+import os
+import platform
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+
+from rich.table import Table
+
+_HEAD = ("what", "measured", "against", "reach", "")
+_MARKS = {True: "✓", False: "✗", None: ""}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is measured."""
+
+    cells: int = 1000
+    """Processes of the spawn row."""
+    chain: int = 200
+    """Edges on the longest chain, for hop and line."""
+    heights: tuple[int, ...] = (2, 5, 10, 20, 50, 100, 150, 200)
+    """Chains of the line row."""
+    waves: int = 30
+    """Waves timed at each height, and laps of the bare ring."""
+    pairs: int = 3
+    """Times that a pair of sides is measured, interleaved."""
+    ticks: int = 300
+    """Ticks of a run."""
+    sensors: tuple[int, ...] = (145, 1000)
+    """Sensors of the observe row."""
+    batches: int = 9
+    """Times that a batch of observations is timed."""
+
+
+QUICK = Sizes(
+    cells=20,
+    chain=20,
+    heights=(2, 5, 10, 20),
+    waves=5,
+    pairs=1,
+    ticks=20,
+    sensors=(20, 40),
+    batches=2,
+)
+"""Enough to see that each row works; what is measured means nothing."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the table."""
+
+    what: str
+    """What was measured."""
+    measured: str
+    """The outcome, in words."""
+    against: str = ""
+    """What it is compared with, in words."""
+    reach: str = ""
+    """What it should come to."""
+    reached: bool | None = None
+    """Whether it does; None where nothing was set."""
+    figures: dict[str, float] = field(default_factory=dict)
+    """The plain numbers: seconds, bytes, ratios."""
+
+    def cells(self) -> tuple[str, ...]:
+        """Return what stands in the table."""
+        mark = _MARKS[self.reached]
+        return (self.what, self.measured, self.against, self.reach, mark)
+
+
+def table(lines: Iterable[Line]) -> Table:
+    """Return the lines as a table for the screen."""
+    shown = Table(*_HEAD)
+    for line in lines:
+        shown.add_row(*line.cells())
+    return shown
+
+
+def markdown(lines: Iterable[Line]) -> str:
+    """Return the lines as a Markdown table."""
+    rows = [_HEAD, ("---",) * len(_HEAD), *(line.cells() for line in lines)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def as_json(rows: dict[str, list[Line]]) -> dict[str, object]:
+    """Return everything, plain, with what it was measured on."""
+    return {
+        "machine": {
+            "cores": len(os.sched_getaffinity(0)),
+            "load": os.getloadavg()[0],
+            "platform": platform.platform(),
+            "python": ".".join(map(str, sys.version_info[:3])),
+        },
+        "rows": {
+            name: [asdict(line) for line in lines] for name, lines in rows.items()
+        },
+    }

@@ -1,0 +1,213 @@
+"""Rows on the swarm itself: coming up, a hop, wave time against depth."""
+
+import asyncio
+import json
+import multiprocessing
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from neurosnap.swarm.launch import Ending, Plan, run_processes
+from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
+from neurosnap.swarm.supervisor import allow_files
+from tools.bench_bare import mean_pss
+from tools.bench_report import Line, Sizes
+
+_ROOT = Path(__file__).parent.parent
+_SPAWN, _MEMORY, _HOP, _FIT = 1.5, 12.0, 1.5, 0.98
+_MB = 1e6
+
+
+def spawn(sizes: Sizes) -> list[Line]:
+    """Time from starting the hub until a wave has passed through every cell."""
+    allow_files(sizes.cells + 10)  # the fork server keeps the limit it started with
+    _probe(ProbePlan(sensors=2, heights=(1,), wiring="hasse", waves=1))
+    # One chain through all cells: each is wired, and the wave proves it.
+    height = sizes.cells - 1
+    plan = ProbePlan(
+        sensors=sizes.cells, heights=(height,), wiring="hasse", waves=1, warmup=0
+    )
+    theirs, ours, waves = [], [], []
+    for _ in range(max(1, sizes.pairs - 1)):
+        theirs.append(_bare("spawn", sizes.cells)["seconds"])
+        ending = _probe(plan)
+        ours.append(ending.seconds)
+        waves.append(_rows(ending)[0].seconds)
+    ratio = min(ours) / min(theirs)
+    time = Line(
+        f"{sizes.cells:,} cells, a process each: up, wired, a wave through all",
+        f"{min(ours):.1f} s ({ratio:.2f} ×; {min(waves):.2f} s of it the wave)",
+        f"bare Zenoh processes {min(theirs):.1f} s",
+        f"≤ {_SPAWN:g} ×",
+        ratio <= _SPAWN,
+        {
+            "seconds": min(ours),
+            "wave_seconds": min(waves),
+            "bare_seconds": min(theirs),
+            "ratio": ratio,
+        },
+    )
+    return [time, _memory(sizes)]
+
+
+def _memory(sizes: Sizes) -> Line:
+    """Measure the cells' memory while waves go on passing through them."""
+    ours = asyncio.run(_pss_while_up(sizes.cells)) / _MB
+    theirs = _bare("spawn", sizes.cells, "--memory")["pss"] / _MB
+    return Line(
+        "memory a cell (PSS)",
+        f"{ours:.1f} MB",
+        f"bare {theirs:.1f} MB",
+        f"≤ {_MEMORY:g} MB",
+        ours <= _MEMORY,
+        {"pss": ours * _MB, "bare_pss": theirs * _MB},
+    )
+
+
+async def _pss_while_up(cells: int) -> float:
+    """Return the mean PSS of the cells of a swarm that has passed a wave."""
+    # More waves than it will ever send: it is stopped once it is measured.
+    plan = ProbePlan(sensors=cells, heights=(1,), wiring="hasse", waves=10**9)
+    stop, up = asyncio.Event(), asyncio.Event()
+    found = 0.0
+
+    async def measure() -> None:
+        nonlocal found
+        try:
+            await up.wait()
+            found = await asyncio.to_thread(_cells_pss)
+        finally:
+            stop.set()
+
+    async with asyncio.TaskGroup() as group:
+        measuring = group.create_task(measure(), name="bench/memory")
+        try:
+            await run_processes(
+                _swarm(plan), stop, lambda tick: up.set() if tick else None
+            )
+        finally:
+            measuring.cancel()
+    return found
+
+
+def _cells_pss() -> float:
+    children = multiprocessing.active_children()
+    return mean_pss(
+        [child.pid for child in children if child.pid and child.name[:5] == "cell/"]
+    )
+
+
+def hop(sizes: Sizes) -> list[Line]:
+    """Time one hop of a wave along a chain, against a bare relay ring."""
+    low, high = sizes.chain // 10, sizes.chain - 1
+    plan = ProbePlan(
+        sensors=sizes.chain,
+        heights=(low, high),
+        wiring="hasse",
+        waves=sizes.waves,
+        warmup=3,
+    )
+    theirs, slopes, quotients = [], [], []
+    for _ in range(sizes.pairs):
+        theirs.append(_bare("ring", sizes.chain, str(sizes.waves))["hop"])
+        medians = _medians(_rows(_probe(plan)))
+        slopes.append((medians[high] - medians[low]) / (high - low))
+        quotients.append(medians[high] / high)
+    bare, slope, quotient = min(theirs), min(slopes), min(quotients)
+    return [
+        Line(
+            what,
+            f"{measured * 1e6:.0f} µs ({measured / bare:.2f} ×)",
+            f"bare relay {bare * 1e6:.0f} µs",
+            f"≤ {_HOP:g} ×",
+            measured / bare <= _HOP,
+            {"seconds": measured, "bare_seconds": bare, "ratio": measured / bare},
+        )
+        for what, measured in (
+            (f"one hop, chain of {sizes.chain} cells (slope)", slope),
+            (f"one hop, whole wave / {high} hops", quotient),
+        )
+    ]
+
+
+def line(sizes: Sizes) -> list[Line]:
+    """Time waves against their depth in one swarm: is it a straight line."""
+    plan = ProbePlan(
+        sensors=max(sizes.heights) + 1,
+        heights=sizes.heights,
+        wiring="hasse",
+        waves=sizes.waves,
+        warmup=3,
+    )
+    rows = _rows(_probe(plan))
+    medians = _medians(rows)
+    slope, intercept, fit = _fitted(list(medians), list(medians.values()))
+    _, _, fit_of_all = _fitted([r.depth for r in rows], [r.seconds for r in rows])
+    return [
+        Line(
+            f"wave time against depth, {plan.sensors} cells, depths"
+            f" {min(medians)} to {max(medians)}",
+            f"R² {fit:.4f} (all {len(rows)} waves {fit_of_all:.4f});"
+            f" {slope * 1e6:.0f} µs a hop + {intercept * 1e3:.1f} ms",
+            "a straight line",
+            f"R² ≥ {_FIT:g}",
+            fit >= _FIT,
+            {
+                "seconds_per_hop": slope,
+                "intercept": intercept,
+                "r2": fit,
+                "r2_all": fit_of_all,
+            }
+            | {f"depth_{depth}": seconds for depth, seconds in medians.items()},
+        )
+    ]
+
+
+def _bare(*arguments: object) -> dict[str, float]:
+    """Run the bare side in a program of its own and return what it measured."""
+    # By `-c`: what is run as a file or a module, every child would import again.
+    code = "from tools.bench_bare import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        cwd=_ROOT,
+        stdout=subprocess.PIPE,
+        timeout=300,
+        check=True,
+    )
+    measured: dict[str, float] = json.loads(done.stdout)
+    return measured
+
+
+def _swarm(plan: ProbePlan) -> Plan:
+    return Plan(cells=plan.sensors, conductor=be_probe, conductor_arguments=(plan,))
+
+
+def _probe(plan: ProbePlan) -> Ending:
+    async def probe() -> Ending:
+        return await run_processes(_swarm(plan), asyncio.Event())
+
+    return asyncio.run(probe())
+
+
+def _rows(ending: Ending) -> list[Measured]:
+    return msgspec.json.decode(ending.result, type=list[Measured])
+
+
+def _medians(rows: list[Measured]) -> dict[int, float]:
+    """Return the median seconds of the waves of each depth, ascending."""
+    depths = sorted({row.depth for row in rows})
+    return {
+        depth: statistics.median(row.seconds for row in rows if row.depth == depth)
+        for depth in depths
+    }
+
+
+def _fitted(depths: list[int], seconds: list[float]) -> tuple[float, float, float]:
+    """Return slope, intercept and R² of the least-squares line."""
+    slope, intercept = np.polyfit(depths, seconds, 1)
+    r = np.corrcoef(depths, seconds)[0, 1]
+    return float(slope), float(intercept), float(r * r)
