@@ -93,7 +93,7 @@ def run(
             cells=cells,
             deadline=deadline,
         )
-        log = (out or _new_log(source)) if record else None
+        log = _new_log(source, out) if record else None
         with show.progress(screen, "ticks", options.ticks) as on_progress:
             outcome = _run(lambda stop: run_swarm(options, log, stop, on_progress))
         show.outcome(_say(as_json), options, outcome, log)
@@ -165,7 +165,10 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
 
     options, past = look_back(log)
     options = msgspec.structs.replace(options, ticks=ticks or past.tick + 300)
-    new = out or _new_log(options.source)
+    if options.ticks <= past.tick:
+        rule = f"must be more than the {past.tick} there are"
+        raise InvalidValueError("ticks", rule, options.ticks)
+    new = _new_log(options.source, out)
     with show.progress(screen, "ticks", options.ticks) as on_progress:
         outcome = _run(lambda stop: run_swarm(options, new, stop, on_progress, past))
     show.outcome(_say(as_json), options, outcome, new)
@@ -389,8 +392,14 @@ def _ticks(asked: int | None, length: int | None) -> int:
     return length if asked is None else min(asked, length)
 
 
-def _new_log(source: str) -> Path:
-    """Return a name for a new recording under ``logs/``."""
+def _new_log(source: str, out: Path | None) -> Path:
+    """Return where to record: `out`, or a new name under ``logs/``."""
+    if out is not None:
+        if out.exists():
+            raise InvalidValueError("out", "must not exist yet", str(out))
+        if not out.absolute().parent.is_dir():
+            raise InvalidValueError("out", "must be in a folder that exists", str(out))
+        return out
     name = Path(source).stem.removesuffix("-v0").lower() or "run"
     folder = Path("logs")
     folder.mkdir(exist_ok=True)

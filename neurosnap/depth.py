@@ -25,7 +25,7 @@ from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS = Measured.__struct_fields__
+COLUMNS = ("sensors", "wiring", "height", "depth", "longest", "pulses", "seconds")
 
 
 class Line(msgspec.Struct, frozen=True):
@@ -108,7 +108,7 @@ def from_recording(recording: Recording) -> list[Measured]:
     for recorded in recording.messages(("wave", "state", "reach")):
         match recorded.message:
             case wire.WaveStart(wave=wave):
-                started[wave] = recorded.sent
+                started.setdefault(wave, recorded.sent)
             case wire.State() | wire.Reached() as result:
                 rows.append(
                     Measured(
@@ -119,6 +119,7 @@ def from_recording(recording: Recording) -> list[Measured]:
                         longest=result.longest,
                         pulses=result.pulses,
                         seconds=(recorded.sent - started.pop(result.wave)) / 1e9,
+                        kind="state" if isinstance(result, wire.State) else "signal",
                     )
                 )
             case _:
@@ -127,8 +128,12 @@ def from_recording(recording: Recording) -> list[Measured]:
 
 
 def fit(rows: Iterable[Measured]) -> Line | None:
-    """Fit seconds over depth by least squares; None for fewer than two depths."""
-    points = [(row.depth, row.seconds) for row in rows]
+    """Fit seconds over depth by least squares; None for fewer than two depths.
+
+    State waves are left out: they fire in every cell at once, and what they take says
+    how many cells there are.
+    """
+    points = [(row.depth, row.seconds) for row in rows if row.kind == "signal"]
     if len({depth for depth, _ in points}) < 2:
         return None
     x, y = np.array(points, dtype=np.float64).T
@@ -145,12 +150,14 @@ def write_csv(rows: Iterable[Measured], path: Path) -> None:
     with draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
-        writer.writerows(msgspec.structs.astuple(row) for row in rows)
+        writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
     os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
 
 
 def draw(rows: Sequence[Measured], path: Path) -> None:
     """Write ``depth.png``: depth over height, and time over depth with its line.
+
+    State waves are not drawn; see `fit`.
 
     Raises:
         NeurosnapError: matplotlib is not installed.
@@ -163,9 +170,10 @@ def draw(rows: Sequence[Measured], path: Path) -> None:
         ) from error
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
-    groups = sorted({(row.sensors, row.wiring) for row in rows})
+    signals = [row for row in rows if row.kind == "signal"]
+    groups = sorted({(row.sensors, row.wiring) for row in signals})
     for number, (sensors, wiring) in enumerate(groups):
-        chosen = [r for r in rows if (r.sensors, r.wiring) == (sensors, wiring)]
+        chosen = [r for r in signals if (r.sensors, r.wiring) == (sensors, wiring)]
         label, colour = f"{sensors} cells, {wiring}", f"C{number}"
         _draw_depth(left, chosen, label, colour)
         _draw_time(right, chosen, label, colour)

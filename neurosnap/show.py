@@ -137,15 +137,15 @@ def depths(
     console: Console, rows: Sequence[Measured], line: Line | None, out: Path
 ) -> None:
     """Print depth and time by height."""
-    table = Table("sensors", "wiring", "height", "waves", "depth", "pulses", "ms")
+    table = Table("sensors", "kind", "height", "waves", "depth", "pulses", "median ms")
     groups: dict[tuple[int, str, int], list[Measured]] = {}
     for row in rows:
-        groups.setdefault((row.sensors, row.wiring, row.height), []).append(row)
-    for (sensors, wiring, height), found in groups.items():
+        groups.setdefault((row.sensors, row.kind, row.height), []).append(row)
+    for (sensors, kind, height), found in sorted(groups.items()):
         times = sorted(row.seconds for row in found)
         table.add_row(
             str(sensors),
-            wiring,
+            f"{kind}, {found[0].wiring}",
             str(height),
             str(len(found)),
             _span([row.depth for row in found]),

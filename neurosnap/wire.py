@@ -76,7 +76,11 @@ class Wiring(msgspec.Struct, frozen=True, tag="wiring", gc=False):
 
 
 class WaveStart(msgspec.Struct, frozen=True, tag="wave", gc=False):
-    """A wave begins: the cells of its signal fire."""
+    """A wave begins: the cells of its signal fire.
+
+    It goes to every cell, or only to those of the signal: waking every cell for a wave
+    that concerns a few would make its time grow with the number of cells.
+    """
 
     wave: Numbered
     """The wave's number; grows by one with each wave of a run."""
@@ -92,6 +96,11 @@ class WaveStart(msgspec.Struct, frozen=True, tag="wave", gc=False):
     """Literals that fire; empty in a `state` wave unless it repeats a lost one."""
     repeats: Natural = 0
     """The number of the wave that was given up for this one; 0: none."""
+    fence: Natural = 0
+    """The last wave announced to every cell, itself or one before. Whoever has seen
+    that has every wiring this wave is meant for, and may act."""
+    cell: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """The one cell this copy is for; -1: for all."""
 
     @property
     def sender(self) -> str:
@@ -101,7 +110,7 @@ class WaveStart(msgspec.Struct, frozen=True, tag="wave", gc=False):
     @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
-        return "wave"
+        return "wave" if self.cell < 0 else f"wave/{self.cell}"
 
 
 class Pulse(msgspec.Struct, frozen=True, tag="pulse", gc=False):
@@ -117,6 +126,8 @@ class Pulse(msgspec.Struct, frozen=True, tag="pulse", gc=False):
     """Edges from the signal to the target along the way this pulse came."""
     credit: Natural
     """It carries the share ``2^-credit`` of the wave."""
+    fence: Natural = 0
+    """As in the wave's start, for cells that got none."""
 
     @property
     def sender(self) -> str:
@@ -379,6 +390,7 @@ def cell_keys(cell: int) -> tuple[str, ...]:
         "observe",
         f"wiring/{cell}",
         "wave",
+        f"wave/{cell}",
         f"excite/{cell}",
         f"inhibit/{cell}",
     )

@@ -6,9 +6,10 @@ Its invariants:
 - A literal fires at most once a wave, on the first pulse for it or because it belongs
   to the wave's signal; firing sends one pulse along every out-edge of the literal.
 - Whatever credit comes in goes out again in the same burst, in pulses and in a report.
-- Nothing of a wave is done before its `WaveStart` has come (and, in a state wave, the
-  reading of its tick). The coordinator sends wirings before the start, so what fires is
-  always the wiring the wave was meant for.
+- Nothing of a wave is done before its fence has been seen: the last wave announced to
+  every cell, itself or one before (and, in a state wave, before the reading of its
+  tick). The coordinator sends wirings before the fence, so what fires is always the
+  wiring the wave was meant for.
 - A message that came before changes nothing when it comes again.
 
 A process imports this file a thousand times over: neither numpy nor numba is needed.
@@ -27,12 +28,27 @@ _READINGS = 8  # ticks a cell remembers; a wave is never further behind
 class _Wave:
     """What a cell knows of one wave."""
 
-    __slots__ = ("credit", "fired", "held", "hops", "part", "pulses", "seen", "start")
+    __slots__ = (
+        "asked",
+        "credit",
+        "fence",
+        "fired",
+        "held",
+        "hops",
+        "number",
+        "part",
+        "pulses",
+        "seen",
+        "start",
+    )
 
-    def __init__(self) -> None:
+    def __init__(self, number: int, fence: int) -> None:
+        self.number = number
+        self.fence = fence
         self.start: wire.WaveStart | None = None
         self.held: list[wire.Pulse] = []
         self.seen: set[tuple[int, int]] = set()  # (source, target) of pulses that came
+        self.asked = False  # the signal's own literals have fired
         self.fired: set[int] = set()
         self.part = 0
         # The next report, gathered over a burst: (literal, hops), shares, pulses sent.
@@ -57,6 +73,7 @@ class Cell:
         self._readings: dict[int, int] = {}  # tick -> the literal that was on
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
+        self._fence = 0  # the last wave announced to all that has come
 
     def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
         """Take in `burst` and return what the cell sends for it, in order.
@@ -65,7 +82,7 @@ class Cell:
         them. Cost: proportional to the burst and to the out-edges of what fires.
         """
         out: list[wire.Message] = []
-        touched: dict[int, _Wave] = {}
+        touched: dict[int, _Wave] = {}  # waves that owe a report
         for message in burst:
             match message:
                 case wire.Pulse():
@@ -78,8 +95,7 @@ class Cell:
                     self._rewire(message, out)
                 case _:
                     out.append(self._fault(f"{message.key}: is not for a cell"))
-        for number, wave in touched.items():
-            out.append(self._report(number, wave))
+        out.extend(self._report(wave) for wave in touched.values())
         return out
 
     def _fault(self, what: str) -> wire.Fault:
@@ -98,16 +114,23 @@ class Cell:
             return
         if pulse.wave < self._settled_below:
             return
-        wave = self._waves.setdefault(pulse.wave, _Wave())
+        wave = self._wave(pulse.wave, pulse.fence)
         way = (pulse.source, pulse.target)
         if way in wave.seen:
             return
         wave.seen.add(way)
         if self._is_open(wave):
-            self._excite(pulse, wave, out)
-            touched[pulse.wave] = wave
+            self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
+            touched[wave.number] = wave
         else:
             wave.held.append(pulse)
+
+    def _wave(self, number: int, fence: int) -> _Wave:
+        """Return what is known of a wave, which may be nothing yet."""
+        wave = self._waves.get(number)
+        if wave is None:
+            wave = self._waves[number] = _Wave(number, fence)
+        return wave
 
     def _start(
         self,
@@ -122,21 +145,24 @@ class Cell:
                 for number, wave in self._waves.items()
                 if number >= start.settled_below
             }
-        if start.wave < self._settled_below:
-            return
-        wave = self._waves.setdefault(start.wave, _Wave())
-        if wave.start is None:
-            wave.start = start
+        if start.wave >= self._settled_below:
+            wave = self._wave(start.wave, start.fence)
+            wave.start = wave.start or start
             self._open(wave, touched, out)
+        if start.cell < 0 and start.wave > self._fence:
+            self._fence = start.wave
+            for wave in self._waves.values():
+                self._open(wave, touched, out)
 
     def _is_open(self, wave: _Wave) -> bool:
-        """Tell whether the cell may act: it has the start, and the reading it needs."""
+        """Tell whether the cell may act: it has the fence, and the reading it needs."""
         start = wave.start
         return (
-            start is not None
-            and self._wired
+            self._wired
+            and wave.fence <= self._fence
             and (
-                start.kind == "signal"
+                start is None
+                or start.kind == "signal"
                 or bool(start.signal)
                 or start.tick in self._readings
             )
@@ -145,37 +171,41 @@ class Cell:
     def _open(
         self, wave: _Wave, touched: dict[int, _Wave], out: list[wire.Message]
     ) -> None:
-        """Fire what the signal asks of this cell, then the pulses that came early."""
-        start = wave.start
-        if start is None or not self._is_open(wave):
+        """Fire what the signal asks of this cell, then the pulses that came early.
+
+        Does nothing when called again: a signal is asked for once, what was held is
+        gone.
+        """
+        if not self._is_open(wave):
             return
-        if start.kind == "signal" or start.signal:
-            mine = [literal for literal in self._targets if literal in start.signal]
-        else:
-            mine = [self._readings[start.tick]]
-        for literal in mine:
-            self._fire(literal, 0, start.credit, wave, out)
+        start = wave.start
+        if start is not None and not wave.asked:
+            wave.asked = True
+            for literal in self._asked(start):
+                self._reach(literal, 0, start.credit, wave, out)
+                touched[wave.number] = wave
         held, wave.held = wave.held, []
         for pulse in held:
-            self._excite(pulse, wave, out)
-        if mine or held:
-            touched[start.wave] = wave
+            self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
+            touched[wave.number] = wave
 
-    def _excite(self, pulse: wire.Pulse, wave: _Wave, out: list[wire.Message]) -> None:
-        if pulse.target in wave.fired:
-            wave.credit.append(pulse.credit)
-        else:
-            self._fire(pulse.target, pulse.hops, pulse.credit, wave, out)
+    def _asked(self, start: wire.WaveStart) -> list[int]:
+        """Return the literals of this cell that a wave's signal holds."""
+        if start.kind == "signal" or start.signal:
+            return [literal for literal in self._targets if literal in start.signal]
+        return [self._readings[start.tick]]
 
-    def _fire(
+    def _reach(
         self, literal: int, hops: int, credit: int, wave: _Wave, out: list[wire.Message]
     ) -> None:
-        if wave.start is None:
-            raise RuntimeError("fire: must not happen before the wave's start")
+        """Fire `literal`, or give the credit back if it has fired in this wave."""
+        if literal in wave.fired:
+            wave.credit.append(credit)
+            return
         targets = self._targets[literal]
         shares = list(wire.split_evenly(credit, len(targets) + 1))
         out.extend(
-            wire.Pulse(wave.start.wave, literal, target, hops + 1, share)
+            wire.Pulse(wave.number, literal, target, hops + 1, share, wave.fence)
             for target, share in zip(targets, shares[1:], strict=True)
         )
         wave.fired.add(literal)
@@ -183,9 +213,9 @@ class Cell:
         wave.credit.append(shares[0])
         wave.pulses += len(targets)
 
-    def _report(self, number: int, wave: _Wave) -> wire.Settled:
+    def _report(self, wave: _Wave) -> wire.Settled:
         report = wire.Settled(
-            wave=number,
+            wave=wave.number,
             cell=self.cell,
             part=wave.part,
             literals=tuple(literal for literal, _ in wave.hops),
@@ -247,7 +277,7 @@ class Cell:
 async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
     """Be the cell of sensor `cell` until `stop` is set.
 
-    Reads ``*/<cell>``, ``observe`` and ``wave``; publishes pulses, reports and faults.
+    Reads `wire.cell_keys`; publishes pulses, reports and faults.
     Cancellation ends it at once; the fabric is the caller's to close.
     """
     core = Cell(cell)

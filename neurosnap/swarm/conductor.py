@@ -15,6 +15,8 @@ from neurosnap import wire
 from neurosnap.errors import WaveLostError
 from neurosnap.swarm.wave import Wave
 
+_UNANNOUNCED = 64  # waves that only concern a few, before all cells hear of one again
+
 
 class Conductor:
     """Wires the cells and counts the waves in.
@@ -30,13 +32,15 @@ class Conductor:
         self._edges = np.zeros((2 * sensors, 2 * sensors), dtype=np.bool_)
         self._epoch = 0
         self._told = [0] * sensors  # epoch of each cell's last wiring
+        self._fence = 0  # the last wave announced to all
+        self._stale = True  # a wiring went out since, or many waves
         self._next = 1
         self._flying: dict[int, Wave] = {}
         self._tries: dict[int, int] = {}
 
     @property
     def waves(self) -> int:
-        """How many waves were started."""
+        """How many waves were started; the number of the newest."""
         return self._next - 1
 
     @property
@@ -55,6 +59,7 @@ class Conductor:
         if not cells:
             return []
         self._epoch += 1
+        self._stale = True
         messages: list[wire.Message] = [
             self._wiring(cell, edges, self._told[cell]) for cell in cells
         ]
@@ -64,6 +69,7 @@ class Conductor:
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of every cell that has or had out-edges."""
         self._epoch += 1
+        self._stale = True
         return [
             self._wiring(cell, self._edges, 0)
             for cell in range(self._sensors)
@@ -95,15 +101,27 @@ class Conductor:
         tick: int = 0,
         signal: tuple[int, ...] = (),
         repeats: int = 0,
-    ) -> wire.WaveStart:
-        """Begin a wave; return the message that starts it."""
+    ) -> list[wire.Message]:
+        """Begin a wave; return the messages that start it.
+
+        A state wave is announced to every cell. A wave of a few literals goes to their
+        cells only, as long as the wirings in force were fenced by a wave announced to
+        all; its time then does not depend on how many cells there are.
+        """
         seeds = self._sensors if kind == "state" else len(signal)
         number = self._next
         self._next += 1
         wave = Wave(number, tick, kind, seeds, signal, repeats)
         self._flying[number] = wave
         self._tries[number] = self._tries.pop(repeats, 0) + 1
-        return wave.start(min(self._flying))
+        below = min(self._flying)
+        cells = sorted({literal >> 1 for literal in signal})
+        # Cells learn from announcements alone which waves they may forget.
+        late = number - self._fence > _UNANNOUNCED
+        if kind == "state" or self._stale or late or 2 * len(cells) > self._sensors:
+            self._fence, self._stale = number, False
+            return [wave.start(below, number)]
+        return [wave.start(below, self._fence, cell) for cell in cells]
 
     def report(self, settled: wire.Settled) -> Wave | None:
         """Take in a report; return its wave if that has settled now.
@@ -140,10 +158,9 @@ class Conductor:
         if self._tries[number] > self._repeats:
             raise WaveLostError(self._loss(wave, signal))
         del self._flying[number]
-        again = self.start(
-            "state" if wave.kind == "state" else "signal", wave.tick, signal, number
-        )
-        return [*self.rewire_whole(), again]
+        whole = self.rewire_whole()
+        kind: Literal["state", "signal"] = "state" if wave.kind == "state" else "signal"
+        return [*whole, *self.start(kind, wave.tick, signal, number)]
 
     def _loss(self, wave: Wave, signal: tuple[int, ...]) -> str:
         def targets(literal: int) -> list[int]:

@@ -179,8 +179,7 @@ class Coordinator:
         """
         messages = self._conductor.repeat(number, self._signal)
         if number in self._asked:
-            again = max(self._conductor.in_flight)
-            self._asked[again] = self._asked.pop(number)
+            self._asked[self._conductor.waves] = self._asked.pop(number)
         return messages
 
     def stop(self) -> list[wire.Message]:
@@ -210,7 +209,7 @@ class Coordinator:
             self._graph = self._snapshot.poc_graph()
             messages = self._conductor.rewire(self._graph.wiring(self._wiring))
         self._signal = tuple(np.flatnonzero(complete(bits)).tolist())
-        return [*messages, self._conductor.start("state", observation.tick)]
+        return [*messages, *self._conductor.start("state", observation.tick)]
 
     def _settle(self, settled: wire.Settled) -> list[wire.Message]:
         if settled.cell >= len(self._snapshot.sensorium):
@@ -239,9 +238,8 @@ class Coordinator:
         self._answers = [reached] * len(questions)
         starts: list[wire.Message] = []
         for index, signal in enumerate(questions):
-            start = self._conductor.start("signal", wave.tick, signal)
-            self._asked[start.wave] = index
-            starts.append(start)
+            starts += self._conductor.start("signal", wave.tick, signal)
+            self._asked[self._conductor.waves] = index
         return [report, *starts, *([] if starts else self._decide(wave.tick))]
 
     def _answer(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:

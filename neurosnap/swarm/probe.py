@@ -23,7 +23,7 @@ from neurosnap.swarm.wave import Wave
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """One wave, measured. The fields are the columns of ``depth.csv``."""
+    """One wave, measured."""
 
     sensors: int
     """Cells in the swarm."""
@@ -39,6 +39,8 @@ class Measured(msgspec.Struct, frozen=True):
     """Pulses the wave took."""
     seconds: float
     """From the wave's start until it had settled."""
+    kind: str = "signal"
+    """`state` waves start in every cell at once, so nothing has to travel."""
 
 
 class ProbePlan(msgspec.Struct, frozen=True):
@@ -105,7 +107,7 @@ class Probe:
             return []
         self._graph, self._timed = following
         messages = self._conductor.rewire(self._graph.wiring(self._plan.wiring))
-        messages.append(self._conductor.start("signal", signal=(0,)))
+        messages += self._conductor.start("signal", signal=(0,))
         self._began = self._clock()
         return messages
 

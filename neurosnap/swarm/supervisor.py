@@ -159,8 +159,8 @@ class Supervisor:
         code = child_.process.exitcode
         if (code != 0 or who not in self._expected) and self.error is None:
             how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
-            why = self._reasons.get(who, "it left no word")
-            self.error = SwarmError(f"{who}: must not end like this: {how}; {why}")
+            silent = f"must not end before it is asked to, ended with {how}"
+            self.error = SwarmError(f"{who}: {self._reasons.get(who, silent)}")
             self.failed.set()
 
     async def end(self, parts: Collection[str], grace: float) -> list[str]:

@@ -49,8 +49,14 @@ class Wave:
         self._scale = self.credit
         self._missing = seeds
 
-    def start(self, settled_below: int) -> wire.WaveStart:
-        """Return the message that begins it."""
+    def start(self, settled_below: int, fence: int, cell: int = -1) -> wire.WaveStart:
+        """Return the message that begins it, for one cell or for all.
+
+        Args:
+            settled_below: As in the message.
+            fence: The last wave announced to all; this one where `cell` is -1.
+            cell: The cell the copy is for.
+        """
         return wire.WaveStart(
             wave=self.number,
             tick=self.tick,
@@ -59,6 +65,8 @@ class Wave:
             settled_below=settled_below,
             signal=self.signal,
             repeats=self.repeats,
+            fence=fence,
+            cell=cell,
         )
 
     def report(self, settled: wire.Settled) -> None:
