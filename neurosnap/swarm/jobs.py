@@ -1,6 +1,8 @@
 """The parts beside the cells, each as the job of a process of its own."""
 
 import asyncio
+import shutil
+from pathlib import Path
 from typing import Self
 
 import msgspec
@@ -42,13 +44,17 @@ def coordinator_for(options: RunOptions, past: Past | None) -> Coordinator:
 async def be_hub(
     seat: Seat, stop: asyncio.Event, reporter: Reporter, sessions: int
 ) -> None:
-    """Be the router all others connect to."""
+    """Be the router all others connect to.
+
+    The socket's folder goes with the hub: a launcher that was killed cannot remove it.
+    """
     session = await asyncio.to_thread(open_hub, [seat.endpoint], sessions)
     try:
         reporter.ready()
         await stop.wait()
     finally:
         await asyncio.to_thread(session.close)
+        shutil.rmtree(Path(seat.endpoint.partition("/")[2]).parent, ignore_errors=True)
 
 
 async def be_recorder(

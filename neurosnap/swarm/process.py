@@ -6,13 +6,16 @@ not over the network: they must work when the network does not.
 """
 
 import asyncio
+import contextlib
 import ctypes
+import multiprocessing
 import os
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Annotated, TypeAlias
 
@@ -26,6 +29,10 @@ from neurosnap.swarm.part import take_part
 _PR_SET_PDEATHSIG = 1
 # A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one.
 _LONGEST = 3000
+# Seconds each part goes on once the launcher is dead: time for the coordinator to end
+# its tick, for the others to leave, for the recorder to hear them.
+_LINGER = {"coordinator": 0.0, "recorder": 2.0, "hub": 8.0}
+_LINGER_OTHERS = 1.0
 _PROGRESS = 0.05  # seconds between two reports of progress
 
 
@@ -118,7 +125,8 @@ class Reporter:
         self._send(Failed(self._who, what[-_LONGEST:]))
 
     def _send(self, report: Report) -> None:
-        self._connection.send_bytes(msgspec.json.encode(report))
+        with contextlib.suppress(BrokenPipeError):  # nobody is left to be told
+            self._connection.send_bytes(msgspec.json.encode(report))
 
 
 Job: TypeAlias = Callable[..., Awaitable[None]]
@@ -139,15 +147,17 @@ def child(
 
     Exit code 0: ended in order. 1: failed, and the parent was told why.
     """
-    _end_with_parent()
+    _end_with_server()
     # Ctrl-C reaches the whole process group; the parent decides what ends when.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reporter = Reporter(seat.who, connection)
 
     async def live() -> None:
         stop = asyncio.Event()
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
-        await job(seat, stop, reporter, *arguments)
+        loop = asyncio.get_running_loop()
+        loop.add_signal_handler(signal.SIGTERM, stop.set)
+        with _orphanage(seat.who, stop):
+            await job(seat, stop, reporter, *arguments)
 
     try:
         asyncio.run(live())
@@ -159,8 +169,29 @@ def child(
         sys.exit(1)
 
 
-def _end_with_parent() -> None:
-    """Get a SIGTERM when the fork server goes, which goes when the launcher does."""
+@contextmanager
+def _orphanage(who: str, stop: asyncio.Event) -> Iterator[None]:
+    """End in order when the launcher dies without having said so."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        yield
+        return
+    loop, sentinel = asyncio.get_running_loop(), parent.sentinel
+    linger = _LINGER.get(who, _LINGER_OTHERS)
+
+    def on_death() -> None:
+        loop.remove_reader(sentinel)
+        loop.call_later(linger, stop.set)
+
+    loop.add_reader(sentinel, on_death)
+    try:
+        yield
+    finally:
+        loop.remove_reader(sentinel)
+
+
+def _end_with_server() -> None:
+    """Get a SIGTERM when the fork server dies; it lives as long as any child."""
     if sys.platform != "linux":
         return
     parent = os.getppid()
