@@ -240,13 +240,13 @@ class MemoryFabric:
         """Leave the network."""
         self._hub.leave(self.who)
 
-    def publish(self, message: wire.Message) -> None:
-        """Send `message` under its key."""
-        delivery = wire.Delivery(
-            message.key, self.sent, time.time_ns(), wire.encode(message)
-        )
-        self.sent += 1
-        self._hub.send(self.who, delivery)
+    def publish(self, *messages: wire.Message) -> None:
+        """Send `messages`, each under its key."""
+        for message in messages:
+            payload = wire.encode(message)
+            delivery = wire.Delivery(message.key, self.sent, time.time_ns(), payload)
+            self.sent += 1
+            self._hub.send(self.who, delivery)
 
     def listen(self, keys: Sequence[str], handler: Handler) -> None:
         """Subscribe without a loop, for simulations."""

@@ -23,6 +23,7 @@ from neurosnap.fabric.inbox import Courier, Door, Inbox
 from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
 
 _BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
+_BLOCK = zenoh.CongestionControl.BLOCK
 _CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
 _CHUNK = 4096  # deliveries handled before other tasks get their turn
 
@@ -157,20 +158,25 @@ class ZenohFabric:
             declared.undeclare()
         self._declared.clear()
 
-    def publish(self, message: wire.Message) -> None:
-        """Send `message` under its key; blocks while the hub is congested."""
-        self.forward(
-            wire.Delivery(message.key, self.sent, time.time_ns(), wire.encode(message))
-        )
-        self.sent += 1
+    def publish(self, *messages: wire.Message) -> None:
+        """Send `messages`, each under its key; blocks while the hub is congested."""
+        # All are encoded first: puts without a pause between them leave in one frame.
+        ready = [(message.key, wire.encode(message)) for message in messages]
+        now = time.time_ns()
+        for key, payload in ready:
+            self._put(key, payload, self.sent, now)
+            self.sent += 1
 
     def forward(self, delivery: wire.Delivery) -> None:
         """Send what somebody else sent, as it was; blocks like `publish`."""
+        self._put(delivery.key, delivery.payload, delivery.sequence, delivery.sent)
+
+    def _put(self, key: str, payload: bytes, sequence: int, sent: int) -> None:
         self._session.put(
-            self._prefix + delivery.key,
-            delivery.payload,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            attachment=_BESIDE.pack(delivery.sequence, delivery.sent),
+            self._prefix + key,
+            payload,
+            congestion_control=_BLOCK,
+            attachment=_BESIDE.pack(sequence, sent),
         )
 
     async def subscribe(

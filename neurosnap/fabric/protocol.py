@@ -32,8 +32,11 @@ class Fabric(Protocol):
         """How many messages this part has published; the next one's number."""
         ...
 
-    def publish(self, message: wire.Message) -> None:
-        """Send `message` under its key. May block while the network is congested."""
+    def publish(self, *messages: wire.Message) -> None:
+        """Send `messages` in order, each under its key.
+
+        May block while the network is congested.
+        """
         ...
 
     async def subscribe(

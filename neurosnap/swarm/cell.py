@@ -289,8 +289,7 @@ async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
                 messages.append(wire.decode(delivery.key, delivery.payload))
             except MessageError as error:
                 fabric.publish(wire.Fault(fabric.who, str(error)))
-        for message in core.receive(messages):
-            fabric.publish(message)
+        fabric.publish(*core.receive(messages))
 
     await fabric.subscribe(wire.cell_keys(cell), handle)
     await fabric.announce()

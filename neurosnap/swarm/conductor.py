@@ -166,7 +166,7 @@ class Conductor:
         def targets(literal: int) -> list[int]:
             return [int(b) for b in np.flatnonzero(self._edges[literal])]
 
-        silent = wave.silent((literal >> 1 for literal in signal), targets)
+        silent = wave.silent(signal, targets)
         named = ", ".join(f"cell/{cell}" for cell in silent[:10]) or "none"
         more = f" and {len(silent) - 10} more" if len(silent) > 10 else ""
         return (

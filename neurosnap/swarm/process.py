@@ -8,6 +8,7 @@ not over the network: they must work when the network does not.
 import asyncio
 import contextlib
 import ctypes
+import gc
 import multiprocessing
 import os
 import signal
@@ -151,6 +152,8 @@ def child(
     # Ctrl-C reaches the whole process group; the parent decides what ends when.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reporter = Reporter(seat.who, connection)
+    # What the fork server loaded stays shared with it only while nobody walks over it.
+    gc.freeze()
 
     async def live() -> None:
         stop = asyncio.Event()

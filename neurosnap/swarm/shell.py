@@ -146,8 +146,8 @@ class _Shell:
             self._publish(speak())
 
     def _publish(self, messages: list[wire.Message]) -> None:
+        self._fabric.publish(*messages)
         for message in messages:
-            self._fabric.publish(message)
             if isinstance(message, wire.WaveStart):
                 self._started[message.wave] = time.monotonic()
         if self._core.finished:

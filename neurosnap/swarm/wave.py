@@ -124,18 +124,16 @@ class Wave:
         return max(self.hops.values(), default=0)
 
     def silent(
-        self, cells: Iterable[int], targets: Callable[[int], Iterable[int]]
+        self, signal: Iterable[int], targets: Callable[[int], Iterable[int]]
     ) -> list[int]:
         """Return the cells that owe a report, for the error that names them.
 
         Args:
-            cells: The cells that the signal asks to fire.
+            signal: The literals that were asked to fire.
             targets: The out-edges of a literal; what fired must have pulsed these.
         """
-        reached = {literal >> 1 for literal in self.hops}
-        owed = set(cells) - reached
+        expected = set(signal)
         for literal in self.hops:
-            owed |= {
-                target >> 1 for target in targets(literal) if target not in self.hops
-            }
-        return sorted(owed)
+            expected.update(targets(literal))
+        # By literal, not by cell: a cell may have reported its other literal only.
+        return sorted({literal >> 1 for literal in expected - self.hops.keys()})
