@@ -161,13 +161,17 @@ def _verify(log: Path, as_json: bool) -> None:
 def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> None:
     from neurosnap import show
     from neurosnap.record.resume import look_back
+    from neurosnap.source import open_source
     from neurosnap.swarm.run import run as run_swarm
 
     options, past = look_back(log)
-    options = msgspec.structs.replace(options, ticks=ticks or past.tick + 300)
-    if options.ticks <= past.tick:
-        rule = f"must be more than the {past.tick} there are"
-        raise InvalidValueError("ticks", rule, options.ticks)
+    source = open_source(options.source, options.seed)
+    source.close()
+    most = _ticks(past.tick + 300 if ticks is None else ticks, source.length)
+    if most <= past.tick:
+        rule = f"must be more than the {past.tick} there are, and the source have them"
+        raise InvalidValueError("ticks", rule, most)
+    options = msgspec.structs.replace(options, ticks=most)
     new = _new_log(options.source, out)
     with show.progress(screen, "ticks", options.ticks) as on_progress:
         outcome = _run(lambda stop: run_swarm(options, new, stop, on_progress, past))

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from neurosnap.swarm.launch import Plan, run_processes
@@ -100,7 +100,8 @@ def from_recording(recording: Recording) -> list[Measured]:
     Its time is the coordinator's: from the wave's start to its result.
 
     Raises:
-        RecordingError: The recording is damaged, or not a run's.
+        RecordingError: The recording is damaged, or not a run's, or lacks the start of
+            a wave whose result it holds.
     """
     options = options_of(recording)
     started: dict[int, int] = {}
@@ -110,6 +111,9 @@ def from_recording(recording: Recording) -> list[Measured]:
             case wire.WaveStart(wave=wave):
                 started.setdefault(wave, recorded.sent)
             case wire.State() | wire.Reached() as result:
+                if result.wave not in started:
+                    where = f"{recording.path}: wave {result.wave}"
+                    raise RecordingError(f"{where}: must have its start, got none")
                 rows.append(
                     Measured(
                         sensors=len(options.sensors),

@@ -1,7 +1,8 @@
 """What this machine must have for a swarm of a thousand cells, and whether it does.
 
 Every finding says what to do about itself. A check never hangs and never raises: what
-might do either runs in a process of its own, and an error is a finding too.
+might do either runs in a process of its own, and an error is a finding too. Packages
+are imported where they are used, so that a missing one is found and does not end it.
 """
 
 import importlib

@@ -45,7 +45,9 @@ def main(arguments: list[str] | None = None) -> None:
     if given.markdown:
         print(markdown(lines))
     else:
-        Console().print(table(lines))
+        # Into a file or a pipe as wide as it is.
+        width = None if sys.stdout.isatty() else 160
+        Console(width=width).print(table(lines))
     if given.json:
         print(json.dumps(as_json(rows)))
 

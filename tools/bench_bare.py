@@ -7,6 +7,8 @@ comes with Python, and its processes hold nothing else. Prints one JSON object.
   them once all are up.
 - ``ring N LAPS``: a message goes round N processes, each callback puts it on to the
   next through a declared publisher: no queue, no decoding, no report.
+
+What only one process needs is imported there, and the others stay without it.
 """
 
 import argparse
@@ -22,10 +24,12 @@ import tempfile
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerProcess
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import zenoh
+
+if TYPE_CHECKING:
+    from multiprocessing.context import ForkServerProcess
 
 _context = multiprocessing.get_context("forkserver")
 _BLOCK = zenoh.CongestionControl.BLOCK

@@ -99,7 +99,8 @@ class Plain:
             slack = _SLACK
         edges = self._edges(slack)
         reached = self._above(observation, edges)
-        return reached & ~reached[self._flip]
+        state: Bits = reached & ~reached[self._flip]
+        return state
 
     def _edges(self, slack: float) -> Bits:
         """Return the edges of the weights; where they decay, truncate these after."""
@@ -113,7 +114,8 @@ class Plain:
         strict = (against < least - slack) & self._other & ~equal & ~opposite
         if self._decay is not None:
             self._truncate(strict)
-        return strict | equal
+        edges: Bits = strict | equal
+        return edges
 
     def _truncate(self, strict: Bits) -> None:
         """Take from every square the weight against its implication."""
@@ -165,7 +167,8 @@ def _intervals(sensors: int) -> list[Bits]:
 def _settle(snapshot: Snapshot, places: list[Bits]) -> None:
     """Observe all places over and over until the graph no longer changes."""
     for _ in range(_LONGEST):
-        if not any([snapshot.learn(bits) for bits in places]):
+        changes = [snapshot.learn(bits) for bits in places]  # a whole round
+        if not any(changes):
             return
     raise RuntimeError("observe: the graph must settle, it goes on changing")
 

@@ -83,17 +83,21 @@ class Inbox(Generic[T]):
             self._closed = True
 
     def _drain(self) -> None:
+        error: BaseException | None = None
         with self._lock:
             items, self._items = self._items, []
-            overflown = self._overflown
+            if self._overflown:
+                error = InboxOverflowError(self._owner, self._capacity)
         try:
-            self._deliver(items)
-        except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
-            self.close()
+            if items:
+                self._deliver(items)
+        except BaseException as raised:  # noqa: BLE001 - goes on to the owner, whole
+            error = raised
+        if error is not None:
+            with self._lock:
+                self._closed = True
+                self._items.clear()  # what came meanwhile
             self._fail(error)
-        if overflown:
-            self.close()
-            self._fail(InboxOverflowError(self._owner, self._capacity))
 
 
 class Courier(Generic[T]):
@@ -103,7 +107,7 @@ class Courier(Generic[T]):
         owner: Whose it is, for the error.
         deliver: Called on the courier's thread with all that waited, oldest first.
         fail: Called on the loop, once, with what `deliver` raised or with an
-            `InboxOverflowError`; nothing is delivered any more then.
+            `InboxOverflowError`; nothing more is taken in then.
         capacity: How many items may wait.
     """
 

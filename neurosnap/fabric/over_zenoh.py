@@ -10,8 +10,10 @@ travel as the attachment.
 import asyncio
 import json
 import struct
+import threading
 import time
 from collections.abc import Sequence
+from contextlib import AsyncExitStack
 from types import TracebackType
 from typing import Any, Self
 
@@ -107,6 +109,8 @@ class ZenohFabric:
         self._endpoint = endpoint
         self._patience = patience
         self._swift = swift
+        # A courier and the loop may publish at once; a number must not be used twice.
+        self._publishing = threading.Lock()
         self._declared: list[Any] = []
         self._doors: list[Door[Any]] = []
         self._polls: list[_Poll] = []
@@ -146,12 +150,15 @@ class ZenohFabric:
         traceback: TracebackType | None,
     ) -> None:
         """Stop receiving, hand over what waits, deliver what was sent, close."""
-        await asyncio.to_thread(self._undeclare)
-        for poll in self._polls:
-            poll.finish()
-        for door in self._doors:
-            await asyncio.to_thread(door.close)
-        await asyncio.to_thread(self._session.close)
+        # A stack runs backwards, and to its end: whatever a handler raises at the last
+        # moment, the session is closed.
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(asyncio.to_thread, self._session.close)
+            for door in self._doors:
+                stack.push_async_callback(asyncio.to_thread, door.close)
+            for poll in self._polls:
+                stack.callback(poll.finish)
+            stack.push_async_callback(asyncio.to_thread, self._undeclare)
 
     def _undeclare(self) -> None:
         for declared in reversed(self._declared):
@@ -276,6 +283,7 @@ class _Poll:
         self._handler = handler
         self._every = every
         self._failure = failure
+        self._failed = False
         self._loop = asyncio.get_running_loop()
         self._timer = self._loop.call_later(every, self._turn)
 
@@ -283,6 +291,7 @@ class _Poll:
         try:
             more = self._drain()
         except BaseException as error:  # noqa: BLE001 - goes on to `serve`, whole
+            self._failed = True
             self._failure.set(error)
             return
         self._timer = self._loop.call_later(0.0 if more else self._every, self._turn)
@@ -305,9 +314,12 @@ class _Poll:
         return len(samples) == _CHUNK
 
     def finish(self) -> None:
-        """Hand over the rest. Called once nothing more can arrive."""
+        """Hand over the rest, unless that failed before.
+
+        Called once nothing more can arrive.
+        """
         self._timer.cancel()
-        while self._drain():
+        while not self._failed and self._drain():
             pass
 
 

@@ -93,7 +93,7 @@ def verify(path: Path) -> Verdict:
     count = replay.compared
     return Verdict(
         same=difference is None,
-        complete=recording.finished and recording.noted().completeness.whole,
+        complete=replay.complete,
         difference=difference,
         ticks=replay.core.tick,
         wirings=count["wiring"],
@@ -118,6 +118,7 @@ class Replay:
         self.options = options_of(recording)
         self.core = Coordinator.of(self.options)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
+        self.complete = recording.finished and recording.noted().completeness.whole
         self._resumed = deque(resumed_at(recording))
         self._messages = recording.messages(_INPUTS + _OUTPUTS)
         # Read ahead: senders overtake each other in a recording, too.
@@ -127,12 +128,15 @@ class Replay:
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
         self._said: deque[wire.Message] = deque(self.core.begin())
+        self._under_way = 0  # the tick of what is derived now
+        self._exhausted = False  # read to the end in search of an input
 
     def ticks(self) -> Iterator[int]:
         """Yield each tick once it is whole: the core is then as it was at that point.
 
         Whole means that its state and all its waves are compared; its key-frame and
-        decision follow.
+        decision follow. A recording that lacks messages is followed to the first that
+        is needed: nothing can be derived beyond, and nothing held against it.
 
         Raises:
             DifferenceError: What was derived is not what was recorded.
@@ -140,7 +144,11 @@ class Replay:
         """
         tick = 0
         while self._outputs or self._read_until(lambda: bool(self._outputs)):
-            self._compare(self._outputs.popleft())
+            recorded = self._outputs.popleft()
+            derived = self._derive(recorded)
+            if derived is None and self._exhausted and not self.complete:
+                return
+            self._compare(recorded, derived)
             if self.core.tick == tick or not self._only_closing_words():
                 continue
             tick = self.core.tick
@@ -155,8 +163,8 @@ class Replay:
 
     # Comparing -----------------------------------------------------------------------
 
-    def _compare(self, recorded: Recorded) -> None:
-        """Bring the core to say something, and hold it against what it said then."""
+    def _derive(self, recorded: Recorded) -> wire.Message | None:
+        """Bring the core to say what it said then; None if it says nothing."""
         message = recorded.message
         if isinstance(message, wire.KeyFrame) and (
             not self._said or isinstance(self._said[0], wire.Decision)
@@ -167,7 +175,11 @@ class Replay:
             said = self._feed(recorded)
             # Faults were said of what came in bad, which was not always recorded.
             self._said.extend(m for m in said if not isinstance(m, wire.Fault))
-        derived = self._said.popleft() if self._said else None
+        return self._said.popleft() if self._said else None
+
+    def _compare(self, recorded: Recorded, derived: wire.Message | None) -> None:
+        """Hold what was derived against what was recorded."""
+        message = recorded.message
         if derived is None or wire.encode(derived) != recorded.payload:
             self._differ(recorded, derived)
         if isinstance(message, wire.State):
@@ -197,7 +209,7 @@ class Replay:
 
     def _where(self, recorded: Recorded) -> str:
         return (
-            f"tick {self.core.tick}: /{wire.topic(recorded.message.key)}"
+            f"tick {self._under_way}: /{wire.topic(recorded.message.key)}"
             f" {recorded.message.sender} {recorded.sequence}"
         )
 
@@ -216,7 +228,7 @@ class Replay:
                 return []
 
     def _feed_observation(self) -> list[wire.Message]:
-        tick = self.core.tick + 1
+        tick = self._under_way = self.core.tick + 1
         if not self._read_until(lambda: tick in self._observations):
             return []
         observation = self._observations.pop(tick)
@@ -258,6 +270,7 @@ class Replay:
         while not found():
             recorded = next(self._messages, None)
             if recorded is None:
+                self._exhausted = True
                 return False
             match recorded.message:
                 case wire.Observation() as observation:

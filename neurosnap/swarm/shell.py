@@ -14,6 +14,8 @@ from neurosnap import wire
 from neurosnap.errors import MessageError, NeurosnapError, SwarmError
 from neurosnap.fabric.protocol import Fabric
 
+_LAST_WORD = 0.5  # seconds
+
 
 class Core(Protocol):
     """What conducts: pure, messages in, messages out."""
@@ -59,8 +61,9 @@ async def conduct(
 ) -> float:
     """Let `core` conduct the swarm until it has finished or `stop` is set.
 
-    Reads ``observe``, ``settle``, ``fault`` and the presence of `parts`; publishes what
-    the core says. On `stop` the tick under way is brought to its end first.
+    Reads ``observe``, ``settle``, ``fault``, ``leave`` and the presence of `parts`;
+    publishes what the core says. On `stop`, and when a part leaves in order because it
+    is done, the tick under way is brought to its end first.
 
     Args:
         core: Decides what is sent.
@@ -80,7 +83,7 @@ async def conduct(
     """
     shell = _Shell(core, fabric, deadline, on_progress)
     presence = _Presence(parts, fabric, shell)
-    await fabric.subscribe(("observe", "settle", "fault"), shell.handle)
+    await fabric.subscribe(("observe", "settle", "fault", "leave"), shell.handle)
     await fabric.watch(presence.change)
     await fabric.announce()
     serving = asyncio.create_task(fabric.serve(shell.over), name="conduct/serve")
@@ -120,6 +123,7 @@ class _Shell:
         on_progress: Callable[[int], None],
     ) -> None:
         self.over = asyncio.Event()
+        self.left: set[str] = set()  # who said a last word
         self._core = core
         self._fabric = fabric
         self._deadline = deadline
@@ -137,7 +141,11 @@ class _Shell:
                 except MessageError as error:
                     message = wire.Fault(self._fabric.who, str(error))
                     self._fabric.publish(message)
-                self._publish(self._core.receive(message))
+                if isinstance(message, wire.Leave):
+                    self.left.add(message.who)
+                    self._publish(self._core.stop())
+                else:
+                    self._publish(self._core.receive(message))
         self._on_progress(self._core.tick)
 
     def send(self, speak: Callable[[], list[wire.Message]]) -> None:

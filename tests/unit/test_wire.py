@@ -159,9 +159,11 @@ def test_a_cell_listens_to_what_is_for_it_and_to_nothing_else() -> None:
         wire.Observation(1, b""),
         wire.Wiring(3, 1, 0),
         wire.WaveStart(1, 0, "signal", 0, 1),
+        wire.WaveStart(2, 0, "signal", 0, 1, fence=1, cell=3),
         wire.Pulse(1, 0, 6, 1, 0),
         wire.Pulse(1, 0, 7, 1, 0),
     ]
     assert {message.key for message in for_it} == keys
     assert wire.Pulse(1, 0, 8, 1, 0).key not in keys
     assert wire.Wiring(2, 1, 0).key not in keys
+    assert wire.WaveStart(2, 0, "signal", 0, 1, fence=1, cell=2).key not in keys

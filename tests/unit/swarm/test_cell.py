@@ -26,17 +26,31 @@ def wired(*targets: int, complement: Sequence[int] = ()) -> Cell:
 
 
 def start(wave: int = 1, *signal: int, credit: int = 0, below: int = 1) -> wire.Message:
-    return wire.WaveStart(wave, 0, "signal", credit, below, signal)
+    """Announce a wave to all."""
+    return wire.WaveStart(wave, 0, "signal", credit, below, signal, fence=wave)
+
+
+def ask(wave: int, fence: int, *signal: int, credit: int = 0) -> wire.Message:
+    """Start a wave that only those of its signal are told of."""
+    return wire.WaveStart(wave, 0, "signal", credit, 1, signal, fence=fence, cell=1)
 
 
 def state_wave(wave: int, tick: int, *signal: int) -> wire.Message:
-    return wire.WaveStart(wave, tick, "state", 0, 1, signal)
+    return wire.WaveStart(wave, tick, "state", 0, 1, signal, fence=wave)
 
 
 def pulse(
-    source: int, target: int = OWN, hops: int = 1, credit: int = 3, wave: int = 1
+    source: int,
+    target: int = OWN,
+    hops: int = 1,
+    credit: int = 3,
+    wave: int = 1,
+    fence: int | None = None,
 ) -> wire.Message:
-    return wire.Pulse(wave, source, target, hops, credit)
+    """Pulse in a wave that was announced to all, unless another fence is given."""
+    return wire.Pulse(
+        wave, source, target, hops, credit, wave if fence is None else fence
+    )
 
 
 def observation(tick: int, *, on: bool) -> wire.Message:
@@ -70,8 +84,8 @@ def given_out(messages: Sequence[wire.Message]) -> Fraction:
 def test_a_pulse_makes_it_pulse_its_targets_and_report() -> None:
     cell = wired(4, 7)
     assert cell.receive([start(), pulse(0, hops=3, credit=1)]) == [
-        wire.Pulse(1, OWN, 4, 4, 3),
-        wire.Pulse(1, OWN, 7, 4, 3),
+        wire.Pulse(1, OWN, 4, 4, 3, 1),
+        wire.Pulse(1, OWN, 7, 4, 3, 1),
         wire.Settled(1, 1, 0, (OWN,), (3,), (2,), 2),
     ]
 
@@ -79,7 +93,7 @@ def test_a_pulse_makes_it_pulse_its_targets_and_report() -> None:
 def test_a_signal_makes_it_fire_at_no_hops() -> None:
     cell = wired(4)
     assert cell.receive([start(1, 0, OWN, 5, credit=2)]) == [
-        wire.Pulse(1, OWN, 4, 1, 3),
+        wire.Pulse(1, OWN, 4, 1, 3, 1),
         wire.Settled(1, 1, 0, (OWN,), (0,), (3,), 1),
     ]
 
@@ -185,10 +199,10 @@ def test_it_holds_pulses_until_the_wave_starts() -> None:
     assert given_out(out) == 2 * share(2)
 
 
-def test_the_start_of_another_wave_opens_nothing() -> None:
+def test_the_start_of_an_earlier_wave_opens_nothing() -> None:
     cell = wired(4)
-    cell.receive([pulse(0)])
-    assert cell.receive([start(2)]) == []
+    cell.receive([pulse(0, wave=2)])
+    assert cell.receive([start(1)]) == []
 
 
 def test_a_held_pulse_fires_along_the_wiring_that_came_before_the_start() -> None:
@@ -197,6 +211,52 @@ def test_a_held_pulse_fires_along_the_wiring_that_came_before_the_start() -> Non
     rewired = wire.Wiring(1, 2, 1, add=(8,), drop=(4,))
     out = cell.receive([rewired, start()])
     assert [p.target for p in sent(out)] == [8]
+
+
+# Waves that only a few are told of ----------------------------------------------------
+
+
+def test_a_wave_it_was_not_told_of_makes_it_fire_all_the_same() -> None:
+    cell = wired(4)
+    cell.receive([start(3)])
+    assert cell.receive([pulse(0, wave=5, fence=3, credit=1)]) == [
+        wire.Pulse(5, OWN, 4, 2, 2, 3),
+        wire.Settled(5, 1, 0, (OWN,), (1,), (2,), 1),
+    ]
+
+
+def test_it_holds_such_a_wave_until_its_fence() -> None:
+    cell = wired(4)
+    cell.receive([start(2)])
+    assert cell.receive([pulse(0, wave=5, fence=3), ask(6, 3, OWN)]) == []
+    out = cell.receive([start(3)])
+    assert [(p.wave, p.target, p.fence) for p in sent(out)] == [(5, 4, 3), (6, 4, 3)]
+    assert given_out(out) == share(3) + share(0)
+
+
+def test_a_fence_that_comes_late_counts_where_a_later_one_has_come() -> None:
+    cell = wired(4)
+    cell.receive([start(9), start(3)])
+    assert sent(cell.receive([pulse(0, wave=10, fence=9)])) != []
+
+
+def test_only_what_is_announced_to_all_is_a_fence() -> None:
+    cell = wired(4)
+    cell.receive([start(1), ask(5, 1, 0)])
+    assert cell.receive([pulse(0, wave=6, fence=5)]) == []
+
+
+def test_a_pulse_may_overtake_the_start_and_no_credit_is_lost() -> None:
+    cell = wired(4)
+    cell.receive([start(1)])
+    (report,) = reports(cell.receive([pulse(0, wave=2, fence=1)]))
+    assert (report.literals, report.hops) == ((OWN,), (1,))
+    assert cell.receive([ask(2, 1, OWN, credit=1)]) == [
+        wire.Settled(2, 1, 1, (), (), (1,), 0)
+    ]
+
+
+# State waves --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("on", "literal"), [(True, OWN), (False, COMPLEMENT)])
@@ -245,14 +305,15 @@ def test_a_message_that_comes_again_changes_nothing() -> None:
     messages = [
         wire.Wiring(1, 2, 1, add=(6,)),
         observation(1, on=True),
-        wire.WaveStart(1, 1, "state", 2, 1),
+        wire.WaveStart(1, 1, "state", 2, 1, fence=1),
         pulse(0, credit=2),
         pulse(0, COMPLEMENT, credit=2),
-        wire.WaveStart(2, 1, "signal", 1, 1, (0, 3)),
-        pulse(4, wave=2),
+        wire.WaveStart(2, 1, "signal", 1, 1, (0, 3), fence=1, cell=1),
+        pulse(4, wave=2, fence=1),
+        pulse(4, wave=3, fence=1),
         wire.Wiring(1, 3, 2, drop=(6,)),
         observation(2, on=False),
-        wire.WaveStart(3, 2, "state", 2, 3),
+        wire.WaveStart(4, 2, "state", 2, 3, fence=4),
     ]
     once, often = wired(4), wired(4)
     for number, message in enumerate(messages):
@@ -326,7 +387,7 @@ def test_a_whole_wiring_ends_the_silence() -> None:
     cell = wired(4)
     cell.receive([wire.Wiring(1, 3, 2, add=(6,)), start(1, OWN)])
     assert cell.receive([wire.Wiring(1, 4, 0, add=(4, 6))]) == []
-    out = cell.receive([start(2, OWN)])
+    out = cell.receive([start(2, OWN, below=2)])
     assert [p.target for p in sent(out)] == [4, 6]
 
 
@@ -358,7 +419,7 @@ def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
     cell = wired(4)
     assert cell.receive([start(1), message]) == [wire.Fault("cell/1", what)]
     assert cell.receive([pulse(0)]) == [
-        wire.Pulse(1, OWN, 4, 2, 4),
+        wire.Pulse(1, OWN, 4, 2, 4, 1),
         wire.Settled(1, 1, 0, (OWN,), (1,), (4,), 1),
     ]
 
@@ -372,6 +433,7 @@ def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
             st.integers(0, 9),
             st.integers(1, 9),
             st.integers(0, 9),
+            st.integers(0, 4),
         )
         | st.builds(
             wire.WaveStart,
@@ -381,6 +443,9 @@ def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
             st.integers(0, 5),
             st.integers(1, 4),
             st.lists(st.integers(0, 9)).map(tuple),
+            st.just(0),
+            st.integers(0, 4),
+            st.sampled_from([-1, 1]),
         )
         | st.builds(wire.Observation, st.integers(1, 12), st.binary(max_size=2))
         | st.builds(

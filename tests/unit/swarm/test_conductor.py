@@ -1,5 +1,7 @@
 """What the conductor tells the cells, and how it counts waves in."""
 
+from typing import Literal, TypeAlias
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +15,7 @@ from neurosnap.swarm.conductor import Conductor
 
 SENSORS = 4
 Edges = NDArray[np.bool_]
+WaveKind: TypeAlias = Literal["state", "signal"]
 
 
 def edges(*pairs: tuple[int, int]) -> Edges:
@@ -23,6 +26,15 @@ def edges(*pairs: tuple[int, int]) -> Edges:
 
 
 CHAIN = edges((0, 2), (2, 4), (5, 3), (3, 1))
+
+
+def begin(
+    conductor: Conductor, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
+) -> wire.WaveStart:
+    """Start a wave that takes one message."""
+    (start,) = conductor.start(kind, tick, signal)
+    assert isinstance(start, wire.WaveStart)
+    return start
 
 
 def settled(wave: int, literal: int, *credit: int) -> wire.Settled:
@@ -108,7 +120,7 @@ def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
 
 def test_waves_are_numbered_from_one() -> None:
     conductor = Conductor(SENSORS)
-    starts = [conductor.start("signal", 1, (0,)) for _ in range(3)]
+    starts = [begin(conductor, "signal", 1, (0,)) for _ in range(3)]
     assert [start.wave for start in starts] == [1, 2, 3]
     assert conductor.waves == 3
     assert conductor.in_flight == (1, 2, 3)
@@ -116,8 +128,8 @@ def test_waves_are_numbered_from_one() -> None:
 
 def test_a_state_wave_starts_in_every_cell() -> None:
     conductor = Conductor(SENSORS)
-    start = conductor.start("state", 7)
-    assert start == wire.WaveStart(1, 7, "state", 2, 1)
+    start = begin(conductor, "state", 7)
+    assert start == wire.WaveStart(1, 7, "state", 2, 1, fence=1)
     done = [conductor.report(settled(1, 2 * s, 2)) for s in range(SENSORS)]
     assert [wave is None for wave in done] == [True, True, True, False]
 
@@ -145,12 +157,12 @@ def test_several_waves_settle_each_for_itself() -> None:
 
 def test_cells_are_told_which_waves_they_can_forget() -> None:
     conductor = Conductor(SENSORS)
-    assert conductor.start("signal", 0, (0,)).settled_below == 1
-    assert conductor.start("signal", 0, (0,)).settled_below == 1
+    assert begin(conductor, "signal", 0, (0,)).settled_below == 1
+    assert begin(conductor, "signal", 0, (0,)).settled_below == 1
     conductor.report(settled(2, 0, 0))
-    assert conductor.start("signal", 0, (0,)).settled_below == 1
+    assert begin(conductor, "signal", 0, (0,)).settled_below == 1
     conductor.report(settled(1, 0, 0))
-    assert conductor.start("signal", 0, (0,)).settled_below == 3
+    assert begin(conductor, "signal", 0, (0,)).settled_below == 3
 
 
 def test_a_report_on_a_wave_that_never_was_is_dropped() -> None:
@@ -165,6 +177,59 @@ def test_a_report_that_cannot_be_right_is_refused() -> None:
     assert conductor.in_flight == (1,)
 
 
+# Who is told of a wave ----------------------------------------------------------------
+
+
+def told_of(messages: list[wire.Message]) -> list[tuple[int, int]]:
+    """Return the cell and the fence of each start."""
+    return [(m.cell, m.fence) for m in messages if isinstance(m, wire.WaveStart)]
+
+
+def test_the_first_wave_is_announced_to_all() -> None:
+    assert told_of(Conductor(8).start("signal", 0, (0,))) == [(-1, 1)]
+
+
+def test_a_wave_of_a_few_goes_to_their_cells_only() -> None:
+    conductor = Conductor(8)
+    conductor.start("state", 1)
+    starts = conductor.start("signal", 1, (0, 1, 9, 4))
+    assert told_of(starts) == [(0, 1), (2, 1), (4, 1)]
+    assert {m.key for m in starts} == {"wave/0", "wave/2", "wave/4"}
+
+
+def test_a_wave_of_many_is_announced_to_all() -> None:
+    conductor = Conductor(8)
+    conductor.start("state", 1)
+    assert told_of(conductor.start("signal", 1, (0, 2, 4, 6, 8))) == [(-1, 2)]
+    assert told_of(conductor.start("signal", 1, (0,))) == [(0, 2)]
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
+    conductor = Conductor(SENSORS)
+    conductor.rewire(CHAIN)
+    conductor.start("state", 1)
+    assert told_of(conductor.start("signal", 1, (0,))) == [(0, 1)]
+    if whole:
+        conductor.rewire_whole()
+    else:
+        conductor.rewire(edges())
+    assert told_of(conductor.start("signal", 1, (0,))) == [(-1, 3)]
+    assert told_of(conductor.start("signal", 1, (0,))) == [(0, 3)]
+
+
+def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
+    conductor = Conductor(SENSORS)
+    announced = []
+    for number in range(1, 300):
+        ((cell, _),) = told_of(conductor.start("signal", 0, (0,)))
+        if cell < 0:
+            announced.append(number)
+        conductor.report(settled(number, 0, 0))
+    assert len(announced) > 3
+    assert max(np.diff(announced)) <= 70
+
+
 # Repeats ------------------------------------------------------------------------------
 
 
@@ -176,7 +241,7 @@ def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
         wire.Wiring(0, 2, 0, add=(2,)),
         wire.Wiring(1, 2, 0, add=(4,), add_complement=(1,)),
         wire.Wiring(2, 2, 0, add_complement=(3,)),
-        wire.WaveStart(2, 4, "signal", 1, 2, (0, 5), 1),
+        wire.WaveStart(2, 4, "signal", 1, 2, (0, 5), 1, 2),
     ]
     assert conductor.in_flight == (2,)
 
@@ -186,14 +251,14 @@ def test_a_repeated_state_wave_carries_what_was_observed() -> None:
     conductor.start("state", 4)
     observed = (0, 3, 4, 7)
     (start,) = conductor.repeat(1, observed)
-    assert start == wire.WaveStart(2, 4, "state", 2, 2, observed, 1)
+    assert start == wire.WaveStart(2, 4, "state", 2, 2, observed, 1, 2)
 
 
 def test_a_repeated_signal_wave_keeps_its_signal() -> None:
     conductor = Conductor(SENSORS)
     conductor.start("signal", 4, (6,))
     (start,) = conductor.repeat(1, (0, 3, 4, 7))
-    assert start == wire.WaveStart(2, 4, "signal", 0, 2, (6,), 1)
+    assert start == wire.WaveStart(2, 4, "signal", 0, 2, (6,), 1, 2)
 
 
 def test_reports_on_a_wave_given_up_are_dropped() -> None:
@@ -209,7 +274,7 @@ def test_what_is_given_up_is_settled_only_once_older_waves_are() -> None:
     conductor.start("signal", 0, (0,))
     conductor.start("signal", 0, (2,))
     again = conductor.repeat(2, ())[-1]
-    assert again == wire.WaveStart(3, 0, "signal", 0, 1, (2,), 2)
+    assert again == wire.WaveStart(3, 0, "signal", 0, 1, (2,), 2, 3)
 
 
 def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:

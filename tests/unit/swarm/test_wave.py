@@ -65,13 +65,18 @@ def test_a_wave_that_reached_nothing_yet_has_no_depth() -> None:
 )
 def test_every_seed_gets_the_same_share_of_one(seeds: int, credit: int) -> None:
     wave = Wave(7, 3, "state", seeds)
-    assert wave.start(5) == wire.WaveStart(7, 3, "state", credit, 5)
+    assert wave.start(5, 7) == wire.WaveStart(7, 3, "state", credit, 5, fence=7)
     assert wave.missing == Fraction(seeds, 2**credit) <= 1
 
 
 def test_its_start_says_what_it_repeats() -> None:
     wave = Wave(7, 3, "signal", 2, (4, 9), repeats=6)
-    assert wave.start(7) == wire.WaveStart(7, 3, "signal", 1, 7, (4, 9), 6)
+    assert wave.start(7, 7) == wire.WaveStart(7, 3, "signal", 1, 7, (4, 9), 6, 7)
+
+
+def test_its_start_can_be_for_one_cell() -> None:
+    start = Wave(7, 3, "signal", 2, (4, 9)).start(5, 6, cell=2)
+    assert start == wire.WaveStart(7, 3, "signal", 1, 5, (4, 9), fence=6, cell=2)
 
 
 def spread(seeds: int, chance: random.Random, most: int) -> list[wire.Settled]:
@@ -178,9 +183,15 @@ def targets(literal: int) -> list[int]:
 
 def test_cells_of_the_signal_are_silent_until_they_report() -> None:
     wave = signal_wave(0, 6)
-    assert wave.silent([0, 3], targets) == [0, 3]
+    assert wave.silent([0, 6], targets) == [0, 3]
     wave.report(report(3, [6], [1]))
-    assert wave.silent([0, 3], targets) == [0]
+    assert wave.silent([0, 6], targets) == [0]
+
+
+def test_a_cell_that_reported_only_one_of_its_literals_is_silent_still() -> None:
+    wave = signal_wave(0, 7)
+    wave.report(report(3, [6], [3]))
+    assert wave.silent([0, 7], targets) == [0, 3]
 
 
 def test_targets_of_what_fired_are_silent_until_they_report() -> None:
@@ -195,7 +206,7 @@ def test_a_cell_that_fired_its_other_literal_can_still_be_silent() -> None:
     wave = signal_wave(0, 4)
     wave.report(report(0, [0], [3], pulses=2))
     wave.report(report(2, [4], [1]))
-    assert wave.silent([0, 2], {**EDGES, 4: []}.__getitem__) == [1, 2]
+    assert wave.silent([0, 4], {**EDGES, 4: []}.__getitem__) == [1, 2]
 
 
 def test_nobody_is_silent_in_a_settled_wave() -> None:

@@ -1,0 +1,75 @@
+"""Fields of sensors over points, and which lies within which."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.sensorium import Sensorium
+
+
+def as_fields(
+    rows: Iterable[ArrayLike], names: Iterable[str] | Sensorium | None
+) -> tuple[NDArray[np.bool_], Sensorium]:
+    """Return fields as an array, and the names of their sensors.
+
+    Args:
+        rows: One field a sensor, ``(points,)`` bits each.
+        names: The sensors; ``s0``, ``s1``, and so on without them.
+
+    Returns:
+        ``(N, points)`` bool, a new array, and the sensorium.
+
+    Raises:
+        ShapeError: Fields have unequal lengths, there is no point, or not one name a
+            field.
+        InvalidValueError: An entry is not 0 or 1, or a name is malformed.
+    """
+    if isinstance(rows, str):
+        raise InvalidValueError("fields", "must be one row of bits a sensor", rows)
+    listed = [np.asarray(row) for row in rows]
+    if isinstance(names, Sensorium):
+        sensorium = names
+    else:
+        sensorium = Sensorium.of(len(listed)) if names is None else Sensorium(names)
+    if len(sensorium) != len(listed):
+        rule = f"must be {len(sensorium)}, one a sensor"
+        raise ShapeError("fields", rule, len(listed))
+    fields = np.zeros((len(listed), len(listed[0]) if _flat(listed) else 0), np.bool_)
+    for sensor, row in enumerate(listed):
+        name = f"field of {sensorium.name(2 * sensor)}"
+        if row.shape != fields.shape[1:]:
+            rule = f"must have {fields.shape[1]} points as the first has"
+            raise ShapeError(name, rule, row.shape)
+        if row.dtype.kind not in "biuf" or not np.isin(row, (0, 1)).all():
+            raise InvalidValueError(name, "must be made of bits, 0 or 1", row.tolist())
+        fields[sensor] = row == 1
+    if len(listed) and not fields.shape[1]:
+        raise ShapeError("fields", "must be over at least one point", fields.shape)
+    return fields, sensorium
+
+
+def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which literals are on only where which others are.
+
+    Args:
+        fields: ``(N, points)`` bool.
+
+    Returns:
+        ``(2N, 2N)`` bool; true at ``[a, b]`` iff the field of `a` is in that of `b`.
+
+    Example:
+        >>> inclusions(np.array([[True, False], [True, True]]))[0, 2]
+        np.True_
+    """
+    sensors, points = fields.shape
+    literals = np.stack([fields, ~fields], axis=1).reshape(2 * sensors, points)
+    # Sums of zeros and ones: at least one cannot round to none.
+    outside = literals.astype(np.float32) @ (~literals).astype(np.float32).T
+    return np.asarray(outside == 0, np.bool_)
+
+
+def _flat(rows: list[NDArray[np.generic]]) -> bool:
+    """Whether the first row has a length."""
+    return bool(rows) and rows[0].ndim == 1

@@ -1,0 +1,59 @@
+"""The README's blocks run as they are printed."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+BLOCKS = re.findall(
+    r"^```(\w+)\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL
+)
+COMMANDS = [
+    line.split("#")[0].strip()
+    for language, text in BLOCKS
+    if language == "sh"
+    for line in text.splitlines()
+]
+MAKE = [line for line in COMMANDS if line.startswith("make ")]
+VERBS = [line for line in COMMANDS if not line.startswith("make ")]
+
+
+@pytest.mark.parametrize("text", [t for kind, t in BLOCKS if kind == "python"])
+def test_python_blocks_run(text: str) -> None:
+    subprocess.run([sys.executable, "-W", "error", "-c", text], check=True, timeout=60)
+
+
+def test_make_targets_exist() -> None:
+    assert MAKE == ["make run", "make test"]
+    for line in MAKE:
+        dry = subprocess.run(
+            [*line.split(), "--dry-run"], cwd=ROOT, capture_output=True, check=True
+        )
+        assert b"neurosnap run" in dry.stdout or b"pytest" in dry.stdout
+
+
+@pytest.mark.zenoh
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+def test_shell_blocks_run(tmp_path: Path) -> None:
+    rows = ["door,motion,light", *["0,0,0", "0,1,0", "1,1,0", "0,0,1"] * 2]
+    (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
+    bin_folder = str(Path(sys.executable).parent)
+    environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}"}
+    assert len(VERBS) == 11
+    for line in VERBS:
+        done = subprocess.run(
+            line.split(),
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert done.returncode == 0, f"{line}: {done.stderr}"
+    assert (tmp_path / "depths" / "depth.png").stat().st_size > 0
+    assert (tmp_path / "b.mcap").exists()

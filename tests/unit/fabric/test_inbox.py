@@ -1,0 +1,237 @@
+"""The doors between threads and the loop: order, bounds, and what a failure does."""
+
+import asyncio
+import threading
+from collections.abc import Callable
+from typing import TypeAlias
+
+import pytest
+
+from neurosnap.errors import InboxOverflowError
+from neurosnap.fabric.inbox import Courier, Inbox
+
+Kind: TypeAlias = type[Inbox[int]] | type[Courier[int]]
+
+both = pytest.mark.parametrize("kind", [Inbox, Courier])
+
+
+class Owner:
+    """Whom a door delivers to; both may be called on any thread."""
+
+    def __init__(self, raises: Callable[[list[int]], None] = lambda _: None) -> None:
+        self.bursts: list[list[int]] = []
+        self.threads: set[str] = set()
+        self.failures: list[BaseException] = []
+        self._raises = raises
+        self._loop = asyncio.get_running_loop()
+        self._changed = asyncio.Event()
+
+    def deliver(self, items: list[int]) -> None:
+        self.bursts.append(items)
+        self.threads.add(threading.current_thread().name)
+        self._loop.call_soon_threadsafe(self._changed.set)
+        self._raises(items)
+
+    def fail(self, error: BaseException) -> None:
+        self.threads.add(threading.current_thread().name)
+        self.failures.append(error)
+        self._changed.set()
+
+    @property
+    def items(self) -> list[int]:
+        return [item for burst in self.bursts for item in burst]
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        async with asyncio.timeout(10):
+            while not condition():
+                await self._changed.wait()
+                self._changed.clear()
+
+
+@both
+async def test_items_of_one_thread_arrive_in_order(kind: Kind) -> None:
+    owner = Owner()
+    door = kind("me", owner.deliver, owner.fail)
+
+    def push() -> None:
+        for item in range(5000):
+            door.push(item)
+
+    await asyncio.to_thread(push)
+    await owner.until(lambda: len(owner.items) == 5000)
+    door.close()
+    assert owner.items == list(range(5000))
+    assert all(owner.bursts)
+    assert owner.failures == []
+
+
+@both
+async def test_threads_that_push_at_once_lose_nothing(kind: Kind) -> None:
+    owner = Owner()
+    door = kind("me", owner.deliver, owner.fail)
+
+    def push(first: int) -> None:
+        for item in range(first, first + 1000):
+            door.push(item)
+
+    async with asyncio.TaskGroup() as group:
+        for number in range(4):
+            group.create_task(asyncio.to_thread(push, 1000 * number))
+    await owner.until(lambda: len(owner.items) == 4000)
+    door.close()
+    for number in range(4):
+        first = 1000 * number
+        mine = [item for item in owner.items if first <= item < first + 1000]
+        assert mine == list(range(first, first + 1000))
+
+
+async def test_an_inbox_wakes_the_loop_once_a_burst() -> None:
+    owner = Owner()
+    inbox = Inbox("me", owner.deliver, owner.fail)
+    for item in range(100):
+        inbox.push(item)
+    await owner.until(lambda: len(owner.items) == 100)
+    assert owner.bursts == [list(range(100))]
+    inbox.push(100)
+    await owner.until(lambda: len(owner.items) == 101)
+    assert len(owner.bursts) == 2
+
+
+async def test_an_inbox_delivers_on_the_loop_and_a_courier_on_its_own_thread() -> None:
+    here, there = Owner(), Owner()
+    inbox = Inbox("me", here.deliver, here.fail)
+    courier = Courier("me", there.deliver, there.fail)
+    inbox.push(1)
+    courier.push(1)
+    await here.until(lambda: bool(here.bursts))
+    await there.until(lambda: bool(there.bursts))
+    courier.close()
+    assert here.threads == {threading.current_thread().name}
+    assert there.threads == {"courier/me"}
+
+
+@both
+async def test_what_waits_when_it_is_closed_is_delivered(kind: Kind) -> None:
+    owner = Owner()
+    door = kind("me", owner.deliver, owner.fail)
+    for item in range(10):
+        door.push(item)
+    door.close()
+    door.push(99)
+    await owner.until(lambda: len(owner.items) == 10)
+    await asyncio.sleep(0)
+    assert owner.items == list(range(10))
+
+
+@both
+async def test_closing_twice_changes_nothing(kind: Kind) -> None:
+    owner = Owner()
+    door = kind("me", owner.deliver, owner.fail)
+    door.close()
+    door.close()
+    door.push(1)
+    await asyncio.sleep(0)
+    assert owner.bursts == []
+
+
+async def test_an_inbox_that_is_pushed_too_much_is_an_error() -> None:
+    owner = Owner()
+    inbox = Inbox("cell/3", owner.deliver, owner.fail, capacity=3)
+    for item in range(10):
+        inbox.push(item)
+    await owner.until(lambda: bool(owner.failures))
+    assert owner.items == [0, 1, 2]
+    (error,) = owner.failures
+    assert isinstance(error, InboxOverflowError)
+    assert str(error) == (
+        "cell/3: inbox must be read before it holds more than 3 messages"
+    )
+    assert (error.owner, error.capacity) == ("cell/3", 3)
+    inbox.push(99)
+    await asyncio.sleep(0)
+    assert owner.items == [0, 1, 2]
+
+
+async def test_a_courier_that_is_pushed_too_much_is_an_error() -> None:
+    entered, go_on = threading.Event(), threading.Event()
+
+    def block(_: list[int]) -> None:
+        entered.set()
+        go_on.wait(10)
+
+    owner = Owner(block)
+    courier = Courier("cell/3", owner.deliver, owner.fail, capacity=3)
+    try:
+        courier.push(0)
+        await asyncio.to_thread(entered.wait, 10)
+        for item in range(1, 10):
+            courier.push(item)
+        await owner.until(lambda: bool(owner.failures))
+    finally:
+        go_on.set()
+        courier.close()
+    assert owner.items == [0, 1, 2, 3]
+    (error,) = owner.failures
+    assert isinstance(error, InboxOverflowError)
+    assert (error.owner, error.capacity) == ("cell/3", 3)
+
+
+async def test_as_many_as_fit_are_no_error() -> None:
+    owner = Owner()
+    inbox = Inbox("me", owner.deliver, owner.fail, capacity=3)
+    for turn in range(1, 4):
+        for item in range(3):
+            inbox.push(item)
+        await owner.until(lambda: len(owner.bursts) == turn)  # noqa: B023
+    assert owner.failures == []
+
+
+class TroubleError(Exception):
+    """What a delivery raises."""
+
+
+@both
+async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop(kind: Kind) -> None:
+    def refuse(items: list[int]) -> None:
+        raise TroubleError(items[0])
+
+    owner = Owner(refuse)
+    door = kind("me", owner.deliver, owner.fail)
+    door.push(7)
+    await owner.until(lambda: bool(owner.failures))
+    door.close()
+    (error,) = owner.failures
+    assert isinstance(error, TroubleError)
+    assert error.args == (7,)
+    assert threading.current_thread().name in owner.threads
+
+
+@both
+async def test_nothing_is_delivered_after_a_delivery_raised(kind: Kind) -> None:
+    def refuse(_: list[int]) -> None:
+        for item in range(5):
+            door.push(item)  # as another thread may, just then
+        raise TroubleError
+
+    owner = Owner(refuse)
+    door = kind("me", owner.deliver, owner.fail)
+    door.push(7)
+    await owner.until(lambda: bool(owner.failures))
+    door.push(8)
+    for _ in range(5):
+        await asyncio.sleep(0)
+    door.close()
+    assert owner.items == [7]
+    assert len(owner.failures) == 1
+
+
+async def test_an_inbox_that_overflows_and_fails_says_so_once() -> None:
+    def refuse(_: list[int]) -> None:
+        raise TroubleError
+
+    owner = Owner(refuse)
+    inbox = Inbox("me", owner.deliver, owner.fail, capacity=2)
+    for item in range(5):
+        inbox.push(item)
+    await owner.until(lambda: bool(owner.failures))
+    assert [type(error) for error in owner.failures] == [TroubleError]
