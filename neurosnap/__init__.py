@@ -8,16 +8,33 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from neurosnap.poc.cubing import Cubing
     from neurosnap.poc.graph import PocGraph
+    from neurosnap.poc.morphism import PocMorphism
+    from neurosnap.poc.pocset import PocSet
+    from neurosnap.poc.realization import Realization
     from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
     from neurosnap.sensorium import Sensorium
 
-__all__ = ["DiscountedSnapshot", "EmpiricalSnapshot", "PocGraph", "Sensorium"]
+__all__ = [
+    "Cubing",
+    "DiscountedSnapshot",
+    "EmpiricalSnapshot",
+    "PocGraph",
+    "PocMorphism",
+    "PocSet",
+    "Realization",
+    "Sensorium",
+]
 
 _HOMES = {
+    "Cubing": "neurosnap.poc.cubing",
     "DiscountedSnapshot": "neurosnap.poc.snapshot",
     "EmpiricalSnapshot": "neurosnap.poc.snapshot",
     "PocGraph": "neurosnap.poc.graph",
+    "PocMorphism": "neurosnap.poc.morphism",
+    "PocSet": "neurosnap.poc.pocset",
+    "Realization": "neurosnap.poc.realization",
     "Sensorium": "neurosnap.sensorium",
 }
 

@@ -4,6 +4,8 @@ Exit codes: 0 all well, 1 failed, 2 wrong usage, 3 finished but something was lo
 """
 
 import asyncio
+import math
+import os
 import signal
 import sys
 from collections.abc import Awaitable, Callable, Iterator
@@ -192,7 +194,6 @@ def _play(
 
     recording = Recording.open(log)
     screen.print(f"playing on {listen} under neurosnap/{recording.swarm}/**")
-    asking = _ask_enter if step else None
     with show.progress(screen, "tick", None) as on_progress:
         played = _run(
             lambda stop: play_on(
@@ -201,7 +202,7 @@ def _play(
                 stop,
                 rate=rate,
                 start=start,
-                step=asking,
+                step=_asking(stop) if step else None,
                 on_progress=on_progress,
             )
         )
@@ -215,10 +216,40 @@ def _play(
         raise typer.Exit(LOST)
 
 
-async def _ask_enter(tick: int) -> bool:
-    """Wait for Enter; false at the end of the input."""
-    screen.print(f"tick {tick}: Enter plays it", end=" ")
-    return bool(await asyncio.to_thread(sys.stdin.readline))
+def _asking(stop: asyncio.Event) -> Callable[[int], Awaitable[bool]]:
+    """Return what asks for Enter before a tick."""
+
+    async def ask(tick: int) -> bool:
+        screen.print(f"tick {tick}: Enter plays it", end=" ")
+        return await _wait_enter(stop)
+
+    return ask
+
+
+async def _wait_enter(stop: asyncio.Event) -> bool:
+    """Wait for Enter; false at the end of the input, or once `stop` is set.
+
+    Not in a thread, since one that waits for a key cannot be told to stop.
+    """
+    loop, wake = asyncio.get_running_loop(), asyncio.Event()
+    try:
+        loop.add_reader(descriptor := sys.stdin.fileno(), wake.set)
+    except OSError:  # neither a terminal nor a pipe: it keeps nobody waiting
+        return bool(sys.stdin.readline())
+    stopping = asyncio.create_task(stop.wait(), name="cli/stop")
+    stopping.add_done_callback(lambda _: wake.set())
+    try:
+        while True:
+            await wake.wait()
+            wake.clear()
+            if stop.is_set():
+                return False
+            key = os.read(descriptor, 1)  # past any buffer, which would hide the rest
+            if key in (b"\n", b""):
+                return key == b"\n"
+    finally:
+        stopping.cancel()
+        loop.remove_reader(descriptor)
 
 
 @app.command()
@@ -385,6 +416,8 @@ def _options(**given: object) -> RunOptions:
         reason, _, place = str(error).partition(" - at ")
         name = place.strip("`$.") or "options"
         raise InvalidValueError(name, reason, given.get(name)) from error
+    if math.isinf(options.deadline):  # JSON has no word for it
+        raise InvalidValueError("deadline", "must be finite", options.deadline)
     options.new_snapshot()
     return options
 

@@ -7,7 +7,8 @@ of the order and not with the number of sensors.
 import asyncio
 import csv
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -150,12 +151,21 @@ def fit(rows: Iterable[Measured]) -> Line | None:
 
 def write_csv(rows: Iterable[Measured], path: Path) -> None:
     """Write ``depth.csv``: one row a wave, whole or not at all."""
-    draft = path.with_suffix(".csv.part")
-    with draft.open("w", newline="", encoding="utf-8") as file:
+    with _whole(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
-    os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """Give a place to write, which becomes `path` if nothing goes wrong."""
+    draft = path.with_name(f"{path.name}.part")
+    try:
+        yield draft
+        os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def draw(rows: Sequence[Measured], path: Path) -> None:
@@ -189,10 +199,10 @@ def draw(rows: Sequence[Measured], path: Path) -> None:
     right.set_title("How long they take")
     for axes in (left, right):
         axes.grid(alpha=0.3)
-        axes.legend(fontsize="small")
-    draft = path.with_suffix(".png.part")
-    figure.savefig(draft, dpi=150, format="png")
-    os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+        if axes.get_legend_handles_labels()[0]:  # a single depth makes no line
+            axes.legend(fontsize="small")
+    with _whole(path) as draft:
+        figure.savefig(draft, dpi=150, format="png")
 
 
 def _draw_depth(

@@ -83,16 +83,20 @@ def _network(drawn: Diagram) -> "networkx.DiGraph[str]":
 def _dot(graph: "networkx.DiGraph[str]") -> str:
     drawing = pydot.Dot("neurosnap", graph_type="digraph", rankdir="BT")
     for name in graph:
-        drawing.add_node(pydot.Node(pydot.quote_id_if_necessary(name)))
+        drawing.add_node(pydot.Node(_quoted(name)))
     for below, above, kind in graph.edges(data="kind"):
-        edge = pydot.Edge(
-            pydot.quote_id_if_necessary(below), pydot.quote_id_if_necessary(above)
-        )
+        edge = pydot.Edge(_quoted(below), _quoted(above))
         if kind == "equivalent":
             edge.set("dir", "none")
             edge.set("style", "dashed")
         drawing.add_edge(edge)
     return str(drawing.to_string())
+
+
+def _quoted(name: str) -> str:
+    """Return any name as a DOT identifier; bare, ``a:b`` would be a port of ``a``."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
 
 
 def _graphml(graph: "networkx.DiGraph[str]") -> str:

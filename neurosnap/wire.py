@@ -11,7 +11,6 @@ running number and clock travel beside the payload (`Delivery`), so that complet
 can be proved without a word about it in the messages.
 """
 
-from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import msgspec
@@ -396,20 +395,20 @@ def cell_keys(cell: int) -> tuple[str, ...]:
     )
 
 
-def split_evenly(credit: int, parts: int) -> Iterator[int]:
+def split_evenly(credit: int, parts: int) -> list[int]:
     """Split the share ``2^-credit`` into `parts` shares that add up to it exactly.
 
-    The exponents are the leaf depths of a complete binary tree, so they differ by at
-    most one and nothing is left over.
+    They are the leaf depths of a complete binary tree, so they differ by at most one
+    and nothing is left over.
 
     Args:
         credit: The exponent to split.
         parts: How many shares, at least 1.
 
-    Yields:
+    Returns:
         The exponents of the shares, larger shares first.
     """
     depth = (parts - 1).bit_length()
     larger = (1 << depth) - parts
-    for index in range(parts):
-        yield credit + depth - (index < larger)
+    smaller = parts - larger
+    return [credit + depth - 1] * larger + [credit + depth] * smaller

@@ -32,7 +32,7 @@ def spawn(sizes: Sizes) -> list[Line]:
         sensors=sizes.cells, heights=(height,), wiring="hasse", waves=1, warmup=0
     )
     theirs, ours, waves = [], [], []
-    for _ in range(max(1, sizes.pairs - 1)):
+    for _ in range(sizes.pairs):
         theirs.append(_bare("spawn", sizes.cells)["seconds"])
         ending = _probe(plan)
         ours.append(ending.seconds)

@@ -96,6 +96,11 @@ class Failure:
             self._error = error
         self._event.set()
 
+    @property
+    def happened(self) -> bool:
+        """Whether there is an error."""
+        return self._error is not None
+
     async def wait(self, stop: asyncio.Event) -> None:
         """Return when `stop` is set, raise as soon as there is an error."""
         if self._error is None and not stop.is_set():

@@ -311,7 +311,9 @@ class Cubing:
         Raises:
             InvalidValueError: One of the sets is empty.
         """
-        near = self.project(m, k).first()
+        here, there = self._filled("k", k), self._filled("m", m)
+        onto = self._dual.array((here | there) & ~self._dual.star(here))
+        near = self.convex_set(onto).first()
         return near, self.nearest(near, m)
 
     def geodesic(self, u: Literals, onto: Convex) -> list[Vertex]:

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc import chains
 from neurosnap.poc.fields import as_fields, inclusions
 from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.literals import Literals, as_literal, as_literals
-from neurosnap.poc.matching import largest_matching
 from neurosnap.poc.relations import (
     RelationLike,
     element,
@@ -290,8 +290,7 @@ class PocSet:
         """
         heads = np.unique(self._graph.representative)
         strict = self._strict(heads)
-        two = (strict.astype(np.float32) @ strict.astype(np.float32)) > 0
-        low, high = (strict & ~two).nonzero()
+        low, high = chains.covers(strict).nonzero()
         pairs = list(zip(heads[low].tolist(), heads[high].tolist(), strict=True))
         if bounds:
             lowest = heads[~strict.any(axis=0)].tolist()
@@ -312,16 +311,13 @@ class PocSet:
         """Return the size of the largest antichain of proper elements.
 
         A sensor's two literals never are below each other there, so both may be in
-        it: ``N`` sensors that all cross have width ``2N``. By Dilworth's theorem this
-        is the least number of chains that hold all elements, which a largest matching
-        finds. O(N³) time at worst.
+        it: ``N`` sensors that all cross have width ``2N``. O(N³) time at worst.
 
         Example:
             >>> PocSet.parse("a, b, c : a < b < c").width(), PocSet(3).width()
             (2, 6)
         """
-        strict = self._strict(self.heads)
-        return len(self.heads) - largest_matching(strict)
+        return chains.width(self._strict(self.heads))
 
     def quotient(self) -> "PocMorphism":
         """Return the projection onto the canonical quotient ([GK] appendix A).
@@ -398,9 +394,11 @@ class PocSet:
         return f"PocSet.parse({str(self)!r})"
 
     def __str__(self) -> str:
-        """Return generators and relations, one of each contrapositive pair."""
+        """Return generators and relations, of each contrapositive pair the plainer."""
         relations = [
-            f"{self.name(a)} < {self.name(b)}" for a, b in self.hasse() if a <= b ^ 1
+            f"{self.name(a)} < {self.name(b)}"
+            for a, b in self.hasse()
+            if ((a & 1) + (b & 1), a) <= ((b & 1 ^ 1) + (a & 1 ^ 1), b ^ 1)
         ]
         for literals in self._graph.classes():
             head, *others = literals

@@ -141,7 +141,7 @@ strict one, got 'a < b < a'
         rule = "must not make a literal equal to its complement"
         chain = _shown(sensorium, signs, there + back[1:])
         raise InvalidValueError("relations", rule, chain) from error
-    for (low, high), sign in signs.items():
+    for low, sign, high in relations:
         if sign == "<" and graph.leq(high, low):
             chain = _shown(sensorium, signs, [low, *_path(signs, high, low)])
             rule = "must have no cycle through a strict one"

@@ -35,8 +35,8 @@ class FiniteSpace:
     """
 
     def __init__(self, points: int, below: Iterable[tuple[int, int]] = ()) -> None:
-        if isinstance(points, bool) or not isinstance(points, int) or points < 0:
-            raise InvalidValueError("points", "must be a whole number from 0", points)
+        if points < 0:
+            raise InvalidValueError("points", "must be 0 or more", points)
         order = np.eye(points, dtype=np.bool_)
         for pair in below:
             if not all(0 <= x < points for x in pair):

@@ -129,7 +129,7 @@ def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
     stream = ReadDataStream(io.BytesIO(body))
     try:
         record = read(stream)
-    except (McapError, struct.error, UnicodeDecodeError) as error:
+    except (McapError, struct.error, UnicodeDecodeError, OverflowError) as error:
         raise ValueError(str(error) or "a record that ends too soon") from error
     if stream.count != len(body):
         raise ValueError(f"{len(body) - stream.count} bytes beyond its end")

@@ -35,6 +35,7 @@ class _Wave:
         "fired",
         "held",
         "hops",
+        "literals",
         "number",
         "part",
         "pulses",
@@ -51,8 +52,9 @@ class _Wave:
         self.asked = False  # the signal's own literals have fired
         self.fired: set[int] = set()
         self.part = 0
-        # The next report, gathered over a burst: (literal, hops), shares, pulses sent.
-        self.hops: list[tuple[int, int]] = []
+        # The next report, gathered over a burst.
+        self.literals: list[int] = []
+        self.hops: list[int] = []
         self.credit: list[int] = []
         self.pulses = 0
 
@@ -203,13 +205,14 @@ class Cell:
             wave.credit.append(credit)
             return
         targets = self._targets[literal]
-        shares = list(wire.split_evenly(credit, len(targets) + 1))
+        shares = wire.split_evenly(credit, len(targets) + 1)
         out.extend(
             wire.Pulse(wave.number, literal, target, hops + 1, share, wave.fence)
             for target, share in zip(targets, shares[1:], strict=True)
         )
         wave.fired.add(literal)
-        wave.hops.append((literal, hops))
+        wave.literals.append(literal)
+        wave.hops.append(hops)
         wave.credit.append(shares[0])
         wave.pulses += len(targets)
 
@@ -218,13 +221,13 @@ class Cell:
             wave=wave.number,
             cell=self.cell,
             part=wave.part,
-            literals=tuple(literal for literal, _ in wave.hops),
-            hops=tuple(hops for _, hops in wave.hops),
+            literals=tuple(wave.literals),
+            hops=tuple(wave.hops),
             credit=tuple(wave.credit),
             pulses=wave.pulses,
         )
         wave.part += 1
-        wave.hops, wave.credit, wave.pulses = [], [], 0
+        wave.literals, wave.hops, wave.credit, wave.pulses = [], [], [], 0
         return report
 
     # What the coordinator and the world say ------------------------------------------

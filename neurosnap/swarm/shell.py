@@ -198,7 +198,13 @@ class _Presence:
             self._missing.discard(who)
             if not self._missing:
                 self._complete.set()
-        elif not self._shell.over.is_set():
+        else:
+            # Its last word may be on the way still: nothing orders the two.
+            asyncio.get_running_loop().call_later(_LAST_WORD, self._miss, who)
+
+    def _miss(self, who: str) -> None:
+        """Fail, unless `who` is gone in order or the run has ended meanwhile."""
+        if who not in self._shell.left and not self._shell.over.is_set():
             self._fabric.fail(
                 SwarmError(f"{who}: must stay until the run ends, is gone")
             )

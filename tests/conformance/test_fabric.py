@@ -2,11 +2,15 @@
 
 import asyncio
 import os
+import secrets
+import subprocess
+import sys
 import threading
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
@@ -67,6 +71,28 @@ class Seen:
                 self._more.clear()
 
 
+BE_HUB = """
+import sys
+from neurosnap.fabric.over_zenoh import open_hub
+session = open_hub([sys.argv[1]], sessions=20)
+print("ready", flush=True)
+sys.stdin.read()
+session.close()
+"""
+
+
+@dataclass(frozen=True)
+class Hub:
+    """A hub in a process of its own, as in a run.
+
+    All sessions of one process share two receiving threads: a hub that waits there for
+    one of its neighbours to take a message would wait for itself.
+    """
+
+    endpoint: str
+    pid: int
+
+
 class Network:
     """Makes the ends of swarms that share one hub."""
 
@@ -84,14 +110,15 @@ class MemoryNetwork(Network):
 
 
 class ZenohNetwork(Network):
-    def __init__(self, endpoint: str, *, swift: bool) -> None:
-        self._endpoint = endpoint
+    def __init__(self, hub: Hub, *, swift: bool) -> None:
+        self._endpoint = hub.endpoint
         self._swift = swift
+        self._run = secrets.token_hex(4)  # a hub may still hold an earlier test's
 
     def end(self, who: str, *, swarm: str = "one", first: int = 0) -> Fabric:
         return ZenohFabric(
             who,
-            swarm,
+            f"{self._run}-{swarm}",
             self._endpoint,
             first=first,
             patience=PATIENCE,
@@ -105,12 +132,18 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> str:
     return f"unixsock-stream/{tmp_path_factory.mktemp('n')}/hub"
 
 
-@pytest.fixture
-def hub(endpoint: str) -> Iterator[str]:
-    """Keep a hub open; return where it listens."""
-    session = open_hub([endpoint], sessions=20)
-    yield endpoint
-    session.close()
+@pytest.fixture(scope="module")
+def hub(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hub]:
+    endpoint = f"unixsock-stream/{tmp_path_factory.mktemp('n')}/hub"
+    command = [sys.executable, "-c", BE_HUB, endpoint]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        yield Hub(endpoint, process.pid)
+        process.communicate()
+    assert process.returncode == 0
 
 
 @pytest.fixture(
@@ -123,8 +156,9 @@ def hub(endpoint: str) -> Iterator[str]:
 def network(request: pytest.FixtureRequest) -> Network:
     if request.param == "memory":
         return MemoryNetwork()
-    endpoint = request.getfixturevalue("hub")
-    return ZenohNetwork(endpoint, swift=request.param == "zenoh-swift")
+    return ZenohNetwork(
+        request.getfixturevalue("hub"), swift=request.param == "zenoh-swift"
+    )
 
 
 @asynccontextmanager
@@ -272,7 +306,7 @@ async def test_numbers_run_over_all_keys_heard_or_not(network: Network) -> None:
 
 @pytest.mark.zenoh
 async def test_threads_may_publish_at_once_and_every_number_is_used_once(
-    hub: str,
+    hub: Hub,
 ) -> None:
     network = ZenohNetwork(hub, swift=True)
     async with listening(network, "leave") as heard, network.end("sender") as sender:
@@ -406,7 +440,7 @@ async def test_what_a_handler_raises_comes_out_of_serve(
 
 @pytest.mark.zenoh
 async def test_a_handler_that_raised_is_not_called_again_and_the_session_closes(
-    hub: str,
+    hub: Hub,
 ) -> None:
     network = ZenohNetwork(hub, swift=False)
     seen, called = Seen(), Counter[str]()
@@ -460,14 +494,13 @@ async def test_what_fails_a_part_comes_out_of_serve_once_first(
 
 
 @pytest.mark.zenoh
-async def test_nothing_listens_on_tcp_or_udp(hub: str) -> None:
-    process = psutil.Process()
-    before = {c.laddr for c in process.net_connections("inet")}
+async def test_nothing_listens_on_tcp_or_udp(hub: Hub) -> None:
     async with ZenohNetwork(hub, swift=False).end("part") as end:
         await end.announce()
-        assert {c.laddr for c in process.net_connections("inet")} == before == set()
-        listening = {c.laddr for c in process.net_connections("unix")}
-        assert hub.removeprefix("unixsock-stream/") in listening
+        for process in (psutil.Process(hub.pid), psutil.Process()):
+            assert process.net_connections("inet") == []
+        sockets = {c.laddr for c in psutil.Process(hub.pid).net_connections("unix")}
+        assert hub.endpoint.removeprefix("unixsock-stream/") in sockets
 
 
 @pytest.mark.zenoh
@@ -495,11 +528,11 @@ async def test_a_hub_that_comes_late_is_waited_for(endpoint: str) -> None:
 
 
 @pytest.mark.zenoh
-def test_an_endpoint_in_use_is_an_error(hub: str) -> None:
+def test_an_endpoint_in_use_is_an_error(hub: Hub) -> None:
     with pytest.raises(
-        FabricError, match=rf"^hub: must be able to listen on {hub}, got "
+        FabricError, match=rf"^hub: must be able to listen on {hub.endpoint}, got "
     ):
-        open_hub([hub], sessions=3)
+        open_hub([hub.endpoint], sessions=3)
 
 
 @pytest.mark.zenoh
@@ -509,7 +542,7 @@ def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.zenoh
-async def test_a_session_leaves_no_thread_of_ours(hub: str) -> None:
+async def test_a_session_leaves_no_thread_of_ours(hub: Hub) -> None:
     before = set(threading.enumerate())
     async with listening(ZenohNetwork(hub, swift=True), "leave"):
         during = {thread.name for thread in set(threading.enumerate()) - before}

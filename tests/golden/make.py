@@ -22,14 +22,15 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (1, wire.Wiring(0, 1, 0, (2,), (), (5,), ())),
     (2, wire.Wiring(0, 2, 1, (), (2,), (), (5,))),
     (3, wire.WaveStart(1, 1, "state", 2, 1)),
-    (0, wire.Pulse(1, 0, 2, 1, 4)),
+    (0, wire.Pulse(1, 0, 2, 1, 4, 1)),
     (1, wire.Pulse(1, 0, 5, 1, 4)),
     (0, wire.Settled(1, 1, 0, (2,), (1,), (4,), 0)),
     (2, wire.Settled(1, 0, 0, (0, 1), (0, 3), (3, 3), 2)),
-    (4, wire.WaveStart(2, 1, "signal", 1, 2, (0, 5), 1)),
+    (4, wire.WaveStart(2, 1, "signal", 1, 2, (0, 5), 1, 1, 2)),
     (5, wire.State(1, 1, b"\x15", False, 1, 1, 1, 2, 2)),
-    (6, wire.Decision(1, -1, "ünïcode: nothing to do")),
-    (7, wire.KeyFrame(1, b"PK not quite a snapshot")),
+    (6, wire.Reached(1, 2, (0, 5), b"\x25", 1, 1, 1, 1)),
+    (7, wire.Decision(1, -1, "ünïcode: nothing to do")),
+    (8, wire.KeyFrame(1, b"PK not quite a snapshot")),
     (0, wire.Fault("cell/2", "wiring/0: must hold its own messages")),
     # The world's number 1 is lost, and number 2 is its last word.
     (2, wire.Leave("world")),
@@ -69,7 +70,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 8})
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 9})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

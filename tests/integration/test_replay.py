@@ -78,9 +78,10 @@ def options_for(
         ticks=ticks,
         seed=SEED,
         snapshot=snapshot,
-        # Coarse enough that either snapshot learns within a few ticks, and unlearns.
-        threshold=0.08 if snapshot == "empirical" else 0.02,
-        decay=None if snapshot == "empirical" else 0.8,
+        # Coarse enough that either snapshot learns within a few ticks, and that one
+        # exception does not unlearn it.
+        threshold=0.08 if snapshot == "empirical" else 0.15,
+        decay=None if snapshot == "empirical" else 0.9,
         wiring=wiring,
         cells="inline",
         keyframe_every=7,
@@ -110,9 +111,7 @@ def recorded_run(
 
 def resumed_run(log: Path, new: Path, ticks: int) -> Outcome:
     options, past = look_back(log)
-    return recorded_run(
-        msgspec.structs.replace(options, ticks=ticks), new, past=past
-    )
+    return recorded_run(msgspec.structs.replace(options, ticks=ticks), new, past=past)
 
 
 class Run(NamedTuple):
@@ -182,9 +181,7 @@ def write_again(
         writer.start(recording.metadata)
         for each in recorded:
             writer.add(each.delivery, each.log_time)
-        writer.finish(
-            {}, recording.noted().expected if expected is None else expected
-        )
+        writer.finish({}, recording.noted().expected if expected is None else expected)
     return target
 
 
@@ -369,7 +366,7 @@ def test_a_run_comes_out_the_same(
     assert verdict.complete
     counts = (verdict.ticks, verdict.states, verdict.decisions)
     assert counts == (TICKS, TICKS, TICKS)
-    assert verdict.waves >= 2 * TICKS
+    assert verdict.waves == len(of_type(log, wire.WaveStart)) > TICKS
     assert verdict.wirings == len(of_type(log, wire.Wiring)) > 0
     assert outcome.totals.ticks == TICKS
 
@@ -383,7 +380,9 @@ def test_the_runs_hold_contradictions_and_equivalences(
     assert outcome.totals.incoherent > 0
     recording = Recording.open(log)
     graphs = [snapshot_at(recording, tick)[1].poc_graph() for tick in range(12, 19)]
-    assert any(len(members) > 1 for graph in graphs for members in graph.classes())
+    equivalent = any(len(members) > 1 for g in graphs for members in g.classes())
+    # A discounted weight never is 0, which is what an equivalence takes.
+    assert equivalent == (snapshot == "empirical")
     dropped = [w for w in of_type(log, wire.Wiring) if w.drop or w.drop_complement]
     assert dropped
 
@@ -513,9 +512,7 @@ OVERTAKING = {
 def test_senders_may_overtake_each_other(
     runs: Runs, tmp_path: Path, name: str, order: str
 ) -> None:
-    verdict = verify(
-        rewritten(runs.of(name).log, tmp_path / "log", OVERTAKING[order])
-    )
+    verdict = verify(rewritten(runs.of(name).log, tmp_path / "log", OVERTAKING[order]))
     assert verdict.difference is None
     assert verdict.complete
     assert verdict.ticks == TICKS
@@ -624,9 +621,8 @@ class Simulation:
 
 LOST: dict[str, Lost] = {
     "pulse": lambda _, m: isinstance(m, wire.Pulse) and m.wave > 20,
-    "start": lambda cell, m: isinstance(m, wire.WaveStart) and m.wave > 20,
-    "wiring": lambda _, m: isinstance(m, wire.Wiring) and m.after > 1,
-    "observation": lambda cell, m: isinstance(m, wire.Observation) and m.tick > 9,
+    "start": lambda _, m: isinstance(m, wire.WaveStart) and m.wave > 20,
+    "observation": lambda _, m: isinstance(m, wire.Observation) and m.tick > 9,
 }
 
 
@@ -649,9 +645,20 @@ def test_a_run_with_a_repeated_wave_comes_out_the_same(
     assert course(log) == course(runs.of("csv", wiring).log)
 
 
-def test_a_repeat_that_names_another_wave_is_found(
-    runs: Runs, tmp_path: Path
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cell_that_has_the_wrong_edges_is_found(
+    runs: Runs, tmp_path: Path, seed: int
 ) -> None:
+    log = tmp_path / "log"
+    missed = lost_once(lambda _, m: isinstance(m, wire.Wiring) and m.after > 1)
+    Simulation(options_for(runs.csv), log, seed, missed).run()
+    verdict = verify(log)
+    assert verdict.complete  # the recorder heard what the cell did not
+    assert verdict.difference is not None
+    assert ": cells reported [" in verdict.difference
+
+
+def test_a_repeat_that_names_another_wave_is_found(runs: Runs, tmp_path: Path) -> None:
     log = tmp_path / "log"
     Simulation(options_for(runs.csv), log, 0, lost_once(LOST["pulse"])).run()
     tamper = changing(
@@ -672,6 +679,16 @@ def test_a_stopped_run_comes_out_the_same(runs: Runs, tmp_path: Path) -> None:
     assert verdict.complete
     assert verdict.ticks == outcome.totals.ticks
     assert of_type(log, wire.KeyFrame)[-1].tick == outcome.totals.ticks
+
+
+def test_a_run_ends_in_order_where_its_source_does(runs: Runs, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    outcome = recorded_run(options_for(runs.csv, ticks=1000), log)
+    assert not outcome.stopped
+    verdict = verify(log)
+    assert verdict.difference is None
+    assert verdict.complete
+    assert verdict.ticks == outcome.totals.ticks == len(readings())
 
 
 STOPS: dict[str, Callable[[Simulation], bool]] = {
@@ -714,6 +731,13 @@ def cut_at(log: Path, target: Path, size: int) -> Path:
     return target
 
 
+def cut_in(log: Path, target: Path, share: float) -> Path:
+    """Cut in the middle of the chunk behind a share of them."""
+    chunks = Recording.open(log).layout.chunks
+    number = int(share * len(chunks))
+    return cut_at(log, target, (chunks[number].offset + chunks[number + 1].offset) // 2)
+
+
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_a_recording_cut_anywhere_is_incomplete_and_never_different(
     runs: Runs, tmp_path: Path, seed: int | None
@@ -738,7 +762,7 @@ def test_a_recording_cut_anywhere_is_incomplete_and_never_different(
     assert len(ticks) > (5 if seed is None else 1)
 
 
-@pytest.mark.parametrize("what", ["pulse", "wiring"])
+@pytest.mark.parametrize("what", ["pulse", "start"])
 def test_a_cut_recording_of_a_repeated_wave_is_never_different(
     runs: Runs, tmp_path: Path, what: str
 ) -> None:
@@ -807,29 +831,28 @@ def test_a_stopped_run_goes_on(runs: Runs, tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("seed", [None, 2])
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
 def test_a_cut_run_goes_on_and_is_cut_and_goes_on(
-    runs: Runs, tmp_path: Path, seed: int | None
+    runs: Runs, tmp_path: Path, seed: int | None, share: float
 ) -> None:
     uninterrupted = runs.of("csv")
     recording = Recording.open(uninterrupted.log)
-    recorded: Iterable[Recorded] = list(recording.messages())
+    recorded = list(recording.messages())
     if seed is not None:
-        recorded = jittered(list(recorded), seed)
+        recorded = jittered(recorded, seed)
     small = write_again(recording, tmp_path / "small", recorded, chunk=1500)
-    for share in (0.3, 0.5, 0.8):
-        size = int(share * small.stat().st_size)
-        cut = cut_at(small, tmp_path / f"cut{share}", size)
-        once = tmp_path / f"once{share}"
-        resumed_run(cut, once, TICKS)
-        before = verify(cut).ticks
-        assert_went_on(once, uninterrupted, [before])
-    again = Recording.open(once)
-    chunked = write_again(again, tmp_path / "chunked", again.messages(), chunk=1500)
-    cut = cut_at(chunked, tmp_path / "cut", int(0.85 * chunked.stat().st_size))
+    cut = cut_in(small, tmp_path / "cut", share)
+    tick = verify(cut).ticks
+    resumed_run(cut, tmp_path / "once", TICKS)
+    assert_went_on(tmp_path / "once", uninterrupted, [tick])
+
+    again = Recording.open(tmp_path / "once")
+    small = write_again(again, tmp_path / "again", again.messages(), chunk=1500)
+    cut = cut_in(small, tmp_path / "cut again", 0.9)
     following = verify(cut).ticks
-    assert following > before
+    assert tick < following < TICKS
     resumed_run(cut, tmp_path / "twice", TICKS)
-    assert_went_on(tmp_path / "twice", uninterrupted, [before, following])
+    assert_went_on(tmp_path / "twice", uninterrupted, [tick, following])
 
 
 def jittered(recorded: list[Recorded], seed: int) -> list[Recorded]:
@@ -940,9 +963,7 @@ def test_a_lost_observation_is_named_unless_a_key_frame_covers_it(
         place, _ = first(recorded, wire.Observation, lambda o: o.tick == 9)
         return recorded[:place] + recorded[place + 1 :]
 
-    recording = Recording.open(
-        rewritten(runs.of("csv").log, tmp_path / "log", change)
-    )
+    recording = Recording.open(rewritten(runs.of("csv").log, tmp_path / "log", change))
     with pytest.raises(RecordingError, match=r"observation of tick 9, got none$"):
         snapshot_at(recording, 13)
     assert snapshot_at(recording, 14)[1].clock == 14
@@ -974,8 +995,9 @@ def test_a_recording_gives_a_row_for_every_wave(
     assert all(row.seconds > 0 for row in rows)
     assert sum(row.seconds for row in rows) < outcome.seconds
     assert max(row.depth for row in rows) == outcome.totals.depth > 0
-    most = 1 if wiring == "derived" else outcome.totals.depth
-    assert all(row.depth <= most and row.depth <= row.height + 2 for row in rows)
+    # To a representative, along an edge, to a member: however high the order is.
+    most = 3 if wiring == "derived" else TICKS
+    assert all(row.depth <= min(most, row.height + 2) for row in rows)
 
 
 def test_a_wave_whose_start_was_lost_is_named(runs: Runs, tmp_path: Path) -> None:
@@ -983,8 +1005,6 @@ def test_a_wave_whose_start_was_lost_is_named(runs: Runs, tmp_path: Path) -> Non
         place, _ = first(recorded, wire.WaveStart, lambda w: w.wave == 7)
         return recorded[:place] + recorded[place + 1 :]
 
-    recording = Recording.open(
-        rewritten(runs.of("csv").log, tmp_path / "log", change)
-    )
+    recording = Recording.open(rewritten(runs.of("csv").log, tmp_path / "log", change))
     with pytest.raises(RecordingError, match=r"wave 7: must have its start, got none$"):
         from_recording(recording)

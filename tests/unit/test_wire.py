@@ -146,7 +146,7 @@ def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
 
 @given(credit=st.integers(0, 10_000), parts=st.integers(1, 300))
 def test_split_shares_add_up_to_the_whole(credit: int, parts: int) -> None:
-    shares = list(wire.split_evenly(credit, parts))
+    shares = wire.split_evenly(credit, parts)
     assert len(shares) == parts
     assert sum(Fraction(1, 2**share) for share in shares) == Fraction(1, 2**credit)
     assert shares == sorted(shares)

@@ -1,7 +1,6 @@
 """The hub in memory: order, reordering, and each fault it can make."""
 
 import asyncio
-from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -279,10 +278,7 @@ async def test_other_tasks_get_their_turn_in_a_flood() -> None:
     stop = asyncio.Event()
 
     async with hub.fabric("echo") as end:
-        echo: Callable[[list[wire.Delivery]], None] = lambda _: end.publish(  # noqa: E731
-            wire.Leave("echo")
-        )
-        await end.subscribe(("leave",), echo)
+        await end.subscribe(("leave",), lambda _: end.publish(wire.Leave("echo")))
         end.publish(wire.Leave("echo"))
         asyncio.get_running_loop().call_later(0.01, stop.set)
         async with asyncio.timeout(10):

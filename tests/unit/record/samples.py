@@ -19,6 +19,7 @@ EACH: dict[str, wire.Message] = {
     "inhibit": wire.Pulse(1, 6, 9, 2, 40),
     "settle": wire.Settled(1, 3, 0, (6,), (2,), (3, 3, 5), 1),
     "state": wire.State(1, 1, b"\x01\x02\x03", True, 2, 3, 4, 5, 6),
+    "reach": wire.Reached(1, 2, (0, 7), b"\x81", 3, 4, 5, 6),
     "decide": wire.Decision(1, -1, 'a "quoted" reason, ünïcode \x00'),
     "keyframe": wire.KeyFrame(1, bytes(range(256))),
     "fault": wire.Fault("cell/3", "what was wrong"),

@@ -88,7 +88,7 @@ def spread(seeds: int, chance: random.Random, most: int) -> list[wire.Settled]:
         share = shares.pop(chance.randrange(len(shares)))
         back = [share]
         if len(reports) + len(shares) < most:
-            back, on = [], list(wire.split_evenly(share, chance.randint(1, 5)))
+            back, on = [], wire.split_evenly(share, chance.randint(1, 5))
             back.append(on.pop(0))
             shares += on
         cell = len(reports)

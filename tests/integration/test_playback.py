@@ -1,0 +1,316 @@
+"""A recording played back over Zenoh, as somebody who watches hears it."""
+
+import asyncio
+import re
+import shutil
+import socket
+import tempfile
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.record.history import snapshot_at
+from neurosnap.record.playback import Played, play, play_on
+from neurosnap.record.reader import Recording
+from neurosnap.record.writer import Writer
+from neurosnap.source import open_source
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import run
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+TICKS = 12
+PATIENCE = 20.0
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    source = open_source("neurosnap/Path-v0", 2)
+    source.close()
+    options = RunOptions(
+        source="neurosnap/Path-v0",
+        sensors=source.sensors,
+        actions=source.actions,
+        ticks=TICKS,
+        seed=2,
+        threshold=0.1,
+        cells="inline",
+        keyframe_every=5,
+    )
+    log = tmp_path_factory.mktemp("run") / "log.mcap"
+    asyncio.run(run(options, log, asyncio.Event()))
+    return Recording.open(log)
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    # Not pytest's own folder: a socket's path may have some hundred characters.
+    folder = tempfile.mkdtemp(prefix="ns-")
+    yield f"unixsock-stream/{folder}/hub"
+    shutil.rmtree(folder)
+
+
+def deliveries(recording: Recording) -> list[wire.Delivery]:
+    return [recorded.delivery for recorded in recording.messages()]
+
+
+def from_tick(recording: Recording, tick: int) -> list[wire.Delivery]:
+    """Return what was recorded from the observation of `tick` on."""
+    recorded = list(recording.messages())
+    start = next(
+        place
+        for place, each in enumerate(recorded)
+        if isinstance(each.message, wire.Observation) and each.message.tick == tick
+    )
+    return [each.delivery for each in recorded[start:]]
+
+
+class Watcher:
+    """Somebody who hears everything under a swarm's prefix."""
+
+    def __init__(self) -> None:
+        self.heard: list[wire.Delivery] = []
+        self._more = asyncio.Event()
+
+    def hear(self, burst: list[wire.Delivery]) -> None:
+        self.heard += [d for d in burst if not d.key.startswith("alive/")]
+        self._more.set()
+
+    async def wait_for(self, count: int) -> None:
+        async with asyncio.timeout(PATIENCE):
+            while len(self.heard) < count:
+                self._more.clear()
+                await self._more.wait()
+
+
+@asynccontextmanager
+async def watching(swarm: str, endpoint: str) -> AsyncIterator[Watcher]:
+    """Watch a swarm; entered once the hub is known to pass everything on.
+
+    A presence follows the subscription on the same session, so whoever sees the one
+    knows that the hub has the other.
+    """
+    watcher, seen = Watcher(), asyncio.Event()
+    async with (
+        ZenohFabric("watcher", swarm, endpoint) as ears,
+        ZenohFabric("witness", swarm, endpoint) as eyes,
+    ):
+        await eyes.watch(lambda who, alive: seen.set() if who == "watcher" else None)
+        await ears.subscribe(("**",), watcher.hear, poll=0.01)
+        await ears.announce()
+        async with asyncio.timeout(PATIENCE):
+            await seen.wait()
+        yield watcher
+
+
+@asynccontextmanager
+async def stage(
+    recording: Recording, endpoint: str
+) -> AsyncIterator[tuple[ZenohFabric, Watcher]]:
+    """Open a hub with a player's fabric and a watcher on it."""
+    hub = await asyncio.to_thread(open_hub, [endpoint], 3)
+    try:
+        async with (
+            watching(recording.swarm, endpoint) as watcher,
+            ZenohFabric("player", recording.swarm, endpoint) as fabric,
+        ):
+            yield fabric, watcher
+    finally:
+        await asyncio.to_thread(hub.close)
+
+
+async def test_everything_arrives_as_it_was(
+    recording: Recording, endpoint: str
+) -> None:
+    sent = deliveries(recording)
+    async with stage(recording, endpoint) as (fabric, watcher):
+        played = await play(recording, fabric, asyncio.Event(), rate=1000.0)
+        await watcher.wait_for(len(sent))
+    assert (played.messages, played.ticks) == (len(sent), TICKS)
+    assert played.seconds > 0
+    # One session plays it all, so all of it keeps its order: keys, numbers, bytes.
+    assert watcher.heard == sent
+
+
+async def test_playing_on_an_endpoint_step_by_step(
+    recording: Recording, endpoint: str
+) -> None:
+    expected = from_tick(recording, 1)
+    ticks: list[int] = []
+    async with asyncio.timeout(2 * PATIENCE):
+        watched: list[wire.Delivery] = []
+        enough, connected = asyncio.Event(), asyncio.Event()
+
+        async def watch() -> None:
+            async with watching(recording.swarm, endpoint) as watcher:
+                connected.set()
+                await watcher.wait_for(len(expected))
+                watched.extend(watcher.heard)
+            enough.set()
+
+        async def step(tick: int) -> bool:
+            # The hub is up by now, and nothing is played until somebody listens.
+            if not ticks:
+                watchers.append(asyncio.create_task(watch(), name="watch"))
+                await connected.wait()
+            ticks.append(tick)
+            return True
+
+        watchers: list[asyncio.Task[None]] = []
+        shown: list[int] = []
+        played = await play_on(
+            recording,
+            endpoint,
+            asyncio.Event(),
+            rate=1e-9,  # steps have no pace
+            step=step,
+            on_progress=shown.append,
+        )
+        await asyncio.wait(watchers)
+        watchers[0].result()
+    assert ticks == shown == list(range(1, TICKS + 1))
+    assert played.messages == len(deliveries(recording))
+    assert watched == expected
+
+
+@pytest.mark.parametrize("start", [2, 6, TICKS])
+async def test_a_start_further_on_sends_what_was_learned_first(
+    recording: Recording, endpoint: str, start: int
+) -> None:
+    expected = from_tick(recording, start)
+    async with stage(recording, endpoint) as (fabric, watcher):
+        played = await play(
+            recording, fabric, asyncio.Event(), rate=1000.0, start=start
+        )
+        await watcher.wait_for(1 + len(expected))
+    assert played.ticks == TICKS - start + 1
+    assert played.messages == len(expected)
+    first, *rest = watcher.heard
+    _, snapshot = snapshot_at(recording, start - 1)
+    frame = wire.KeyFrame(start - 1, snapshot.to_bytes())
+    assert wire.decode(first.key, first.payload) == frame
+    assert rest == expected
+
+
+async def test_a_step_that_says_no_ends_it(recording: Recording, endpoint: str) -> None:
+    async def until_five(tick: int) -> bool:
+        return tick < 5
+
+    played = await play_on(recording, endpoint, asyncio.Event(), step=until_five)
+    before = len(deliveries(recording)) - len(from_tick(recording, 5))
+    assert (played.ticks, played.messages) == (4, before)
+
+
+async def test_it_stops_in_the_middle_of_a_wait(
+    recording: Recording, endpoint: str
+) -> None:
+    stop = asyncio.Event()
+
+    def on_progress(tick: int) -> None:
+        if tick == 1:
+            asyncio.get_running_loop().call_soon(stop.set)
+
+    async with asyncio.timeout(PATIENCE):
+        # At this rate the second message would be due in years.
+        played = await play_on(
+            recording, endpoint, stop, rate=1e-12, on_progress=on_progress
+        )
+    assert played.ticks == 1
+    assert played.messages < len(deliveries(recording)) - len(from_tick(recording, 2))
+
+
+async def test_it_keeps_the_pace_that_was_recorded(
+    tmp_path: Path, endpoint: str, recording: Recording
+) -> None:
+    """Play ten observations that were recorded a hundredth of a second apart."""
+    log, pause = tmp_path / "log", 10_000_000
+    with Writer(log) as writer:
+        writer.start(recording.metadata)
+        for tick in range(1, 11):
+            observation = wire.Observation(tick, bytes(3))
+            state = wire.State(tick, tick, bytes(5), False, 0, 0, 0, 0, 0)
+            for message in (observation, state):
+                delivery = wire.Delivery(
+                    message.key, tick - 1, tick, wire.encode(message)
+                )
+                writer.add(delivery, tick * pause)
+        writer.finish({}, {})
+
+    async def at(rate: float) -> Played:
+        stop = asyncio.Event()
+        return await play_on(Recording.open(log), endpoint, stop, rate=rate)
+
+    as_recorded = await at(1.0)
+    twice_as_slow = await at(0.5)
+    assert as_recorded.messages == twice_as_slow.messages == 20
+    assert as_recorded.seconds >= 9 * 0.01
+    assert twice_as_slow.seconds >= 18 * 0.01
+    quick = min([(await at(1e6)).seconds for _ in range(3)])
+    assert quick < as_recorded.seconds
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("inf"), float("nan")])
+async def test_a_rate_that_is_no_speed_is_refused(
+    recording: Recording, endpoint: str, rate: float
+) -> None:
+    rule = rf"^rate: must be positive and finite, got {rate}$"
+    with pytest.raises(InvalidValueError, match=rule):
+        await play_on(recording, endpoint, asyncio.Event(), rate=rate)
+
+
+@pytest.mark.parametrize("start", [-3, 0, TICKS + 1])
+async def test_a_start_that_is_not_there_is_refused(
+    recording: Recording, endpoint: str, start: int
+) -> None:
+    rule = rf"^start: must be in \[1, {TICKS}\], got {start}$"
+    with pytest.raises(InvalidValueError, match=rule):
+        await play_on(recording, endpoint, asyncio.Event(), start=start)
+
+
+async def test_a_port_in_use_is_named(recording: Recording) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        tcp = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        rule = rf"^hub: must be able to listen on {re.escape(tcp)}, got "
+        with pytest.raises(FabricError, match=rule):
+            await play_on(recording, tcp, asyncio.Event())
+
+
+async def test_a_socket_in_use_is_named(recording: Recording, endpoint: str) -> None:
+    hub = await asyncio.to_thread(open_hub, [endpoint], 1)
+    try:
+        with pytest.raises(FabricError, match=r"^hub: must be able to listen on unix"):
+            await play_on(recording, endpoint, asyncio.Event())
+    finally:
+        await asyncio.to_thread(hub.close)
+
+
+@pytest.mark.parametrize("listen", ["", "nonsense", "tcp/127.0.0.1:99999", "warp/x:1"])
+async def test_what_is_no_endpoint_is_refused(
+    recording: Recording, listen: str
+) -> None:
+    with pytest.raises(FabricError, match=r"^hub: must be able to listen on "):
+        await play_on(recording, listen, asyncio.Event())
+
+
+async def test_a_recording_cut_short_plays_as_far_as_it_goes(
+    recording: Recording, endpoint: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "cut"
+    kept = deliveries(recording)[:100]
+    with Writer(log) as writer:  # left without an end
+        writer.start(recording.metadata)
+        for number, delivery in enumerate(kept):
+            writer.add(delivery, number)
+    cut = Recording.open(log)
+    assert not cut.finished
+    async with stage(cut, endpoint) as (fabric, watcher):
+        await play(cut, fabric, asyncio.Event(), rate=1000.0)
+        await watcher.wait_for(len(kept))
+    assert watcher.heard == kept

@@ -1,0 +1,257 @@
+"""Punctured duals, homology and the homotopy theorem; see `test_theory`."""
+
+import itertools
+from collections.abc import Callable
+
+import gudhi
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from neurosnap.poc.cubing import Cubing
+from neurosnap.poc.examples import (
+    Example,
+    beacons,
+    grid_with_holes,
+    six_arcs,
+    six_wide_arcs,
+    thresholds,
+)
+from neurosnap.poc.nerve import richness
+from neurosnap.poc.realization import Realization, corners
+from neurosnap.poc.space import FiniteSpace
+from neurosnap.poc.topology import CellComplex, cubes_among
+from tests.property.theory_oracles import Model, betti, face_counts, included
+from tests.property.theory_strategies import Drawn, fields, frozen, poc_sets
+
+
+def trimmed(numbers: tuple[int, ...]) -> tuple[int, ...]:
+    """Betti numbers without the zeros at the end."""
+    kept = list(numbers)
+    while kept and not kept[-1]:
+        kept.pop()
+    return tuple(kept)
+
+
+def barycentric(cells: list[frozenset[int]]) -> list[frozenset[int]]:
+    """The chains of cells under inclusion, as sets of numbers of cells."""
+    number = {cell: k for k, cell in enumerate(cells)}
+    chains: list[list[frozenset[int]]] = [[cell] for cell in cells]
+    for chain in chains:
+        chains += [[*chain, cell] for cell in cells if chain[-1] < cell]
+    return [frozenset(number[cell] for cell in chain) for chain in chains]
+
+
+def by_gudhi(simplices: list[frozenset[int]]) -> tuple[int, ...]:
+    """Betti numbers over GF(2) as gudhi has them."""
+    tree = gudhi.SimplexTree()
+    for simplex in simplices:
+        tree.insert(sorted(simplex))
+    tree.compute_persistence(homology_coeff_field=2, persistence_dim_max=True)
+    return trimmed(tuple(tree.betti_numbers()))
+
+
+SIMPLICES = st.lists(
+    st.sets(st.integers(0, 6), min_size=1, max_size=4), min_size=1, max_size=9
+)
+
+
+@settings(max_examples=60)
+@given(SIMPLICES)
+def test_betti_numbers_of_simplices(simplices: list[set[int]]) -> None:
+    cells = {
+        frozenset(face)
+        for simplex in simplices
+        for size in range(1, len(simplex) + 1)
+        for face in itertools.combinations(simplex, size)
+    }
+    found = CellComplex.simplicial(simplices)
+    assert found.betti_numbers() == betti(list(cells))
+    assert trimmed(found.betti_numbers()) == by_gudhi(list(cells))
+    alternating = sum((-1) ** d * b for d, b in enumerate(found.betti_numbers()))
+    assert found.euler_characteristic() == alternating
+
+
+@settings(max_examples=60)
+@given(st.sets(st.integers(0, 15), min_size=1, max_size=14))
+def test_betti_numbers_of_cubes(places: set[int]) -> None:
+    rows = np.array([[place >> k & 1 for k in range(4)] for place in places], np.bool_)
+    complex_ = CellComplex.cubical(rows)
+    cubes = []
+    for corner, ways in cubes_among(rows):
+        sides = [
+            (0, 1) if wide else (on,) for on, wide in zip(corner, ways, strict=True)
+        ]
+        cube = itertools.product(*sides)
+        cubes.append(frozenset(sum(int(b) << k for k, b in enumerate(v)) for v in cube))
+    assert len(cubes) == len(set(cubes)) == sum(complex_.face_vector())
+    assert all(cube <= places for cube in cubes)
+    refined = barycentric(cubes)
+    assert trimmed(complex_.betti_numbers()) == by_gudhi(refined)
+
+
+@settings(max_examples=60)
+@given(poc_sets(6))
+def test_cor_cubings_are_contractible(drawn: Drawn) -> None:
+    """[GK] cor:cubings are contractible, and prop:some dual properties, point 3."""
+    cubing = drawn.cubing
+    dual = CellComplex.cubical(corners(drawn.p, cubing.vertices()))
+    assert dual.face_vector() == cubing.face_vector()
+    assert dual.euler_characteristic() == 1
+    assert trimmed(dual.betti_numbers()) == (1,)
+
+
+@given(fields(6))
+def test_defn_punctured_dual(rows: list[list[bool]]) -> None:
+    """[GK] defn:consistent vertices, defn:punctured dual."""
+    realization, model = Realization(rows), Model(2 * len(rows), included(rows))
+    shown = {
+        frozenset(2 * s + (not row[x]) for s, row in enumerate(rows))
+        for x in range(len(rows[0]))
+    }
+    assert {frozen(u) for u in realization.vertices()} == shown <= set(model.vertices)
+    cubes = model.cubes(shown)
+    assert realization.punctured().face_vector() == face_counts(cubes)
+    for u in realization.vertices():
+        for x in np.flatnonzero(realization.witnesses(u)):
+            assert (realization.vertex(int(x)) == u).all()
+
+
+@st.composite
+def spaces(draw: st.DrawFn, most: int = 7) -> FiniteSpace:
+    """Draw a finite T0 space."""
+    size = draw(st.integers(1, most))
+    pairs = [(x, y) for y in range(size) for x in range(y)]
+    chosen = draw(st.lists(st.sampled_from(pairs), max_size=12)) if pairs else []
+    return FiniteSpace(size, chosen)
+
+
+@settings(max_examples=60)
+@given(spaces())
+def test_a_contractible_space_has_the_homology_of_a_point(space: FiniteSpace) -> None:
+    chains = [frozenset(c) for c in space.chains()]
+    faces = {
+        frozenset(f)
+        for c in chains
+        for k in range(1, len(c) + 1)
+        for f in itertools.combinations(c, k)
+    }
+    assert faces == {
+        frozenset(f)
+        for k in range(1, len(space) + 1)
+        for f in itertools.combinations(range(len(space)), k)
+        if all(space.order[x, y] or space.order[y, x] for x in f for y in f)
+    }
+    numbers = space.order_complex().betti_numbers()
+    assert numbers == betti(list(faces))
+    # Homology decides for so few points: the least counterexample has more.
+    assert space.is_contractible() == (trimmed(numbers) == (1,))
+
+
+@settings(max_examples=150)
+@given(spaces(8), st.data())
+def test_thm_homotopy_type_as_it_must_read(
+    space: FiniteSpace, data: st.DataObject
+) -> None:
+    """[GK] thm:homotopy type, in the form of `neurosnap.poc.nerve`."""
+    row = st.lists(st.booleans(), min_size=len(space), max_size=len(space))
+    rows = data.draw(st.lists(row, min_size=1, max_size=4))
+    realization = Realization(rows)
+    assume(richness(realization, space).holds)
+    found = realization.punctured().betti_numbers()
+    assert trimmed(found) == trimmed(space.order_complex().betti_numbers())
+
+
+def test_thm_homotopy_type_asks_the_impossible_as_printed() -> None:
+    """[GK] thm:homotopy type, its condition 2.
+
+    In a connected space some sets of witnesses of different vertices have no disjoint
+    open neighbourhoods, for the thresholds on a path as for anything else: the
+    smallest ones meet although the sets do not.
+    """
+    path = thresholds(3)
+    space, shown = path.space, path.realization
+    sets = [shown.witnesses(u) for u in shown.vertices(path.poc)]
+    stars = [space.order[points].any(axis=0) for points in sets]
+    pairs = list(itertools.combinations(range(len(sets)), 2))
+    assert not any((sets[j] & sets[k]).any() for j, k in pairs)
+    assert any((stars[j] & stars[k]).any() for j, k in pairs)
+    assert richness(shown, space, path.poc).holds
+
+
+@pytest.mark.parametrize("make", [six_arcs, six_wide_arcs])
+def test_thm_homotopy_type_six_arcs_carry_the_circle(
+    make: Callable[[], Example],
+) -> None:
+    """[GK] example:N-cycle, fig:six way compass."""
+    example = make()
+    whole = CellComplex.cubical(corners(example.poc, Cubing(example.poc).vertices()))
+    assert trimmed(whole.betti_numbers()) == (1,)
+    punctured = example.realization.punctured(example.poc)
+    assert punctured.betti_numbers() == (1, 1)
+    assert punctured.euler_characteristic() == 0
+    assert trimmed(example.space.order_complex().betti_numbers()) == (1, 1)
+    assert richness(example.realization, example.space, example.poc).holds
+
+
+def without(example: str) -> tuple[int, ...]:
+    """The Betti numbers of a compass without its marked vertex alone."""
+    compass = {"narrow": six_arcs, "wide": six_wide_arcs}[example]()
+    (gone,) = compass.marks()
+    kept = [u for u in Cubing(compass.poc).vertices() if (u != gone).any()]
+    return CellComplex.cubical(corners(compass.poc, kept)).betti_numbers()
+
+
+def test_deleting_one_vertex_makes_a_circle_of_the_narrow_arcs_only() -> None:
+    """[GK] after thm:homotopy type: "from either" must read "from the first".
+
+    The dual of the wide arcs is a block of eight cubes; without its middle it is a
+    sphere. All its inconsistent vertices have to go.
+    """
+    assert trimmed(without("narrow")) == (1, 1)
+    assert trimmed(without("wide")) == (1, 0, 1)
+
+
+def test_the_narrow_arcs_have_the_wide_arcs_dual_less_the_white_vertices() -> None:
+    """[GK] fig:six way compass: 13 black vertices and 14 white ones, eight cubes."""
+    narrow, wide = Cubing(six_arcs().poc), Cubing(six_wide_arcs().poc)
+    assert narrow.face_vector() == (13, 18, 6)
+    assert wide.face_vector() == (27, 54, 36, 8)
+    assert {v.tobytes() for v in narrow.vertices()} <= {
+        v.tobytes() for v in wide.vertices()
+    }
+    assert six_arcs().realization.breaks(six_wide_arcs().poc) is None
+    assert six_wide_arcs().realization.breaks(six_arcs().poc) is not None
+
+
+def test_beacons_lose_the_path_where_witnesses_are_not_connected() -> None:
+    """[GK] after thm:homotopy type: the vertex marked in fig:N-path b."""
+    example = beacons(4)
+    report = richness(example.realization, example.space, example.poc)
+    assert ("a1*", "a2*", "a3*", "a4*") in report.tangled
+    assert not report.torn
+    assert richness(thresholds(4).realization, thresholds(4).space).holds
+
+
+@settings(max_examples=25)
+@given(st.sets(st.tuples(st.integers(0, 4), st.integers(0, 4)), max_size=5))
+def test_thm_homotopy_type_grids_with_holes(holes: set[tuple[int, int]]) -> None:
+    example = grid_with_holes(5, 5, tuple(sorted(holes)))
+    inner = example.realization.punctured(example.poc)
+    assert inner.face_vector()[0] == 25 - len(holes)
+    assert richness(example.realization, example.space, example.poc).holds
+    assert trimmed(inner.betti_numbers()) == trimmed(
+        example.space.order_complex().betti_numbers()
+    )
+    assert trimmed(inner.betti_numbers()) == by_pixels(holes)
+    whole = Cubing(example.poc)
+    assert whole.face_vector() == (25, 40, 16)
+
+
+def by_pixels(holes: set[tuple[int, int]]) -> tuple[int, ...]:
+    """Betti numbers of the grid as gudhi has them, from a picture of its vertices."""
+    present = np.array([[(x, y) not in holes for y in range(5)] for x in range(5)])
+    vertices = gudhi.CubicalComplex(vertices=np.where(present, 0.0, 9.0))
+    vertices.compute_persistence(homology_coeff_field=2)
+    return trimmed(tuple(vertices.persistent_betti_numbers(1.0, 1.0)))

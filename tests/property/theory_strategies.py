@@ -1,0 +1,107 @@
+"""What hypothesis draws of poc sets, together with what they were drawn from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.poc.cubing import Cubing
+from neurosnap.poc.pocset import PocSet
+from tests.property.oracles import Weights, proper_pairs
+from tests.property.strategies import graphs
+from tests.property.theory_oracles import Model, Vertex, included
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A poc set, and the model of the same relations by definition."""
+
+    p: PocSet
+    model: Model
+
+    @property
+    def cubing(self) -> Cubing:
+        return Cubing(self.p)
+
+    def __repr__(self) -> str:
+        return repr(self.p)
+
+
+@st.composite
+def relations(draw: st.DrawFn, most: int = 7) -> Drawn:
+    """Draw a poc set from random relations."""
+    graph = draw(graphs(most))
+    edges = [(int(a), int(b)) for a, b in np.argwhere(graph.edges)]
+    p = PocSet(graph.sensors, [(a, b) for a, b in edges])
+    return Drawn(p, Model(2 * graph.sensors, edges))
+
+
+@st.composite
+def fields(draw: st.DrawFn, most: int = 7, points: int = 9) -> list[list[bool]]:
+    """Draw where each of some sensors is on."""
+    count = draw(st.integers(1, points))
+    row = st.lists(st.booleans(), min_size=count, max_size=count)
+    return draw(st.lists(row, min_size=1, max_size=most))
+
+
+@st.composite
+def realized(draw: st.DrawFn, most: int = 7) -> Drawn:
+    """Draw a poc set from a random realisation."""
+    rows = draw(fields(most))
+    return Drawn(PocSet.of_realization(rows), Model(2 * len(rows), included(rows)))
+
+
+def poc_sets(most: int = 7) -> st.SearchStrategy[Drawn]:
+    """Draw a weak poc set, from relations or from a realisation."""
+    return relations(most) | realized(most)
+
+
+def sets_of(model: Model) -> st.SearchStrategy[set[int]]:
+    """Draw any set of literals."""
+    if not model.n:
+        return st.just(set())
+    return st.sets(st.integers(0, model.n - 1), max_size=4)
+
+
+def coherent_sets(model: Model) -> st.SearchStrategy[set[int]]:
+    """Draw a coherent set of literals: some of a vertex, or all."""
+    return st.sampled_from(model.vertices).flatmap(
+        lambda u: st.sets(st.sampled_from(sorted(u))) if u else st.just(set())
+    )
+
+
+@st.composite
+def snapshots(draw: st.DrawFn, most: int = 4) -> tuple[int, Weights, int]:
+    """Draw the weights of a probabilistic snapshot, and what they add up to.
+
+    Any marginals, and for each pair any joint weight that they allow: more than the
+    snapshots that come from observations.
+    """
+    sensors, clock = draw(st.integers(1, most)), draw(st.integers(1, 40))
+    own = [draw(st.integers(0, clock)) for _ in range(sensors)]
+    weights: Weights = {}
+    for i in range(sensors):
+        for j in range(i):
+            least = max(0, own[i] + own[j] - clock)
+            both = draw(st.integers(least, min(own[i], own[j])))
+            corner = [both, own[i] - both, own[j] - both]
+            corner.append(clock - sum(corner))
+            for k, weight in enumerate(corner):
+                a, b = 2 * i + k // 2, 2 * j + k % 2
+                weights[a, b] = weights[b, a] = weight
+    # corner[1] is i without j, corner[2] j without i: k // 2 and k % 2 as they stand.
+    assert set(weights) == set(proper_pairs(2 * sensors))
+    return 2 * sensors, weights, clock
+
+
+def array(literals: set[int] | Vertex, n: int) -> NDArray[np.bool_]:
+    """Return a set of literals as the code takes it."""
+    chosen = np.zeros(n, np.bool_)
+    chosen[sorted(literals)] = True
+    return chosen
+
+
+def frozen(literals: NDArray[np.bool_]) -> Vertex:
+    """Return an array as a set of literals."""
+    return frozenset(literals.nonzero()[0].tolist())
