@@ -26,9 +26,10 @@ CLEAR = 0.26
 """How far vertices keep from edges that are not theirs."""
 
 _SLANT = 0.55  # the least sine of the angle between the sides of a square
-_STARTS = 10
+_STARTS = 6
 _PAIRS = 40_000  # pairs of a vertex and another, or an edge, that are looked at
-_ALIGNED = np.deg2rad(16)
+_ALIGNED = (np.deg2rad(12), np.deg2rad(40))
+_PARALLEL = np.deg2rad(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,7 @@ def lay_out(
     count = corners.shape[1]
     starts = _STARTS if len(corners) <= 80 else 2
     tries = [task.settled(_start(count, number)) for number in range(starts)]
-    tries += [task.straightened(tried) for tried in tries]
+    tries += [task.straightened(t, angle) for t in tries for angle in _ALIGNED]
     best = min(tries, key=lambda tried: round(task.cost(tried), 6))
     return _posed(best, crossing)
 
@@ -176,11 +177,11 @@ class _Task:
         points = self.corners @ directions
         crossings = _crossings(points, self.edges) if len(self.others) else 0
         bends = self._bends(directions)
-        return self._weighed(directions)[0] + 0.12 * crossings + 0.25 * bends
+        return self._weighed(directions)[0] + 0.12 * crossings + 0.9 * bends
 
     def _bends(self, directions: Floats) -> int:
         """Return how many directions there are."""
-        return int(_families(directions, self.nested).max(initial=-1)) + 1
+        return int(_families(directions, self.nested, _PARALLEL).max(initial=-1)) + 1
 
     def _weighed(self, directions: Floats) -> tuple[float, Floats]:
         """Return the smooth part of the cost, and its gradient by the directions."""
@@ -231,9 +232,9 @@ class _Task:
         _add(gradient, q, turn * np.stack([-one[:, 1], one[:, 0]], axis=1))
         return total, gradient
 
-    def straightened(self, directions: Floats) -> Floats:
+    def straightened(self, directions: Floats, angle: float) -> Floats:
         """Return directions of which the almost parallel are parallel."""
-        families = _families(directions, self.nested)
+        families = _families(directions, self.nested, angle)
         count = int(families.max(initial=-1)) + 1
         shared = np.zeros((len(directions), count))
         means = np.zeros((count, 2))
@@ -251,7 +252,9 @@ def _add(into: Floats, rows: Indices, what: Floats) -> None:
         into[:, axis] += np.bincount(rows, what[:, axis], len(into))
 
 
-def _families(directions: Floats, nested: NDArray[np.bool_]) -> Indices:
+def _families(
+    directions: Floats, nested: NDArray[np.bool_], angle: float
+) -> Indices:
     """Return which nested elements are almost parallel, numbered from 0."""
     families = np.full(len(directions), -1, np.int64)
     angles = np.arctan2(directions[:, 1], directions[:, 0])
@@ -260,7 +263,7 @@ def _families(directions: Floats, nested: NDArray[np.bool_]) -> Indices:
     for k in range(len(directions)):
         if families[k] >= 0:
             continue
-        alike = np.flatnonzero((families < 0) & (off[k] < _ALIGNED) & nested[k])
+        alike = np.flatnonzero((families < 0) & (off[k] < angle) & nested[k])
         families[alike] = families[k] = count
         count += 1
     return families
@@ -284,7 +287,7 @@ def _crossings(points: Floats, edges: Indices) -> int:
 
 def _posed(directions: Floats, crossing: NDArray[np.bool_]) -> Layout:
     """Return a layout turned upright, its average edge one long."""
-    families = _families(directions, ~crossing)
+    families = _families(directions, ~crossing, _PARALLEL)
     if not len(directions):
         return Layout(directions, np.zeros(0), families)
     lengths = np.linalg.norm(directions, axis=1)

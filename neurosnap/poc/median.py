@@ -65,7 +65,7 @@ def poc_of_median_graph(
     names = Sensorium(f"h{k}" for k in range(len(fields)))
     poc = PocSet.from_graph(PocGraph(inclusions(fields)), names)
     alike = np.array_equal((fields[:, :, None] != fields[:, None, :]).sum(0), distance)
-    if Cubing(poc).count() != len(nodes):
+    if not alike or Cubing(poc).count() != len(nodes):
         raise InvalidValueError("graph", *_why_not_median(distance, nodes))
     return poc, {node: complete(fields[:, k]) for node, k in number.items()}
 

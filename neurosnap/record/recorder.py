@@ -13,8 +13,10 @@ from collections.abc import Collection, Mapping
 from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.record.past import Past, begin_recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.writer import Writer
+from neurosnap.swarm.process import Reporter, Seat
 
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
 _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
@@ -116,3 +118,20 @@ class _Listener:
     def totals(self) -> Mapping[str, str]:
         """Return what the run came to, as far as the recorder can tell."""
         return {"ticks": str(self._ticks)}
+
+
+async def be_recorder(
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    path: str,
+    metadata: dict[str, str],
+    past: Past | None,
+    parts: tuple[str, ...],
+) -> None:
+    """Record everything, after what there is of a resumed run."""
+    with Writer(path) as writer:
+        begin_recording(writer, metadata, past)
+        async with seat.fabric() as fabric:
+            balance = await run_recorder(writer, fabric, stop, parts=parts)
+    reporter.done(balance)

@@ -5,34 +5,16 @@ there, so it is whole by itself: it replays, and resumes, like any other. What t
 one holds beyond the last whole tick is left out, and so are last words.
 """
 
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-
-import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.past import Past, copied
+from neurosnap.record.reader import Recording
 from neurosnap.record.replay import DifferenceError, Replay, resumed_at
 from neurosnap.record.sequences import Sequences
-from neurosnap.record.writer import Writer
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
-
-
-class Past(msgspec.Struct, frozen=True):
-    """What a run that is resumed has behind it; small, and sent to every part."""
-
-    log: str
-    """The recording it goes on from."""
-    tick: int
-    """The last whole tick."""
-    actions: tuple[int, ...]
-    """The actions between its first observation and its last."""
-    counts: dict[str, int]
-    """For each part, how many of its messages are kept; its next one's number."""
-    resumed: tuple[int, ...]
-    """The ticks after which it was resumed, this time included."""
 
 
 def look_back(log: Path) -> tuple[RunOptions, Past]:
@@ -114,26 +96,6 @@ def _counts(recording: Recording, tick: int) -> dict[str, int]:
             known = counts.get(message.sender, 0)
             counts[message.sender] = max(known, recorded.sequence + 1)
     return counts
-
-
-def copied(past: Past) -> Iterator[Recorded]:
-    """Yield what the new recording takes over from the old one."""
-    for recorded in Recording.open(Path(past.log)).messages():
-        if recorded.sequence < past.counts.get(recorded.message.sender, 0):
-            yield recorded
-
-
-def begin_recording(
-    writer: Writer, metadata: Mapping[str, str], past: Past | None
-) -> None:
-    """Start a recording: with what is taken over, where a run is resumed."""
-    if past is None:
-        writer.start(metadata)
-        return
-    resumed = msgspec.json.encode(past.resumed).decode()
-    writer.start({**metadata, "resumed": resumed})
-    for recorded in copied(past):
-        writer.add(recorded.delivery, recorded.log_time)
 
 
 def restore(past: Past, ticks: int) -> Coordinator:

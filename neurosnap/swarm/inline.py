@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
+from neurosnap.record.past import Past, begin_recording
 from neurosnap.record.recorder import run_recorder
-from neurosnap.record.resume import Past, begin_recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.writer import Writer
 from neurosnap.source import open_source

@@ -15,10 +15,10 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import SwarmError
-from neurosnap.record.resume import Past
+from neurosnap.record.past import Past
+from neurosnap.record.recorder import be_recorder
 from neurosnap.record.sequences import Completeness
-from neurosnap.swarm import jobs
-from neurosnap.swarm.process import Job, Seat, be_cell
+from neurosnap.swarm.process import Job, Seat, be_cell, be_hub
 from neurosnap.swarm.supervisor import Child, Supervisor, allow_files
 
 _SERVICES = 4  # hub, recorder, coordinator, world
@@ -138,7 +138,7 @@ class _Launch:
     async def _start_hub(self, stop: asyncio.Event) -> None:
         sessions = len(self._cells) + _SERVICES
         allow_files(sessions)
-        hub = await self._supervisor.start(jobs.be_hub, self._seat("hub"), sessions)
+        hub = await self._supervisor.start(be_hub, self._seat("hub"), sessions)
         await _first((self._supervisor.failed, stop, hub.ready))
         if self._supervisor.error is not None:
             raise self._supervisor.error
@@ -149,7 +149,7 @@ class _Launch:
         recorder = world = None
         if plan.log is not None:
             recorder = await start(
-                jobs.be_recorder,
+                be_recorder,
                 self._seat("recorder"),
                 str(plan.log),
                 {**plan.metadata, "swarm": self._swarm},

@@ -11,6 +11,7 @@ import ctypes
 import gc
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 import time
@@ -18,12 +19,13 @@ import traceback
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import msgspec
 
 from neurosnap.errors import NeurosnapError
-from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.part import take_part
 
@@ -139,6 +141,22 @@ async def be_cell(
     """Be one cell."""
     async with seat.fabric(swift=True) as fabric:
         await take_part(fabric, run_cell(cell, fabric, stop))
+
+
+async def be_hub(
+    seat: Seat, stop: asyncio.Event, reporter: Reporter, sessions: int
+) -> None:
+    """Be the router all others connect to.
+
+    The socket's folder goes with the hub: a launcher that was killed cannot remove it.
+    """
+    session = await asyncio.to_thread(open_hub, [seat.endpoint], sessions)
+    try:
+        reporter.ready()
+        await stop.wait()
+    finally:
+        await asyncio.to_thread(session.close)
+        shutil.rmtree(Path(seat.endpoint.partition("/")[2]).parent, ignore_errors=True)
 
 
 def child(

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.record.resume import Past
+from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm import jobs
 from neurosnap.swarm.coordinator import Totals
 from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.launch import Plan, run_processes
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.world import be_world
 
 _PACKAGES = ("neurosnap", "eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
 
@@ -65,8 +66,8 @@ async def run(
             cells=len(options.sensors),
             conductor=jobs.be_coordinator,
             conductor_arguments=(options, past),
-            world=jobs.be_world,
-            world_arguments=(options, past),
+            world=be_world,
+            world_arguments=(options.source, options.seed, past),
             log=log,
             metadata=metadata,
             past=past,

@@ -105,20 +105,38 @@ class Supervisor:
         if self._shared is None:
             reading, self._shared = self._context.Pipe(duplex=False)
             self._listen(reading)
-        for seat, arguments in seats:
+        processes = [
+            self._process(job, seat, self._shared, arguments)
+            for seat, arguments in seats
+        ]
+        await asyncio.to_thread(self._start_all, processes)
+
+    def _start_all(self, processes: list[ForkServerProcess]) -> None:
+        """Start one after the other; one thread for all is cheaper than one each."""
+        for process in processes:
             if self.failed.is_set():
                 return
-            await self._start(job, seat, self._shared, arguments)
+            _start_bare(process)
+            self._loop.call_soon_threadsafe(self._adopt, process)
 
     async def _start(
         self, job: Job, seat: Seat, line: Connection, arguments: tuple[object, ...]
     ) -> Child:
-        process = self._context.Process(
+        process = self._process(job, seat, line, arguments)
+        await asyncio.to_thread(_start_bare, process)
+        return self._adopt(process)
+
+    def _process(
+        self, job: Job, seat: Seat, line: Connection, arguments: tuple[object, ...]
+    ) -> ForkServerProcess:
+        return self._context.Process(
             target=child, args=(job, seat, line, arguments), name=seat.who
         )
-        await asyncio.to_thread(_start_bare, process)
-        child_ = self._children[seat.who] = Child(process)
-        self._loop.add_reader(process.sentinel, self._ended, seat.who)
+
+    def _adopt(self, process: ForkServerProcess) -> Child:
+        """Watch over a child that has started."""
+        child_ = self._children[process.name] = Child(process)
+        self._loop.add_reader(process.sentinel, self._ended, process.name)
         return child_
 
     def _listen(self, line: Connection) -> None:
@@ -205,10 +223,13 @@ def _start_bare(process: ForkServerProcess) -> None:
 
 
 def allow_files(children: int) -> None:
-    """Raise this process's limit of open files to what `children` need.
+    """Raise this process's limit of open files as far as the system allows.
+
+    As far as it allows, and not as far as `children` need: the fork server keeps the
+    limit of its first swarm, and the next one may be larger.
 
     Raises:
-        SwarmError: The system's own limit is lower than that.
+        SwarmError: The system's own limit is lower than what `children` need.
     """
     needed = _FILES_A_CHILD * children + _FILES_BESIDE
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -217,5 +238,7 @@ def allow_files(children: int) -> None:
             f"open files: limit must be at least {needed} for {children} processes,"
             f" got {hard} (raise it with ulimit -Hn)"
         )
-    if soft != resource.RLIM_INFINITY and soft < needed:
+    if hard != resource.RLIM_INFINITY:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    elif soft != resource.RLIM_INFINITY and soft < needed:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))

@@ -5,8 +5,11 @@ import asyncio
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.record.past import Past
 from neurosnap.sensorium import pack
-from neurosnap.source import Source
+from neurosnap.source import Source, open_source
+from neurosnap.swarm.part import take_part
+from neurosnap.swarm.process import Reporter, Seat
 
 
 async def run_world(
@@ -65,3 +68,22 @@ async def run_world(
     finally:
         serving.cancel()
         ending.cancel()
+
+
+async def be_world(
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    name: str,
+    seed: int,
+    past: Past | None,
+) -> None:
+    """Be the world, or the file of readings."""
+    source = open_source(name, seed)
+    try:
+        async with seat.fabric(swift=True) as fabric:
+            actions = None if past is None else past.actions
+            await take_part(fabric, run_world(source, fabric, stop, past=actions))
+    finally:
+        source.close()
+    reporter.done()

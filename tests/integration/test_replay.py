@@ -19,7 +19,8 @@ from neurosnap.poc.snapshot import Snapshot
 from neurosnap.record.history import last_tick, snapshot_at
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.replay import Verdict, verify
-from neurosnap.record.resume import Past, look_back
+from neurosnap.record.past import Past
+from neurosnap.record.resume import look_back
 from neurosnap.record.writer import Writer
 from neurosnap.sensorium import pack, unpack
 from neurosnap.source import open_source

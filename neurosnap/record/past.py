@@ -1,0 +1,48 @@
+"""What a resumed run has behind it, and how its recording takes that over.
+
+Apart from `neurosnap.record.resume`, which finds it out: the parts that only carry it
+need none of the mathematics, and start the faster.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.writer import Writer
+
+
+class Past(msgspec.Struct, frozen=True):
+    """What a run that is resumed has behind it; small, and sent to every part."""
+
+    log: str
+    """The recording it goes on from."""
+    tick: int
+    """The last whole tick."""
+    actions: tuple[int, ...]
+    """The actions between its first observation and its last."""
+    counts: dict[str, int]
+    """For each part, how many of its messages are kept; its next one's number."""
+    resumed: tuple[int, ...]
+    """The ticks after which it was resumed, this time included."""
+
+
+def copied(past: Past) -> Iterator[Recorded]:
+    """Yield what the new recording takes over from the old one."""
+    for recorded in Recording.open(Path(past.log)).messages():
+        if recorded.sequence < past.counts.get(recorded.message.sender, 0):
+            yield recorded
+
+
+def begin_recording(
+    writer: Writer, metadata: Mapping[str, str], past: Past | None
+) -> None:
+    """Start a recording: with what is taken over, where a run is resumed."""
+    if past is None:
+        writer.start(metadata)
+        return
+    resumed = msgspec.json.encode(past.resumed).decode()
+    writer.start({**metadata, "resumed": resumed})
+    for recorded in copied(past):
+        writer.add(recorded.delivery, recorded.log_time)
