@@ -2,6 +2,7 @@
 
 import os
 import platform
+import statistics
 import sys
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
@@ -68,6 +69,11 @@ class Line:
         """Return what stands in the table."""
         mark = _MARKS[self.reached]
         return (self.what, self.measured, self.against, self.reach, mark)
+
+
+def ratio_of_pairs(ours: list[float], theirs: list[float]) -> float:
+    """Return the median ratio of neighbours: both sides saw the same machine."""
+    return statistics.median(a / b for a, b in zip(ours, theirs, strict=True))
 
 
 def table(lines: Iterable[Line]) -> Table:

@@ -1,7 +1,6 @@
 """Rows on whole runs of the path: what recording costs, how fast a replay checks."""
 
 import asyncio
-import statistics
 import tempfile
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from neurosnap.record.replay import verify as replay
 from neurosnap.source import open_source
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
-from tools.bench_report import Line, Sizes
+from tools.bench_report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"
 _RECORDING, _VERIFY = 1.15, 10.0
@@ -30,7 +29,6 @@ def recording(sizes: Sizes) -> list[Line]:
             whole &= recorded.completeness.whole
             messages = recorded.completeness.messages
     ratio = min(on) / min(off)
-    paired = statistics.median(a / b for a, b in zip(on, off, strict=True))
     tick, bare = min(on) / sizes.ticks, min(off) / sizes.ticks
     return [
         Line(
@@ -44,7 +42,7 @@ def recording(sizes: Sizes) -> list[Line]:
                 "seconds": tick,
                 "bare_seconds": bare,
                 "ratio": ratio,
-                "ratio_of_pairs": paired,
+                "ratio_of_pairs": ratio_of_pairs(on, off),
                 "messages": messages,
                 "whole": whole,
             },

@@ -8,16 +8,15 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import psutil
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from neurosnap import wire
 from neurosnap.cli import app
@@ -82,7 +81,8 @@ def failed(*arguments: object) -> str:
 
 
 def flat(text: str) -> str:
-    return " ".join(text.split())
+    """Return a text without the frames and line breaks of its layout."""
+    return " ".join(text.translate(str.maketrans("│─╭╮╰╯", " " * 6)).split())
 
 
 def command(*arguments: object) -> list[str]:
@@ -116,8 +116,7 @@ def started(
             yield process
     finally:
         if process.poll() is None:
-            for each in [*family.children(recursive=True), family]:
-                each.kill()
+            kill([*family.children(recursive=True), family])
         process.wait()
 
 
@@ -188,11 +187,8 @@ def foreign(target: Path) -> Path:
 
 
 def test_every_verb_is_known_here() -> None:
-    assert {
-        info.name or info.callback.__name__ for info in app.registered_commands
-    } == (  # type: ignore[union-attr]
-        set(VERBS)
-    )
+    callbacks = [info.callback for info in app.registered_commands]
+    assert [getattr(verb, "__name__", None) for verb in callbacks] == list(VERBS)
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -302,7 +298,7 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     "unknown world": (
         ("neurosnap/Pat-v0",),
         "source: must be a registered environment id or a CSV file (did you mean"
-        " neurosnap/Path-v0?), got 'neurosnap/Pat-v0'",
+        " neurosnap/Path-v0",
     ),
     "unknown module": (("nowhere.at.all:Path-v0",), "source: must be an environment"),
     "missing file": (
@@ -316,7 +312,10 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     ),
     "threshold 0": (("CSV", "--threshold", 0), "threshold: must be in (0, 0.25], got"),
     "threshold NaN": (("CSV", "--threshold", "nan"), "threshold: must be in (0, 0.25]"),
-    "threshold text": (("CSV", "--threshold", "low"), "'low' is not a valid float"),
+    "threshold text": (
+        ("CSV", "--threshold", "low"),
+        "Invalid value for '--threshold'",
+    ),
     "decay 1": (
         ("CSV", "--snapshot", "discounted", "--decay", 1),
         "decay: must be in [0, 1), got 1.0",
@@ -331,7 +330,7 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     ),
     "ticks 0": (("CSV", "--ticks", 0), "ticks: "),
     "ticks below": (("CSV", "--ticks", -5), "got -5"),
-    "ticks text": (("CSV", "--ticks", "many"), "'many' is not a valid int"),
+    "ticks text": (("CSV", "--ticks", "many"), "Invalid value for '--ticks'"),
     "seed below": (("CSV", "--seed", -1), "seed: must be 0 or more, got -1"),
     "seed large": (("CSV", "--seed", 2**63), "seed: "),
     "deadline 0": (("CSV", "--deadline", 0), "deadline: "),
@@ -341,7 +340,7 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     "cells": (("CSV", "--cells", "threads"), "'threads' is not one of 'process'"),
     "snapshot": (("CSV", "--snapshot", "photo"), "'photo' is not one of 'empirical'"),
     "option": (("CSV", "--speed", 3), "No such option"),
-    "no source": ((), "Missing argument 'SOURCE'"),
+    "no source": ((), "Missing argument"),
 }
 
 
@@ -352,8 +351,8 @@ def test_a_wrong_run_is_refused_before_anything_is_written(
     given, said = WRONG_RUNS[what]
     arguments = [csv if argument == "CSV" else argument for argument in given]
     out = tmp_path / "out.mcap"
-    text = refused("run", *arguments, "--out", out, "--cells", "inline")
-    assert said in text.replace("│", "").replace("  ", " ")
+    text = refused("run", "--cells", "inline", "--out", out, *arguments)
+    assert said in text
     assert not out.exists()
 
 
@@ -567,7 +566,7 @@ def test_info_says_what_is_in_a_recording(log: Path, tmp_path: Path) -> None:
 def test_graph_names_what_was_learned(log: Path) -> None:
     facts = happy("graph", log)
     assert facts["tick"] == 30
-    assert ["below_1", "below_2"] in facts["implications"]
+    assert ["below_18", "below_19"] in facts["implications"]
     earlier = happy("graph", log, "--at", 0)
     assert (earlier["tick"], earlier["implications"]) == (0, [])
     assert json.loads(call("graph", log).stdout) == facts
@@ -602,6 +601,13 @@ def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
     assert {path.name for path in out.iterdir()} == {"depth.csv", "depth.png"}
 
 
+def test_depth_needs_a_folder_to_write_to(log: Path, tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("precious")
+    assert f"{taken}: File exists" in failed("depth", log, "--out", taken)
+    assert taken.read_text() == "precious"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -620,7 +626,7 @@ def test_a_wrong_depth_is_refused(
 ) -> None:
     result = call("depth", *arguments, "--out", tmp_path / "out")
     assert result.exit_code == 2
-    assert said in flat(result.stderr).replace("│", "").replace("  ", " ")
+    assert said in flat(result.stderr)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -650,9 +656,14 @@ def wait_for_size(process: "subprocess.Popen[str]", log: Path, size: int) -> Non
 
 def gone(processes: list[psutil.Process], seconds: float) -> bool:
     _, alive = psutil.wait_procs(processes, timeout=seconds)
-    for process in alive:
-        process.kill()
+    kill(alive)
     return not alive
+
+
+def kill(processes: Iterable[psutil.Process]) -> None:
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
 
 
 @pytest.fixture
@@ -681,9 +692,7 @@ def going(
         try:
             yield process, family
         finally:
-            for each in family:
-                if each.is_running():
-                    each.kill()
+            kill(family)
 
 
 def parts_of(family: list[psutil.Process]) -> list[psutil.Process]:
@@ -702,19 +711,25 @@ def sound(log: Path) -> Verdict:
 
 
 @pytest.mark.zenoh
-def test_a_run_of_processes(tmp_path: Path, csv: Path) -> None:
-    out = tmp_path / "out.mcap"
-    with started("run", csv, "--out", out, "--json", folder=tmp_path) as process:
-        code, stdout, stderr = finish(process)
-    assert code == 0, stderr
-    assert "Traceback" not in stderr
-    facts = last_json(stdout)
-    assert facts.keys() >= RUN_KEYS
-    assert (facts["log"], facts["ticks"], facts["cells"]) == (str(out), 40, 3)
-    assert facts["complete"] is True
-    verdict = sound(out)
-    assert verdict.complete
-    assert verdict.ticks == 40
+def test_a_run_of_processes_that_goes_on(tmp_path: Path, csv: Path) -> None:
+    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
+    runs = (
+        (("run", csv, "--ticks", 25, "--out", one), one, 25),
+        (("replay", one, "--resume", "--out", other), other, 40),
+    )
+    for arguments, log, ticks in runs:
+        with started(*arguments, "--json", folder=tmp_path) as process:
+            code, stdout, stderr = finish(process)
+        assert code == 0, stderr
+        assert "Traceback" not in stderr
+        facts = last_json(stdout)
+        assert facts.keys() >= RUN_KEYS
+        assert facts["log"] == str(log)
+        assert (facts["ticks"], facts["cells"], facts["complete"]) == (ticks, 3, True)
+        verdict = sound(log)
+        assert verdict.complete
+        assert verdict.ticks == ticks
+        assert facts.get("resumed_at") == (25 if log == other else None)
 
 
 @pytest.mark.zenoh

@@ -196,3 +196,18 @@ def test_the_dual_of_nothing_is_a_point() -> None:
     assert cubing.face_vector() == (1,)
     assert cubing.distance([], []) == 0
     assert repr(cubing) == "Cubing(PocSet.parse(''))"
+
+
+def test_a_listing_stops_where_an_estimate_was_too_low(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("neurosnap.poc.counting.PATIENCE", -1)
+    rng = np.random.default_rng(2)
+    pairs = [p for p in rng.integers(0, 12, (16, 2)).tolist() if p[0] != p[1]]
+    cubing = Cubing(PocSet(12, [(2 * a, 2 * b + 1) for a, b in pairs]))
+    listing = cubing.vertices(limit=300)
+    with pytest.raises(
+        InvalidValueError, match=r"^dual: must have at most 300 .* 'more'"
+    ):
+        list(listing)
+    assert cubing.count() == sum(1 for _ in cubing.vertices(limit=None)) == 358

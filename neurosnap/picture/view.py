@@ -1,0 +1,167 @@
+"""A listed dual as something to draw: places, parallel edges, squares, colours, names."""
+
+import colorsys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.picture.layout import Floats, Indices, Layout, lay_out
+from neurosnap.picture.model import Vertex
+from neurosnap.picture.panel import short
+from neurosnap.poc.pocset import PocSet
+from neurosnap.poc.realization import corners
+from neurosnap.poc.topology import cubes_among
+
+_HUES = (0.58, 0.055, 0.36, 0.80, 0.13, 0.48, 0.92, 0.24, 0.68)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A dual, listed and laid out.
+
+    Attributes:
+        poc: The poc set.
+        own: One positive literal for each element, in the order of the columns.
+        corners: ``(vertices, n)`` bool.
+        edges: ``(edges, 2)``: vertices.
+        crossed: ``(edges,)``: the element each edge crosses.
+        squares: ``(squares, 4)``: vertices, around.
+        sides: ``(squares, 2)``: the elements each square crosses.
+        layout: Directions.
+        colours: One an element, as ``#rrggbb``.
+    """
+
+    poc: PocSet
+    own: tuple[int, ...]
+    corners: NDArray[np.bool_]
+    edges: Indices
+    crossed: Indices
+    squares: Indices
+    sides: Indices
+    layout: Layout
+    colours: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, poc: PocSet, vertices: list[Vertex], given: "View | None" = None
+    ) -> "View":
+        """List and lay out a dual.
+
+        Args:
+            poc: The poc set.
+            vertices: All vertices of its dual.
+            given: A view whose directions and colours to take, for sensors of the same
+                names.
+        """
+        own = tuple(a for a in poc.heads.tolist() if not a & 1)
+        rows = corners(poc, vertices)
+        number = {row.tobytes(): k for k, row in enumerate(rows)}
+        edges, squares = [], []
+        for corner, spanned in cubes_among(rows):
+            ways = np.flatnonzero(spanned)
+            if len(ways) in (1, 2):
+                ring = [corner.copy()]
+                for way in (*ways, *ways[:-1]):
+                    ring.append(ring[-1].copy())
+                    ring[-1][way] ^= True
+                ring = ring[: 2 * len(ways)]
+                found = [number[u.tobytes()] for u in ring]
+                (edges if len(ways) == 1 else squares).append((*found, *ways))
+            elif len(ways) > 2:
+                break
+        joined = np.array(edges, np.int64).reshape(-1, 3)
+        spans = np.array(squares, np.int64).reshape(-1, 6)
+        if given is None:
+            crossing = np.array([[poc.crosses(a, b) for b in own] for a in own])
+            shape = (len(own), len(own))
+            layout = lay_out(rows, joined[:, :2], crossing.reshape(shape).astype(bool))
+            colours = _colours(layout.families)
+        else:
+            place = {given.poc.name(a): k for k, a in enumerate(given.own)}
+            kept = [place[poc.name(a)] for a in own]
+            old = given.layout
+            layout = Layout(
+                old.directions[kept], old.heights[kept], old.families[kept]
+            )
+            colours = tuple(given.colours[k] for k in kept)
+        return cls(
+            poc=poc,
+            own=own,
+            corners=rows,
+            edges=joined[:, :2],
+            crossed=joined[:, 2],
+            squares=spans[:, :4],
+            sides=spans[:, 4:],
+            layout=layout,
+            colours=colours,
+        )
+
+    @property
+    def points(self) -> Floats:
+        """``(vertices, 2)``: where they lie; an average edge is one long."""
+        return self.layout.points(self.corners)
+
+    @property
+    def solid(self) -> bool:
+        """Whether there is a cube."""
+        pairs = {tuple(sorted(pair)) for pair in self.sides.tolist()}
+        near: dict[int, set[int]] = {}
+        for a, b in pairs:
+            near.setdefault(a, set()).add(b)
+            near.setdefault(b, set()).add(a)
+        return any(near[a] & near[b] for a, b in pairs)
+
+    def row(self, vertex: Vertex) -> NDArray[np.bool_]:
+        """Return a vertex as a row of `corners`."""
+        return np.asarray(vertex)[list(self.own)]
+
+    def find(self, vertex: Vertex) -> int:
+        """Return the number of a vertex."""
+        return int(np.flatnonzero((self.corners == self.row(vertex)).all(1))[0])
+
+    def among(self, chosen: list[Vertex]) -> NDArray[np.bool_]:
+        """Return which vertices are among some: ``(vertices,)`` bool."""
+        rows = {self.row(vertex).tobytes() for vertex in chosen}
+        return np.array([row.tobytes() in rows for row in self.corners], np.bool_)
+
+    def name(self, vertex: int) -> str:
+        """Return what a vertex has on, less what follows from the rest of it."""
+        order = self.poc.order
+        on = [a for a, bit in zip(self.own, self.corners[vertex], strict=True) if bit]
+        least = [a for a in on if not any(order[b, a] for b in on if b != a)]
+        return " ".join(short(self.poc.name(a)) for a in least) or "∅"
+
+    def element(self, k: int) -> str:
+        """Return the name of an element: all literals that are equal."""
+        return element_name(self.poc, self.own[k])
+
+    def colour_of(self, literal: int) -> str | None:
+        """Return the colour of a representative's element, if it is drawn."""
+        positive = literal & ~1
+        if positive not in self.own:
+            return None
+        return self.colours[self.own.index(positive)]
+
+
+def element_name(poc: PocSet, literal: int) -> str:
+    """Return the name of the element of a representative: all literals in its class."""
+    same = poc.graph.representative == literal
+    names = [poc.name(a) for a in np.flatnonzero(same).tolist()]
+    if len(names) > 4:
+        names = [*names[:3], f"{len(names) - 3} more"]
+    return " = ".join(short(name) for name in names)
+
+
+def _colours(families: Indices) -> tuple[str, ...]:
+    """Return colours: a hue for each family, shades within it."""
+    shades = []
+    for k, family in enumerate(families.tolist()):
+        size = int((families == family).sum())
+        place = int((families[:k] == family).sum())
+        hue = _HUES[family % len(_HUES)] + 0.03 * (family // len(_HUES))
+        share = place / (size - 1) if size > 1 else 0.35
+        light = 0.30 + 0.34 * share
+        rgb = colorsys.hls_to_rgb(hue % 1, light, 0.85 - 0.2 * share)
+        shades.append("#" + "".join(f"{round(255 * c):02x}" for c in rgb))
+    return tuple(shades)
