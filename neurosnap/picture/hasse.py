@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from neurosnap.picture.layout import Floats
 from neurosnap.picture.panel import INK, LINE, PALE, Panel, say, text_width
 from neurosnap.picture.ranks import stand
 from neurosnap.picture.view import View, element_name
@@ -35,25 +36,41 @@ def hasse_panel(poc: PocSet, view: View | None) -> Panel:
     names = [element_name(poc, a) for a in heads]
     wide = np.array([text_width(name, _SIZE) + 0.16 for name in names])
     wide = np.maximum(np.maximum(wide, wide[mates]), 0.32)
-    x, rank = stand(covers, wide, mates)
+    stood = stand(covers, wide, mates)
+    x, rank = stood.across, stood.rank
     step = float(np.clip(6.5 / max(np.ptp(rank), 1e-9), 0.52, 0.95))
     y = (rank - rank.min()) * step + 0.16
 
     def draw(axes: "Axes", left: float, low: float) -> None:
-        for a, b in covers.tolist():
-            axes.plot(
-                [x[a] + left, x[b] + left],
-                [y[a] + low, y[b] + low],
-                color=PALE,
-                lw=1.1,
-                zorder=1,
-            )
+        for line in stood.lines:
+            level = (line[:, 1] - rank.min()) * step + 0.16
+            _line(axes, line[:, 0] + left, level + low)
         for k, a in enumerate(heads):
             place = x[k] + left, y[k] + low
             _box(axes, poc, view, a, names[k], place, float(wide[k]))
 
-    width = float((x + wide / 2).max() - (x - wide / 2).min())
+    reach = [float(line[:, 0].max()) for line in stood.lines]
+    width = max([float((x + wide / 2).max()), *reach])
     return Panel(width, float(y.max()) + 0.16, draw)
+
+
+def _line(axes: "Axes", x: Floats, y: Floats) -> None:
+    """Draw a line from one element to another, smooth where it passes between."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    points = np.stack([x, y], axis=1)
+    middles = (points[1:-2] + points[2:-1]) / 2
+    path, codes = [points[0]], [Path.MOVETO]
+    for k in range(1, len(points) - 1):
+        last = k == len(points) - 2
+        path += [points[k], points[-1] if last else middles[k - 1]]
+        codes += [Path.CURVE3, Path.CURVE3]
+    if len(points) == 2:
+        path.append(points[1])
+        codes.append(Path.LINETO)
+    shape = Path(np.array(path), codes)
+    axes.add_patch(PathPatch(shape, fill=False, edgecolor=PALE, lw=1.1, zorder=1))
 
 
 def _box(

@@ -38,12 +38,12 @@ class Panel:
 
 
 def beside(panels: Sequence[Panel], gap: float = 0.5) -> Panel:
-    """Return panels from left to right, their middles level."""
+    """Return panels from left to right, level at the top."""
     height = max((panel.height for panel in panels), default=0.0)
 
     def draw(axes: "Axes", x: float, y: float) -> None:
         for panel in panels:
-            panel.draw(axes, x, y + (height - panel.height) / 2)
+            panel.draw(axes, x, y + height - panel.height)
             x += panel.width + gap
 
     width = sum(panel.width for panel in panels) + gap * max(len(panels) - 1, 0)

@@ -76,7 +76,7 @@ class View:
             crossing = np.array([[poc.crosses(a, b) for b in own] for a in own])
             shape = (len(own), len(own))
             layout = lay_out(rows, joined[:, :2], crossing.reshape(shape).astype(bool))
-            colours = _colours(layout.families)
+            colours = _colours(layout)
         else:
             place = {given.poc.name(a): k for k, a in enumerate(given.own)}
             kept = [place[poc.name(a)] for a in own]
@@ -101,16 +101,6 @@ class View:
     def points(self) -> Floats:
         """``(vertices, 2)``: where they lie; an average edge is one long."""
         return self.layout.points(self.corners)
-
-    @property
-    def solid(self) -> bool:
-        """Whether there is a cube."""
-        pairs = {tuple(sorted(pair)) for pair in self.sides.tolist()}
-        near: dict[int, set[int]] = {}
-        for a, b in pairs:
-            near.setdefault(a, set()).add(b)
-            near.setdefault(b, set()).add(a)
-        return any(near[a] & near[b] for a, b in pairs)
 
     def row(self, vertex: Vertex) -> NDArray[np.bool_]:
         """Return a vertex as a row of `corners`."""
@@ -153,15 +143,22 @@ def element_name(poc: PocSet, literal: int) -> str:
     return " = ".join(short(name) for name in names)
 
 
-def _colours(families: Indices) -> tuple[str, ...]:
-    """Return colours: a hue for each family, shades within it."""
+def _colours(layout: Layout) -> tuple[str, ...]:
+    """Return colours: a hue for each way that elements' being on leads, in shades."""
+    leads = {
+        family: layout.directions[layout.families == family][0]
+        for family in layout.families.tolist()
+    }
+    ways = [
+        (family, bool(layout.directions[k] @ leads[family] > 0))
+        for k, family in enumerate(layout.families.tolist())
+    ]
+    hues = {way: number for number, way in enumerate(dict.fromkeys(ways))}
     shades = []
-    for k, family in enumerate(families.tolist()):
-        size = int((families == family).sum())
-        place = int((families[:k] == family).sum())
-        hue = _HUES[family % len(_HUES)] + 0.03 * (family // len(_HUES))
-        share = place / (size - 1) if size > 1 else 0.35
-        light = 0.30 + 0.34 * share
-        rgb = colorsys.hls_to_rgb(hue % 1, light, 0.85 - 0.2 * share)
+    for k, way in enumerate(ways):
+        size, place, number = ways.count(way), ways[:k].count(way), hues[way]
+        hue = _HUES[number % len(_HUES)] + 0.03 * (number // len(_HUES))
+        share = place / (size - 1) if size > 1 else 0.3
+        rgb = colorsys.hls_to_rgb(hue % 1, 0.30 + 0.33 * share, 0.85 - 0.2 * share)
         shades.append("#" + "".join(f"{round(255 * c):02x}" for c in rgb))
     return tuple(shades)

@@ -19,6 +19,7 @@ from neurosnap.record.writer import Writer
 from neurosnap.swarm.process import Reporter, Seat
 
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
+_LAST_WORD = 0.5  # seconds a last word may arrive after its part has gone
 _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
 
 
@@ -32,7 +33,8 @@ async def run_recorder(
 ) -> Completeness:
     """Record all traffic until every one of `parts` has left; finish the recording.
 
-    Reads everything; publishes nothing.
+    Reads everything, and the presence of `parts`, since one that was killed has no
+    last word; publishes nothing.
 
     Args:
         writer: Started by the caller, who also leaves it in case of an error.
@@ -50,6 +52,7 @@ async def run_recorder(
     """
     listener = _Listener(writer, parts)
     await fabric.subscribe(("**",), listener.handle, poll=_POLL)
+    await fabric.watch(listener.change)
     await fabric.announce()
     flushing = asyncio.create_task(_flush(writer, fabric), name="recorder/flush")
     serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
@@ -87,6 +90,7 @@ class _Listener:
         self._writer = writer
         self._parts = frozenset(parts)
         self._left: dict[str, int] = {}
+        self._gone: set[str] = set()
         self._ticks = 0
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
@@ -97,7 +101,20 @@ class _Listener:
             self._writer.add(delivery, time.time_ns())
             if delivery.key in ("leave", "state"):
                 self._note(delivery)
-        if self._parts <= self._left.keys():
+        self._find_all_left()
+
+    def change(self, who: str, alive: bool) -> None:
+        """Take in that a part came or went."""
+        if not alive and not self.closed:
+            # Its last word travels apart from its presence, and may be on the way.
+            asyncio.get_running_loop().call_later(_LAST_WORD, self._give_up, who)
+
+    def _give_up(self, who: str) -> None:
+        self._gone.add(who)
+        self._find_all_left()
+
+    def _find_all_left(self) -> None:
+        if self._parts <= self._left.keys() | self._gone:
             self.all_left.set()
 
     def _note(self, delivery: wire.Delivery) -> None:

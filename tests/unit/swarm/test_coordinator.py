@@ -224,6 +224,22 @@ def test_the_same_messages_get_the_same_answers_byte_for_byte() -> None:
     assert any(b'"decision"' in payload for burst in first for payload in burst)
 
 
+def test_the_state_is_what_the_cells_reported_and_nothing_else() -> None:
+    core = new(Asks())
+    core.begin()
+    core.receive(observed(1, "000"))
+    # Nobody has learned that sensor 1 is on, and yet its cell says so.
+    reports = [
+        wire.Settled(1, 0, 0, (1,), (0,), (2,), 0),
+        wire.Settled(1, 1, 0, (3, 2), (0, 1), (2,), 0),
+        wire.Settled(1, 2, 0, (5,), (0,), (2,), 0),
+    ]
+    (state,) = only(wire.State, [m for r in reports for m in core.receive(r)])
+    assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [1, 5]
+    assert state.incoherent
+    assert state.depth == 1
+
+
 # Planning waves -----------------------------------------------------------------------
 
 
