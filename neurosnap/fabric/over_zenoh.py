@@ -12,10 +12,10 @@ import json
 import struct
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, ParamSpec, Self, TypeVar
 
 import zenoh
 
@@ -23,6 +23,9 @@ from neurosnap import wire
 from neurosnap.errors import FabricError
 from neurosnap.fabric.inbox import Courier, Door, Inbox
 from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 _BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
 _BLOCK = zenoh.CongestionControl.BLOCK
@@ -124,12 +127,24 @@ class ZenohFabric:
         """
         self._failure = Failure()
         try:
-            self._session = await asyncio.to_thread(zenoh.open, self._config())
+            self._session = await self._off_loop(zenoh.open, self._config())
         except zenoh.ZError as error:
             raise FabricError(
                 f"{self.who}: must reach the hub at {self._endpoint}, got {error}"
             ) from error
         return self
+
+    async def _off_loop(
+        self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+    ) -> T:
+        """Make a call that blocks; aside, unless the loop has nothing else to do.
+
+        A thread to call from costs a process a millisecond to start, of the ten a cell
+        takes in all.
+        """
+        if self._swift:
+            return call(*args, **kwargs)
+        return await asyncio.to_thread(call, *args, **kwargs)
 
     def _config(self) -> zenoh.Config:
         return configuration(
@@ -154,13 +169,13 @@ class ZenohFabric:
         # A stack runs backwards, and to its end: whatever a handler raises at the last
         # moment, the session is closed.
         async with AsyncExitStack() as stack:
-            stack.push_async_callback(asyncio.to_thread, self._session.close)
-            stack.push_async_callback(asyncio.to_thread, self._flush)
+            stack.push_async_callback(self._off_loop, self._session.close)
+            stack.push_async_callback(self._off_loop, self._flush)
             for door in self._doors:
-                stack.push_async_callback(asyncio.to_thread, door.close)
+                stack.push_async_callback(self._off_loop, door.close)
             for poll in self._polls:
                 stack.callback(poll.finish)
-            stack.push_async_callback(asyncio.to_thread, self._undeclare)
+            stack.push_async_callback(self._off_loop, self._undeclare)
 
     def _undeclare(self) -> None:
         for declared in reversed(self._declared):
@@ -209,7 +224,7 @@ class ZenohFabric:
         cut = len(self._prefix)
         if poll is not None:
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
-            for subscriber in await asyncio.to_thread(self._declare, keys, channel):
+            for subscriber in await self._off_loop(self._declare, keys, channel):
                 self._polls.append(
                     _Poll(subscriber.handler, cut, handler, poll, self._failure)
                 )
@@ -224,7 +239,7 @@ class ZenohFabric:
                 door.push(delivery)
 
         callback = zenoh.handlers.Callback(hand_over, indirect=False)
-        await asyncio.to_thread(self._declare, keys, callback)
+        await self._off_loop(self._declare, keys, callback)
 
     def _declare(self, keys: Sequence[str], handler: Any) -> list[Any]:  # noqa: ANN401
         """Declare all in one go: a thousand cells do this at once."""
@@ -238,7 +253,7 @@ class ZenohFabric:
     async def announce(self) -> None:
         """Declare the liveliness token ``alive/<who>``."""
         self._declared.append(
-            await asyncio.to_thread(
+            await self._off_loop(
                 self._session.liveliness().declare_token,
                 f"{self._prefix}alive/{self.who}",
             )
@@ -260,7 +275,7 @@ class ZenohFabric:
             inbox.push((str(sample.key_expr)[cut:], alive))
 
         self._declared.append(
-            await asyncio.to_thread(
+            await self._off_loop(
                 self._session.liveliness().declare_subscriber,
                 f"{self._prefix}alive/**",
                 zenoh.handlers.Callback(hand_over, indirect=False),
