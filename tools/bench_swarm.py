@@ -23,10 +23,13 @@ _MB = 1e6
 
 
 def spawn(sizes: Sizes) -> list[Line]:
-    """Time from starting the hub until a wave has passed through every cell."""
+    """Time from starting the hub until every cell is up and wired.
+
+    A wave along a chain through all cells proves that they are; what the wave itself
+    takes is told apart, since the bare processes pass none.
+    """
     allow_files(sizes.cells + 10)  # the fork server keeps the limit it started with
     _probe(ProbePlan(sensors=2, heights=(1,), wiring="hasse", waves=1))
-    # One chain through all cells: each is wired, and the wave proves it.
     height = sizes.cells - 1
     plan = ProbePlan(
         sensors=sizes.cells, heights=(height,), wiring="hasse", waves=1, warmup=0
@@ -35,12 +38,12 @@ def spawn(sizes: Sizes) -> list[Line]:
     for _ in range(sizes.pairs):
         theirs.append(_bare("spawn", sizes.cells)["seconds"])
         ending = _probe(plan)
-        ours.append(ending.seconds)
         waves.append(_rows(ending)[0].seconds)
+        ours.append(ending.seconds - waves[-1])
     ratio = min(ours) / min(theirs)
     time = Line(
-        f"{sizes.cells:,} cells, a process each: up, wired, a wave through all",
-        f"{min(ours):.1f} s ({ratio:.2f} ×; {min(waves):.2f} s of it the wave)",
+        f"{sizes.cells:,} cells, a process each, up and wired",
+        f"{min(ours):.1f} s ({ratio:.2f} ×; a wave through all {min(waves):.2f} s)",
         f"bare Zenoh processes {min(theirs):.1f} s",
         f"≤ {_SPAWN:g} ×",
         ratio <= _SPAWN,
