@@ -336,6 +336,51 @@ def depth(
 
 
 @app.command()
+def model(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME|LOG|EXPR",
+            help='A named model (--list), a recording, or "a, b : a < b*".',
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Where to draw. [default: NAME.png]"),
+    ] = None,
+    at: OptionalTick = None,
+    limit: Annotated[
+        int, typer.Option(help="The most vertices of a dual to draw.")
+    ] = 256,
+    names: Annotated[bool, typer.Option("--list", help="List the names.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Draw a poc set and its dual: of the paper, of a recording, or your own."""
+    from neurosnap.picture.find import find, listed
+    from neurosnap.picture.numbers import in_words, measure
+    from neurosnap.picture.page import draw_model
+
+    with _errors():
+        if names:
+            for name, title in listed().items():
+                _say(as_json).print(f"{name:24} {title}", markup=False, soft_wrap=True)
+            if as_json:
+                _print_json({"models": listed()})
+            return
+        if what is None:
+            rule = "must be a name of --list, a recording or an expression"
+            raise InvalidValueError("model", rule, "nothing")
+        found = find(what, at, limit)
+        path = Path(f"{found.name}.png") if out is None else out
+        numbers = measure(found)
+        draw_model(found, numbers, path)
+        for line in (numbers.title, *in_words(numbers), f"wrote {path}"):
+            _say(as_json).print(line, markup=False, soft_wrap=True)
+        if as_json:
+            _print_json({"png": str(path), **msgspec.to_builtins(numbers)})
+
+
+@app.command()
 def doctor(as_json: Json = False) -> None:
     """Look for what would keep a swarm from running here, and how to mend it."""
     from neurosnap import show

@@ -3,10 +3,11 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from neurosnap.picture.layout import Floats
-from neurosnap.picture.panel import INK, LINE, PALE, Panel, say, text_width
+from neurosnap.picture.panel import INK, LINE, PALE, STATE, Panel, say, text_width
 from neurosnap.picture.ranks import stand
+from neurosnap.picture.strain import Floats
 from neurosnap.picture.view import View, element_name
 from neurosnap.poc.pocset import PocSet
 
@@ -14,9 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SIZE = 9.0
+_HIGH = 1.35 * LINE
 
 
-def hasse_panel(poc: PocSet, view: View | None) -> Panel:
+def hasse_panel(
+    poc: PocSet, view: View | None, state: NDArray[np.bool_] | None = None
+) -> Panel:
     """Return the Hasse diagram of a poc set, bounds left out.
 
     A box holds an element: all literals that are equal. Its colour is that of the
@@ -26,6 +30,7 @@ def hasse_panel(poc: PocSet, view: View | None) -> Panel:
     Args:
         poc: The poc set.
         view: Its dual, for the colours.
+        state: ``(2N,)`` bool: the literals of the current state, to be shown.
     """
     heads = np.unique(poc.graph.representative).tolist()
     number = {a: k for k, a in enumerate(heads)}
@@ -38,39 +43,90 @@ def hasse_panel(poc: PocSet, view: View | None) -> Panel:
     wide = np.maximum(np.maximum(wide, wide[mates]), 0.32)
     stood = stand(covers, wide, mates)
     x, rank = stood.across, stood.rank
-    step = float(np.clip(6.5 / max(np.ptp(rank), 1e-9), 0.52, 0.95))
+    span = max(float(np.ptp(rank)), 1e-9)
+    # Lines that pass ranks need room between them, and wide orders steep lines.
+    least = 5.0 if all(len(line) < 3 for line in stood.lines) else 9.0
+    step = float(np.clip(least / span, 0.56, 0.9))
+    step = max(step, min(float(x.max()) / 3 / span, 1.8))
     y = (rank - rank.min()) * step + 0.16
 
     def draw(axes: "Axes", left: float, low: float) -> None:
-        for line in stood.lines:
-            level = (line[:, 1] - rank.min()) * step + 0.16
-            _line(axes, line[:, 0] + left, level + low)
+        for line in lines:
+            _line(axes, line + np.array([left, low]))
         for k, a in enumerate(heads):
             place = x[k] + left, y[k] + low
+            if state is not None and state[a]:
+                _lit(axes, place, float(wide[k]))
             _box(axes, poc, view, a, names[k], place, float(wide[k]))
 
-    reach = [float(line[:, 0].max()) for line in stood.lines]
+    boxes = np.stack([x - wide / 2, y - _HIGH / 2, x + wide / 2, y + _HIGH / 2], 1)
+    lines = [
+        _routed(
+            np.stack([line[:, 0], (line[:, 1] - rank.min()) * step + 0.16], axis=1),
+            np.delete(boxes, pair, axis=0),
+        )
+        for line, pair in zip(stood.lines, covers.tolist(), strict=True)
+    ]
+    reach = [float(line[:, 0].max()) for line in lines]
     width = max([float((x + wide / 2).max()), *reach])
     return Panel(width, float(y.max()) + 0.16, draw)
 
 
-def _line(axes: "Axes", x: Floats, y: Floats) -> None:
-    """Draw a line from one element to another, smooth where it passes between."""
+def _routed(line: Floats, boxes: Floats) -> Floats:
+    """Return a line pulled tight: straight as far as it keeps clear of the boxes."""
+    # Upright beside the boxes of the ranks it passes.
+    inner = np.repeat(line[1:-1], 2, axis=0)
+    inner[::2, 1] -= _HIGH / 2
+    inner[1::2, 1] += _HIGH / 2
+    points = np.concatenate([line[:1], inner, line[-1:]])
+    kept = [0]
+    while kept[-1] < len(points) - 1:
+        here = kept[-1]
+        ahead = range(len(points) - 1, here, -1)
+        seen = (k for k in ahead if _is_clear(points[here], points[k], boxes))
+        kept.append(next(seen, here + 1))
+    return points[kept]
+
+
+def _is_clear(start: Floats, end: Floats, boxes: Floats) -> bool:
+    """Return whether a straight line keeps clear of boxes."""
+    way = start + np.linspace(0, 1, 80)[:, None] * (end - start)
+    off = np.maximum(boxes[:, None, :2] - way, way - boxes[:, None, 2:])
+    return bool((off.max(axis=2) > 0.03).all())
+
+
+def _line(axes: "Axes", points: Floats) -> None:
+    """Draw a line from one element to another, its corners rounded."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    points = np.stack([x, y], axis=1)
-    middles = (points[1:-2] + points[2:-1]) / 2
     path, codes = [points[0]], [Path.MOVETO]
-    for k in range(1, len(points) - 1):
-        last = k == len(points) - 2
-        path += [points[k], points[-1] if last else middles[k - 1]]
-        codes += [Path.CURVE3, Path.CURVE3]
-    if len(points) == 2:
-        path.append(points[1])
-        codes.append(Path.LINETO)
+    for before, here, after in zip(points, points[1:], points[2:], strict=False):
+        path += [_towards(here, before), here, _towards(here, after)]
+        codes += [Path.LINETO, Path.CURVE3, Path.CURVE3]
+    path.append(points[-1])
+    codes.append(Path.LINETO)
     shape = Path(np.array(path), codes)
     axes.add_patch(PathPatch(shape, fill=False, edgecolor=PALE, lw=1.1, zorder=1))
+
+
+def _lit(axes: "Axes", place: tuple[float, float], wide: float) -> None:
+    """Draw what shows that the current state holds an element."""
+    from matplotlib.patches import FancyBboxPatch
+
+    corner = place[0] - wide / 2, place[1] - _HIGH / 2
+    style = "round,pad=0.035,rounding_size=0.08"
+    shape = FancyBboxPatch(
+        corner, wide, _HIGH, boxstyle=style, facecolor=STATE, edgecolor="none"
+    )
+    shape.set_zorder(1.5)
+    axes.add_patch(shape)
+
+
+def _towards(start: Floats, end: Floats) -> Floats:
+    """Return where a corner at `start` begins to be rounded on the way to `end`."""
+    length = float(np.linalg.norm(end - start))
+    return start + (end - start) * min(0.12 / max(length, 1e-9), 0.5)
 
 
 def _box(
@@ -86,15 +142,14 @@ def _box(
     from matplotlib.patches import FancyBboxPatch
 
     x, y = place
-    high = LINE * 1.35
     colour = None if view is None else view.colour_of(a)
     proper = bool(poc.proper[a])
     filled = proper and not a & 1 and colour is not None
     axes.add_patch(
         FancyBboxPatch(
-            (x - wide / 2 + 0.03, y - high / 2 + 0.03),
+            (x - wide / 2 + 0.03, y - _HIGH / 2 + 0.03),
             wide - 0.06,
-            high - 0.06,
+            _HIGH - 0.06,
             boxstyle="round,pad=0.03,rounding_size=0.06",
             facecolor=colour if filled else "white",
             edgecolor=(colour or INK) if proper else PALE,

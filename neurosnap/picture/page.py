@@ -1,51 +1,46 @@
 """A model's picture: Hasse diagram, dual, key, on a page that fits them."""
 
-import math
 import os
+import textwrap
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.picture.dual import NAMED, RING, STATE, dual_panel, unit_of
+from neurosnap.picture.dual import dual_panel, unit_of
 from neurosnap.picture.hasse import hasse_panel
-from neurosnap.picture.model import Model, Numbers
+from neurosnap.picture.key import key_panel
+from neurosnap.picture.layers import layers_panel
+from neurosnap.picture.model import Model
+from neurosnap.picture.numbers import Numbers, in_words
 from neurosnap.picture.panel import (
-    INK,
-    LINE,
     PALE,
     Panel,
     beside,
     captioned,
     lines,
-    say,
-    short,
     stacked,
-    text_width,
 )
 from neurosnap.picture.view import View
-from neurosnap.poc.cubing import Cubing
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _MARGIN = 0.35
 _DPI = 120
-_WORDS = ("vertices", "edges", "squares", "cubes")
 
 
 def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
     """Write the picture of a model: whole or not at all; what was there is replaced.
 
     Raises:
-        InvalidValueError: It is not to be a ``.png`` file.
+        InvalidValueError: It is not to be a ``.png`` file, or its folder is missing.
         NeurosnapError: matplotlib is not installed.
     """
     if path.suffix.lower() != ".png":
         raise InvalidValueError("out", "must end in .png", str(path))
+    if not path.absolute().parent.is_dir():
+        raise InvalidValueError("out", "must be in a folder that exists", str(path))
     figure = figure_of(model, numbers)
     draft = path.with_name(f"{path.name}.part")
     try:
@@ -84,60 +79,45 @@ def _rows(model: Model) -> list[Panel]:
     """Return Hasse diagram, dual and key, of the model and of what it is mapped to."""
     rows = [_row(model)]
     if model.target is not None:
-        rows.append(captioned(f"{model.target.title}:  {model.target.poc}", _row(model.target)))
+        rows.append(
+            captioned(
+                f"{model.target.title}:  {model.target.poc}",
+                _row(model.target, brief=True),
+            )
+        )
     return rows
 
 
-def _row(model: Model) -> Panel:
-    """Return Hasse diagram, dual and key."""
+def _row(model: Model, *, brief: bool = False) -> Panel:
+    """Return Hasse diagram, dual and key, which may leave out what is said above."""
     if model.vertices is None:
-        hasse = captioned("Order (Hasse diagram)", hasse_panel(model.poc, None))
-        why = f"The dual is not drawn: {model.unlisted}."
-        return beside([hasse, lines([why, "A higher --limit lists it."], 9, PALE)])
-    view = View.of(model.poc, model.vertices)
+        hasse = hasse_panel(model.poc, None, model.state)
+        why = [f"The dual is not drawn: {model.unlisted} (--limit)."]
+        if model.state is not None:
+            why.append("The elements of the current state are lit.")
+        caption = captioned("Order (Hasse diagram)", lines(why, 9, PALE))
+        return stacked([caption, hasse], 0.2)
+    view = View.of(model.poc, model.vertices, level=model.level, seen=model.witnessed)
     unit = unit_of(view)
-    dual = captioned("Dual (model space)", dual_panel(model, view, unit))
-    hasse = captioned("Order (Hasse diagram)", hasse_panel(model.poc, view))
-    return beside([hasse, dual, _key(model, view)])
+    dual = dual_panel(model, view, unit)
+    hasse = captioned(
+        "Order (Hasse diagram)", hasse_panel(model.poc, view, model.state)
+    )
+    key = captioned("Key", key_panel(model, view, dual.nameless, brief=brief))
+    row = beside([hasse, captioned("Dual (model space)", dual), key])
+    apart = layers_panel(model, view, unit)
+    return row if apart is None else stacked([row, apart], 0.35)
 
 
 def _heading(model: Model, numbers: Numbers) -> Panel:
     """Return title, poc set and numbers."""
     title = lines([model.title], 14)
-    poc = str(model.poc)
-    shown = poc if len(poc) <= 110 else f"{poc[:107]}…"
-    return stacked([title, lines([shown, *_facts(numbers)], 9, INK)], 0.1)
+    poc = textwrap.wrap(_kept(str(model.poc)), 130, max_lines=4, placeholder=" …")
+    return stacked([title, lines([*poc, *in_words(numbers)])], 0.1)
 
 
-def _facts(numbers: Numbers) -> list[str]:
-    """Return what a model measures, in a line or two."""
-    order = f"height {numbers.height} · width {numbers.width}"
-    if numbers.faces is None:
-        return [order, f"dual not listed: {numbers.unlisted}"]
-    first = f"dual: {_faces(numbers.faces)} · dimension {numbers.dimension} · {order}"
-    if numbers.betti is not None:
-        first += f" · Betti {_list(numbers.betti)}"
-    facts = [first]
-    if numbers.punctured_faces is not None and numbers.punctured_betti is not None:
-        facts.append(
-            f"punctured: {_faces(numbers.punctured_faces)}"
-            f" · Betti {_list(numbers.punctured_betti)}"
-        )
-    return facts
-
-
-def _faces(faces: tuple[int, ...]) -> str:
-    """Return a face vector in words."""
-    named = [
-        f"{count} {_WORDS[d] if d < len(_WORDS) else f'{d}-cubes'}"
-        for d, count in enumerate(faces)
-    ]
-    return " · ".join(named) or "empty"
-
-
-def _list(values: tuple[int, ...]) -> str:
-    return ", ".join(map(str, values)) or "none"
-
-
-def _key(model: Model, view: View) -> Panel:
-    return lines(["key"])
+def _kept(text: str) -> str:
+    """Return relations that no line is broken in."""
+    for sign in ("<", "="):
+        text = text.replace(f" {sign} ", f"\u00a0{sign}\u00a0")
+    return text

@@ -5,6 +5,7 @@ panels can be put side by side or below each other without overlap, and the page
 large as what is on it.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 INK = "#22262b"
 PALE = "#8a9099"
+STATE = "#ffd23f"
 LINE = 0.175
 """The height of a line of ordinary text."""
 
@@ -30,11 +32,13 @@ class Panel:
         width: How wide it is.
         height: How high it is.
         draw: Draws it; told the axes and where its lower left corner is.
+        nameless: How many of its parts there was no room to name.
     """
 
     width: float
     height: float
     draw: Callable[["Axes", float, float], None]
+    nameless: int = 0
 
 
 def beside(panels: Sequence[Panel], gap: float = 0.5) -> Panel:
@@ -91,8 +95,11 @@ def say(
     ha: str = "center",
     layer: float = 9.0,
     weight: str = "normal",
+    halo: bool = False,
 ) -> "Text":
     """Write a text, its middle at a height; a dollar sign is a dollar sign."""
+    from matplotlib.patheffects import withStroke
+
     return axes.text(
         x,
         y,
@@ -104,6 +111,7 @@ def say(
         zorder=layer,
         weight=weight,
         parse_math=False,
+        path_effects=[withStroke(linewidth=2.2, foreground="white")] if halo else [],
     )
 
 
@@ -114,7 +122,11 @@ def text_width(text: str, size: float) -> float:
     from matplotlib.textpath import text_to_path
 
     font = FontProperties(size=size)
-    points, _, _ = text_to_path.get_text_width_height_descent(text, font, ismath=False)
+    with warnings.catch_warnings():
+        # A name may be in a script that the font lacks: it shows as boxes.
+        warnings.filterwarnings("ignore", message="Glyph")
+        size_of = text_to_path.get_text_width_height_descent
+        points, _, _ = size_of(text, font, ismath=False)
     return float(points) / 72
 
 

@@ -1,4 +1,4 @@
-"""A listed dual as something to draw: places, parallel edges, squares, colours, names."""
+"""A listed dual as something to draw: places, edges, squares, colours, names."""
 
 import colorsys
 from dataclasses import dataclass
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.picture.layout import Floats, Indices, Layout, lay_out
+from neurosnap.picture.layout import Layout, lay_out
 from neurosnap.picture.model import Vertex
 from neurosnap.picture.panel import short
+from neurosnap.picture.strain import Floats, Indices
 from neurosnap.poc.pocset import PocSet
 from neurosnap.poc.realization import corners
 from neurosnap.poc.topology import cubes_among
@@ -44,7 +45,12 @@ class View:
 
     @classmethod
     def of(
-        cls, poc: PocSet, vertices: list[Vertex], given: "View | None" = None
+        cls,
+        poc: PocSet,
+        vertices: list[Vertex],
+        given: "View | None" = None,
+        level: str | None = None,
+        seen: list[Vertex] | None = None,
     ) -> "View":
         """List and lay out a dual.
 
@@ -53,11 +59,15 @@ class View:
             vertices: All vertices of its dual.
             given: A view whose directions and colours to take, for sensors of the same
                 names.
+            level: The sensor whose edges lie level; the most frequent direction
+                without it.
+            seen: The vertices that should be seen best; all without them.
         """
         own = tuple(a for a in poc.heads.tolist() if not a & 1)
         rows = corners(poc, vertices)
         number = {row.tobytes(): k for k, row in enumerate(rows)}
-        edges, squares = [], []
+        edges: list[tuple[int, ...]] = []
+        squares: list[tuple[int, ...]] = []
         for corner, spanned in cubes_among(rows):
             ways = np.flatnonzero(spanned)
             if len(ways) in (1, 2):
@@ -73,17 +83,21 @@ class View:
         joined = np.array(edges, np.int64).reshape(-1, 3)
         spans = np.array(squares, np.int64).reshape(-1, 6)
         if given is None:
-            crossing = np.array([[poc.crosses(a, b) for b in own] for a in own])
-            shape = (len(own), len(own))
-            layout = lay_out(rows, joined[:, :2], crossing.reshape(shape).astype(bool))
+            chosen = rows if seen is None else corners(poc, seen)
+            clear = {row.tobytes() for row in chosen}
+            layout = lay_out(
+                rows,
+                joined[:, :2],
+                _crossing(poc, own),
+                np.array([row.tobytes() in clear for row in rows], np.bool_),
+                None if level is None else own.index(poc.element(level)),
+            )
             colours = _colours(layout)
         else:
             place = {given.poc.name(a): k for k, a in enumerate(given.own)}
             kept = [place[poc.name(a)] for a in own]
             old = given.layout
-            layout = Layout(
-                old.directions[kept], old.heights[kept], old.families[kept]
-            )
+            layout = Layout(old.directions[kept], old.heights[kept], old.families[kept])
             colours = tuple(given.colours[k] for k in kept)
         return cls(
             poc=poc,
@@ -122,6 +136,18 @@ class View:
         least = [a for a in on if not any(order[b, a] for b in on if b != a)]
         return " ".join(short(self.poc.name(a)) for a in least) or "∅"
 
+    def tint(self, square: int, *, strong: bool) -> tuple[float, float, float]:
+        """Return a pale colour for a square: mostly of the rarer of its directions."""
+        sizes = np.bincount(self.layout.families)
+        one, two = sorted(
+            self.sides[square].tolist(),
+            key=lambda k: (sizes[self.layout.families[k]], -k),
+        )
+        mixed = 0.72 * _rgb(self.colours[one]) + 0.28 * _rgb(self.colours[two])
+        share = 0.36 if strong else 0.17
+        red, green, blue = (1 - share + share * mixed).tolist()
+        return red, green, blue
+
     def element(self, k: int) -> str:
         """Return the name of an element: all literals that are equal."""
         return element_name(self.poc, self.own[k])
@@ -141,6 +167,17 @@ def element_name(poc: PocSet, literal: int) -> str:
     if len(names) > 4:
         names = [*names[:3], f"{len(names) - 3} more"]
     return " = ".join(short(name) for name in names)
+
+
+def _crossing(poc: PocSet, own: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return which elements cross: ``(n, n)`` bool."""
+    pairs = [[poc.crosses(a, b) for b in own] for a in own]
+    return np.array(pairs, np.bool_).reshape(len(own), len(own))
+
+
+def _rgb(colour: str) -> Floats:
+    """Return ``#rrggbb`` as three numbers in [0, 1]."""
+    return np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
 
 
 def _colours(layout: Layout) -> tuple[str, ...]:

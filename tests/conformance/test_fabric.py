@@ -3,6 +3,7 @@
 import asyncio
 import os
 import secrets
+import signal
 import subprocess
 import sys
 import threading
@@ -302,6 +303,25 @@ async def test_numbers_run_over_all_keys_heard_or_not(network: Network) -> None:
             sender.publish(wire.Leave("sender"))
         await heard.wait(3)
         assert heard.sequences() == [1, 3, 5]
+
+
+@pytest.mark.zenoh
+async def test_a_hub_that_stalls_loses_nothing(hub: Hub) -> None:
+    network = ZenohNetwork(hub, swift=False)
+    count = 100  # of 200 kB: more than anything on the way can hold
+
+    async with listening(network, "keyframe") as heard, network.end("sender") as sender:
+
+        def publish() -> None:
+            for _ in range(count):
+                sender.publish(LARGE)
+
+        os.kill(hub.pid, signal.SIGSTOP)
+        loop = asyncio.get_running_loop()
+        loop.call_later(0.2, os.kill, hub.pid, signal.SIGCONT)
+        await asyncio.to_thread(publish)
+        await heard.wait(count)
+        assert heard.sequences() == list(range(count))
 
 
 @pytest.mark.zenoh

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import multiprocessing.process
 import random
+import re
 import resource
 import signal
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -492,6 +493,56 @@ async def test_a_cell_that_never_comes_up_is_named(readings: str) -> None:
         )
 
 
+async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
+    hub, there = MemoryHub(), asyncio.Event()
+
+    async def be_there() -> None:
+        async with hub.fabric("cell/0") as end:
+            await end.announce()
+            await there.wait()
+
+    async def conduct_it() -> None:
+        async with hub.fabric("coordinator") as fabric:
+            core = Coordinator.of(options_for(readings))
+            await conduct(core, fabric, stop, parts=["cell/0"], deadline=10)
+
+    stop = asyncio.Event()
+    expected = r"^cell/0: must stay until the run ends, is gone$"
+    with pytest.raises(ExceptionGroup) as caught:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(be_there())
+            group.create_task(conduct_it())
+            await asyncio.sleep(0)
+            there.set()
+    (error,) = caught.value.exceptions
+    assert isinstance(error, SwarmError)
+    assert re.search(expected, str(error))
+
+
+async def test_the_world_answers_each_decision_once_and_in_turn(readings: str) -> None:
+    hub, over = MemoryHub(), asyncio.Event()
+    source = open_source(readings, SEED)
+    told: list[int] = []
+
+    def listen(deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            message = wire.decode(delivery.key, delivery.payload)
+            assert isinstance(message, wire.Observation)
+            told.append(message.tick)
+            if message.tick == 3:
+                over.set()
+
+    hub.fabric("listener").listen(("observe",), listen)
+    async with hub.fabric("world") as end:
+        world = asyncio.create_task(run_world(source, end, over))
+        await asyncio.sleep(0)
+        for tick in (0, 0, 5, 1, 0, 1, 2):
+            hub.fabric("coordinator").publish(wire.Decision(tick, -1, ""))
+        await world
+    source.close()
+    assert told == [1, 2, 3]
+
+
 # How runs end -------------------------------------------------------------------------
 
 
@@ -658,7 +709,7 @@ async def test_a_world_that_fails_on_the_way_is_named(
     assert fault.who == "world"
 
 
-LIMIT = 500_000  # bytes, far more than what is flushed at once
+LIMIT = 150_000  # bytes, far more than what is flushed at once
 
 
 @contextlib.contextmanager
