@@ -11,7 +11,7 @@ running number and clock travel beside the payload (`Delivery`), so that complet
 can be proved without a word about it in the messages.
 """
 
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import msgspec
 
@@ -26,26 +26,36 @@ Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]
 
 
-class Observation(msgspec.Struct, frozen=True, tag="observe", gc=False):
+class _Message(msgspec.Struct, frozen=True, gc=False):
+    """What all messages have in common."""
+
+    _sender: ClassVar[str] = "coordinator"
+    _key: ClassVar[str]
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return self._sender
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return self._key
+
+
+class Observation(_Message, frozen=True, tag="observe"):
     """What every sensor read at one tick; each cell latches its own bit."""
+
+    _sender: ClassVar[str] = "world"
+    _key: ClassVar[str] = "observe"
 
     tick: Numbered
     """Counts from 1, so that it equals the snapshot's clock after learning from it."""
     bits: bytes
     """The readings, sensor 0 in the lowest bit of the first byte."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "world"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "observe"
-
-
-class Wiring(msgspec.Struct, frozen=True, tag="wiring", gc=False):
+class Wiring(_Message, frozen=True, tag="wiring"):
     """The out-edges of a cell's two literals: whole, or as changes to an epoch."""
 
     cell: Natural
@@ -64,17 +74,12 @@ class Wiring(msgspec.Struct, frozen=True, tag="wiring", gc=False):
     """Targets lost by the complement, ascending."""
 
     @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "coordinator"
-
-    @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
         return f"wiring/{self.cell}"
 
 
-class WaveStart(msgspec.Struct, frozen=True, tag="wave", gc=False):
+class WaveStart(_Message, frozen=True, tag="wave"):
     """A wave begins: the cells of its signal fire.
 
     It goes to every cell, or only to those of the signal: waking every cell for a wave
@@ -102,17 +107,12 @@ class WaveStart(msgspec.Struct, frozen=True, tag="wave", gc=False):
     """The one cell this copy is for; -1: for all."""
 
     @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "coordinator"
-
-    @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
         return "wave" if self.cell < 0 else f"wave/{self.cell}"
 
 
-class Pulse(msgspec.Struct, frozen=True, tag="pulse", gc=False):
+class Pulse(_Message, frozen=True, tag="pulse"):
     """One literal's firing, passed along one edge."""
 
     wave: Numbered
@@ -139,8 +139,10 @@ class Pulse(msgspec.Struct, frozen=True, tag="pulse", gc=False):
         return f"{'inhibit' if self.target & 1 else 'excite'}/{self.target >> 1}"
 
 
-class Settled(msgspec.Struct, frozen=True, tag="settled", gc=False):
+class Settled(_Message, frozen=True, tag="settled"):
     """A cell's report on one wave: what fired since its last, and credit given back."""
+
+    _key: ClassVar[str] = "settle"
 
     wave: Numbered
     """The wave it belongs to."""
@@ -162,14 +164,11 @@ class Settled(msgspec.Struct, frozen=True, tag="settled", gc=False):
         """Who sent it."""
         return f"cell/{self.cell}"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "settle"
 
-
-class State(msgspec.Struct, frozen=True, tag="state", gc=False):
+class State(_Message, frozen=True, tag="state"):
     """The state that the settled wave of one tick gave."""
+
+    _key: ClassVar[str] = "state"
 
     tick: Numbered
     """The tick it belongs to."""
@@ -190,19 +189,11 @@ class State(msgspec.Struct, frozen=True, tag="state", gc=False):
     pulses: Natural
     """Pulses the wave took, as reported."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "coordinator"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "state"
-
-
-class Reached(msgspec.Struct, frozen=True, tag="reached", gc=False):
+class Reached(_Message, frozen=True, tag="reached"):
     """What a settled planning wave reached: all above its signal."""
+
+    _key: ClassVar[str] = "reach"
 
     tick: Numbered
     """The tick it belongs to."""
@@ -221,19 +212,11 @@ class Reached(msgspec.Struct, frozen=True, tag="reached", gc=False):
     pulses: Natural
     """Pulses the wave took, as reported."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "coordinator"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "reach"
-
-
-class Decision(msgspec.Struct, frozen=True, tag="decision", gc=False):
+class Decision(_Message, frozen=True, tag="decision"):
     """What to do next; the world answers it with the observation of ``tick + 1``."""
+
+    _key: ClassVar[str] = "decide"
 
     tick: Natural
     """The tick it was taken at; 0 opens the run."""
@@ -242,38 +225,22 @@ class Decision(msgspec.Struct, frozen=True, tag="decision", gc=False):
     why: str
     """The reason, for people."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "coordinator"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "decide"
-
-
-class KeyFrame(msgspec.Struct, frozen=True, tag="keyframe", gc=False):
+class KeyFrame(_Message, frozen=True, tag="keyframe"):
     """The whole snapshot after one tick, for seeking and resuming."""
+
+    _key: ClassVar[str] = "keyframe"
 
     tick: Natural
     """The tick after which it was taken."""
     snapshot: bytes
     """What `Snapshot.to_bytes` gave."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return "coordinator"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "keyframe"
-
-
-class Fault(msgspec.Struct, frozen=True, tag="fault", gc=False):
+class Fault(_Message, frozen=True, tag="fault"):
     """Somebody met a message that is bad or unexpected, and dropped it."""
+
+    _key: ClassVar[str] = "fault"
 
     who: str
     """The part that met it, as in `Message.sender`."""
@@ -285,14 +252,11 @@ class Fault(msgspec.Struct, frozen=True, tag="fault", gc=False):
         """Who sent it."""
         return self.who
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "fault"
 
-
-class Leave(msgspec.Struct, frozen=True, tag="leave", gc=False):
+class Leave(_Message, frozen=True, tag="leave"):
     """A part's last message. Whoever has it and all before it has everything."""
+
+    _key: ClassVar[str] = "leave"
 
     who: str
     """The part that leaves."""
@@ -301,11 +265,6 @@ class Leave(msgspec.Struct, frozen=True, tag="leave", gc=False):
     def sender(self) -> str:
         """Who sent it."""
         return self.who
-
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "leave"
 
 
 Message: TypeAlias = (

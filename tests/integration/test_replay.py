@@ -17,9 +17,9 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
 from neurosnap.poc.snapshot import Snapshot
 from neurosnap.record.history import last_tick, snapshot_at
+from neurosnap.record.past import Past
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.replay import Verdict, verify
-from neurosnap.record.past import Past
 from neurosnap.record.resume import look_back
 from neurosnap.record.writer import Writer
 from neurosnap.sensorium import pack, unpack
