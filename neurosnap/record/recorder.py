@@ -7,7 +7,6 @@ to be whole.
 
 import asyncio
 import contextlib
-import os
 import time
 from collections.abc import Collection, Mapping
 
@@ -19,8 +18,7 @@ from neurosnap.record.sequences import Completeness
 from neurosnap.record.writer import Writer
 from neurosnap.swarm.process import Reporter, Seat
 
-_POLL = 0.05  # seconds messages may wait before they are written into a chunk
-_NICE = 5
+_POLL = 0.02  # seconds messages may wait before they are written into a chunk
 _LAST_WORD = 0.5  # seconds a last word may arrive after its part has gone
 _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
 
@@ -148,12 +146,7 @@ async def be_recorder(
     past: Past | None,
     parts: tuple[str, ...],
 ) -> None:
-    """Record everything, after what there is of a resumed run.
-
-    At a lower priority: what waits here waits in a channel, what waits elsewhere makes
-    a wave wait.
-    """
-    os.nice(_NICE)
+    """Record everything, after what there is of a resumed run."""
     with Writer(path) as writer:
         begin_recording(writer, metadata, past)
         async with seat.fabric() as fabric:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import WaveLostError
+from neurosnap.errors import InvalidValueError, WaveLostError
 from neurosnap.swarm.wave import Wave
 
 _UNANNOUNCED = 64  # waves that only concern a few, before all cells hear of one again
@@ -107,7 +107,14 @@ class Conductor:
         A state wave is announced to every cell. A wave of a few literals goes to their
         cells only, as long as the wirings in force were fenced by a wave announced to
         all; its time then does not depend on how many cells there are.
+
+        Raises:
+            InvalidValueError: A signal is empty, or names a literal twice: a wave of it
+                would not settle.
         """
+        if kind == "signal" and not 0 < len(set(signal)) == len(signal):
+            rule = "must be one or more literals, each once"
+            raise InvalidValueError("signal", rule, signal)
         seeds = self._sensors if kind == "state" else len(signal)
         number = self._next
         self._next += 1

@@ -58,4 +58,4 @@ async def be_coordinator(
                 on_progress=reporter.progress,
             ),
         )
-    reporter.done(Result.of(core, seconds))
+        reporter.done(Result.of(core, seconds))

@@ -122,7 +122,7 @@ class _Launch:
                 [conductor.ended] if world is None else [conductor.ended, world.ended]
             )
             await _first((self._supervisor.failed, stop, *ends))
-            stopped, ended = stop.is_set(), time.perf_counter()
+            stopped, ended = stop.is_set(), conductor.done_at or time.perf_counter()
         finally:
             late = await self._end()
         if self._supervisor.error is not None:

@@ -197,4 +197,4 @@ async def be_probe(
                 on_progress=reporter.progress,
             ),
         )
-    reporter.done(core.rows)
+        reporter.done(core.rows)

@@ -8,6 +8,7 @@ import asyncio
 import multiprocessing
 import resource
 import sys
+import time
 import types
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -42,6 +43,8 @@ class Child:
         self.ready = asyncio.Event()
         self.ended = asyncio.Event()
         self.result: bytes | None = None
+        self.done_at: float | None = None
+        """When its result came, as `time.perf_counter` counts."""
 
 
 class Supervisor:
@@ -163,6 +166,7 @@ class Supervisor:
                 self._expected.add(report.who)
                 if child_ is not None:
                     child_.result = bytes(result)
+                    child_.done_at = time.perf_counter()
             case Failed(what=what):
                 self._reasons[report.who] = what
 
