@@ -20,6 +20,7 @@ from neurosnap.record.writer import Writer
 from neurosnap.source import open_source
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import run_cell
+from neurosnap.swarm.launch import new_swarm_id
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shell import conduct
@@ -54,7 +55,7 @@ async def run_inline(
         writer = None
         if log is not None:
             writer = stack.enter_context(Writer(log))
-            begin_recording(writer, {**metadata, "swarm": "inline"}, past)
+            begin_recording(writer, {**metadata, "swarm": new_swarm_id()}, past)
         swarm = _Inline(options, writer, past)
         stack.callback(swarm.source.close)
         try:
