@@ -24,6 +24,7 @@ _LARGEST = 2**31 - 1
 Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
 Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]
+WaveKind: TypeAlias = Literal["state", "signal"]
 
 
 class _Message(msgspec.Struct, frozen=True, gc=False):
@@ -90,7 +91,7 @@ class WaveStart(_Message, frozen=True, tag="wave"):
     """The wave's number; grows by one with each wave of a run."""
     tick: Natural
     """The tick it belongs to; 0 where there are no observations."""
-    kind: Literal["state", "signal"]
+    kind: WaveKind
     """`state`: every cell fires its own reading of `tick`. `signal`: those named."""
     credit: Natural
     """Every literal of the signal starts with the share ``2^-credit``."""

@@ -19,8 +19,8 @@ import asyncio
 from collections.abc import Iterable
 
 from neurosnap import wire
-from neurosnap.errors import MessageError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.swarm.part import decoded
 
 _READINGS = 8  # ticks a cell remembers; a wave is never further behind
 
@@ -286,13 +286,7 @@ async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
     core = Cell(cell)
 
     def handle(deliveries: list[wire.Delivery]) -> None:
-        messages = []
-        for delivery in deliveries:
-            try:
-                messages.append(wire.decode(delivery.key, delivery.payload))
-            except MessageError as error:
-                fabric.publish(wire.Fault(fabric.who, str(error)))
-        fabric.publish(*core.receive(messages))
+        fabric.publish(*core.receive(decoded(fabric, deliveries)))
 
     await fabric.subscribe(wire.cell_keys(cell), handle)
     await fabric.announce()

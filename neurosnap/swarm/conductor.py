@@ -6,8 +6,6 @@ every cell has got its whole wiring again, because a change that was lost must n
 on.
 """
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,9 +79,9 @@ class Conductor:
             return tuple(np.flatnonzero(row).tolist())
 
         own, complement = 2 * cell, 2 * cell + 1
-        before = self._edges if after else np.zeros_like(self._edges[:1])
-        old = (before[own], before[complement]) if after else (before[0], before[0])
-        new = (edges[own], edges[complement])
+        old, new = self._edges[[own, complement]], edges[[own, complement]]
+        if not after:
+            old = np.zeros_like(old)
         self._told[cell] = self._epoch
         return wire.Wiring(
             cell=cell,
@@ -97,7 +95,7 @@ class Conductor:
 
     def start(
         self,
-        kind: Literal["state", "signal"],
+        kind: wire.WaveKind,
         tick: int = 0,
         signal: tuple[int, ...] = (),
         repeats: int = 0,
@@ -166,8 +164,7 @@ class Conductor:
             raise WaveLostError(self._loss(wave, signal))
         del self._flying[number]
         whole = self.rewire_whole()
-        kind: Literal["state", "signal"] = "state" if wave.kind == "state" else "signal"
-        return [*whole, *self.start(kind, wave.tick, signal, number)]
+        return [*whole, *self.start(wave.kind, wave.tick, signal, number)]
 
     def _loss(self, wave: Wave, signal: tuple[int, ...]) -> str:
         def targets(literal: int) -> list[int]:

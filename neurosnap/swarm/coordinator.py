@@ -165,11 +165,11 @@ class Coordinator:
                 return self._observe(message)
             case wire.Settled():
                 return self._settle(message)
-            case wire.Fault():
+            case wire.Fault():  # anybody's: its own come back to it, too
                 self.totals.faults += 1
                 return []
             case _:
-                return [self._fault(f"{message.key}: is not for the coordinator")]
+                return [_fault(f"{message.key}: is not for the coordinator")]
 
     def overdue(self, number: int) -> list[wire.Message]:
         """Send wave `number` again, since it has not settled within its deadline.
@@ -189,21 +189,17 @@ class Coordinator:
             return []
         return self._finish()
 
-    def _fault(self, what: str) -> wire.Fault:
-        self.totals.faults += 1
-        return wire.Fault(_WHO, what)
-
     def _observe(self, observation: wire.Observation) -> list[wire.Message]:
         if self.finished or self._stopping:
             return []
         expected = self._tick + 1
         if observation.tick != expected or self._signal:
             what = f"must be tick {expected}, once, got tick {observation.tick}"
-            return [self._fault(f"observe: {what}")]
+            return [_fault(f"observe: {what}")]
         try:
             bits = unpack(observation.bits, len(self._snapshot.sensorium))
         except ShapeError as error:
-            return [self._fault(f"observe: {error}")]
+            return [_fault(f"observe: {error}")]
         messages: list[wire.Message] = []
         if self._snapshot.learn(bits):
             self._graph = self._snapshot.poc_graph()
@@ -213,11 +209,11 @@ class Coordinator:
 
     def _settle(self, settled: wire.Settled) -> list[wire.Message]:
         if settled.cell >= len(self._snapshot.sensorium):
-            return [self._fault(f"settle: must be a cell's, got cell {settled.cell}")]
+            return [_fault(f"settle: must be a cell's, got cell {settled.cell}")]
         try:
             wave = self._conductor.report(settled)
         except MessageError as error:
-            return [self._fault(str(error))]
+            return [_fault(str(error))]
         if wave is None:
             return []
         reached = np.zeros(2 * len(self._snapshot.sensorium), dtype=np.bool_)
@@ -299,3 +295,7 @@ class Coordinator:
     def _finish(self) -> list[wire.Message]:
         self.finished = True
         return [self._keyframe()] if self._tick else []
+
+
+def _fault(what: str) -> wire.Fault:
+    return wire.Fault(_WHO, what)

@@ -1,9 +1,10 @@
-"""What every part of a swarm does, whatever its role: open, work, say so, leave."""
+"""What every part of a swarm does, whatever its role: listen, work, say so, leave."""
 
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Iterable
 from typing import TypeVar
 
 from neurosnap import wire
+from neurosnap.errors import MessageError
 from neurosnap.fabric.protocol import Fabric
 
 T = TypeVar("T")
@@ -23,3 +24,14 @@ async def take_part(fabric: Fabric, work: Awaitable[T]) -> T:
         raise
     fabric.publish(wire.Leave(fabric.who))
     return result
+
+
+def decoded(fabric: Fabric, deliveries: Iterable[wire.Delivery]) -> list[wire.Message]:
+    """Return the messages in a burst; what is none is reported and dropped."""
+    messages: list[wire.Message] = []
+    for delivery in deliveries:
+        try:
+            messages.append(wire.decode(delivery.key, delivery.payload))
+        except MessageError as error:
+            fabric.publish(wire.Fault(fabric.who, str(error)))
+    return messages

@@ -11,8 +11,9 @@ from collections.abc import Callable, Collection
 from typing import Protocol
 
 from neurosnap import wire
-from neurosnap.errors import MessageError, NeurosnapError, SwarmError
+from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.swarm.part import decoded
 
 _LAST_WORD = 0.5  # seconds
 
@@ -135,12 +136,7 @@ class _Shell:
     def handle(self, deliveries: list[wire.Delivery]) -> None:
         """Hand a burst to the core. Called on the fabric's thread."""
         with self._lock:
-            for delivery in deliveries:
-                try:
-                    message = wire.decode(delivery.key, delivery.payload)
-                except MessageError as error:
-                    message = wire.Fault(self._fabric.who, str(error))
-                    self._fabric.publish(message)
+            for message in decoded(self._fabric, deliveries):
                 if isinstance(message, wire.Leave):
                     self.left.add(message.who)
                     self._publish(self._core.stop())

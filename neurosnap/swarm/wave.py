@@ -30,7 +30,7 @@ class Wave:
         self,
         number: int,
         tick: int,
-        kind: str,
+        kind: wire.WaveKind,
         seeds: int,
         signal: tuple[int, ...] = (),
         repeats: int = 0,
@@ -60,7 +60,7 @@ class Wave:
         return wire.WaveStart(
             wave=self.number,
             tick=self.tick,
-            kind="state" if self.kind == "state" else "signal",
+            kind=self.kind,
             credit=self.credit,
             settled_below=settled_below,
             signal=self.signal,

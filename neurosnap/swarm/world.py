@@ -3,12 +3,11 @@
 import asyncio
 
 from neurosnap import wire
-from neurosnap.errors import MessageError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.record.past import Past
 from neurosnap.sensorium import pack
 from neurosnap.source import Source, open_source
-from neurosnap.swarm.part import take_part
+from neurosnap.swarm.part import decoded, take_part
 from neurosnap.swarm.process import Reporter, Seat
 
 
@@ -42,12 +41,7 @@ async def run_world(
 
     def handle(deliveries: list[wire.Delivery]) -> None:
         nonlocal tick
-        for delivery in deliveries:
-            try:
-                message = wire.decode(delivery.key, delivery.payload)
-            except MessageError as error:
-                fabric.publish(wire.Fault(fabric.who, str(error)))
-                continue
+        for message in decoded(fabric, deliveries):
             if not isinstance(message, wire.Decision) or message.tick != tick:
                 continue
             bits = source.first() if tick == 0 else source.step(message.action)

@@ -282,9 +282,9 @@ def test_an_observation_out_of_turn_is_a_fault_and_changes_nothing(tick: int) ->
     swarm, other = Swarm(new()), Swarm(new())
     swarm.run(ROWS[:2])
     other.run(ROWS[:2])
-    assert swarm.coordinator.receive(observed(tick, "111")) == [
-        wire.Fault("coordinator", f"observe: must be tick 3, once, got tick {tick}")
-    ]
+    fault = wire.Fault("coordinator", f"observe: must be tick 3, once, got tick {tick}")
+    assert swarm.coordinator.receive(observed(tick, "111")) == [fault]
+    assert swarm.coordinator.receive(fault) == []  # as it comes back to it
     assert swarm.coordinator.totals.faults == 1
     assert swarm.observe(3, ROWS[2]) == other.observe(3, ROWS[2])
 
@@ -340,7 +340,9 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
     core = new()
     core.begin()
     core.receive(observed(1, "000"))
-    assert core.receive(message) == [wire.Fault("coordinator", what)]
+    fault = wire.Fault("coordinator", what)
+    assert core.receive(message) == [fault]
+    assert core.receive(fault) == []  # as it comes back to it
     assert core.in_flight == (1,)
     assert core.totals.faults == 1
 
