@@ -96,7 +96,7 @@ class GymnasiumSource:
         try:
             self._sensorium = _sensorium(name, self._env)
             self._actions = _actions(name, self._env)
-        except Exception:
+        except Exception:  # whatever it is, it goes on, and the environment is closed
             self._env.close()
             raise
         self.sensors: tuple[str, ...] = self._sensorium.names

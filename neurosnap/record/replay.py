@@ -68,9 +68,18 @@ def options_of(recording: Recording) -> RunOptions:
 
 
 def resumed_at(recording: Recording) -> tuple[int, ...]:
-    """Return the ticks after which a recorded run was taken up again."""
+    """Return the ticks after which a recorded run was taken up again.
+
+    Raises:
+        RecordingError: The recording says so in a way that is not valid.
+    """
     raw = recording.metadata.get("resumed", "[]")
-    return msgspec.json.decode(raw, type=tuple[int, ...])
+    try:
+        return msgspec.json.decode(raw, type=tuple[int, ...])
+    except msgspec.MsgspecError as error:
+        raise RecordingError(
+            f"{recording.path}: resumed: must be a list of ticks, got {raw!r}"
+        ) from error
 
 
 def verify(path: Path) -> Verdict:

@@ -11,7 +11,7 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.record.past import Past, copied
 from neurosnap.record.reader import Recording
-from neurosnap.record.replay import DifferenceError, Replay, resumed_at
+from neurosnap.record.replay import DifferenceError, Replay, options_of, resumed_at
 from neurosnap.record.sequences import Sequences
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
@@ -30,8 +30,6 @@ def look_back(log: Path) -> tuple[RunOptions, Past]:
     tick = _last_whole_tick(recording)
     if tick == 0:
         raise RecordingError(f"{log}: must hold a whole tick to go on from, got none")
-    replay = Replay(recording)
-    options = replay.options
     counts = _counts(recording, tick)
     past = Past(
         log=str(log),
@@ -46,7 +44,7 @@ def look_back(log: Path) -> tuple[RunOptions, Past]:
     lacking = kept.completeness(counts).missing
     if lacking:
         raise RecordingError(f"{log}: must be whole up to tick {tick}, lacks {lacking}")
-    return options, past
+    return options_of(recording), past
 
 
 def _last_whole_tick(recording: Recording) -> int:

@@ -493,6 +493,22 @@ async def test_a_cell_that_never_comes_up_is_named(readings: str) -> None:
         )
 
 
+async def test_what_is_no_message_is_reported_and_counted_once(readings: str) -> None:
+    hub, stop, reported = MemoryHub(), asyncio.Event(), asyncio.Event()
+    core = Coordinator.of(options_for(readings))
+    async with hub.fabric("coordinator") as fabric, hub.fabric("witness") as witness:
+        conducting = asyncio.create_task(
+            conduct(core, fabric, stop, parts=[], deadline=10)
+        )
+        await asyncio.sleep(0)
+        await witness.subscribe(("fault",), lambda _: reported.set())
+        hub.send("stranger", wire.Delivery("settle", 0, 0, b"garbage"))
+        await reported.wait()
+        stop.set()
+        await conducting
+    assert core.totals.faults == 1
+
+
 async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
     hub, there = MemoryHub(), asyncio.Event()
 
