@@ -223,7 +223,7 @@ def _make(name: str) -> gymnasium.Env[Any, Any]:
         # Advice to whoever develops the environment; here it would be noise, and fatal
         # where warnings are errors.
         warnings.simplefilter("ignore")
-        _import_worlds()
+        import_worlds()
         module, _, identifier = name.rpartition(":")
         try:
             if ":" in name:
@@ -236,7 +236,7 @@ def _make(name: str) -> gymnasium.Env[Any, Any]:
             raise _unknown(name, identifier) from error
 
 
-def _import_worlds() -> None:
+def import_worlds() -> None:
     """Import the modules that installed packages name under `WORLDS`."""
     for entry in entry_points(group=WORLDS):
         try:
