@@ -8,6 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from neurosnap.agent.agent import Agent
+    from neurosnap.agent.context import Body
+    from neurosnap.agent.sensor import Sensor
+    from neurosnap.binary_sensors import BinarySensors
     from neurosnap.poc.cubing import Cubing
     from neurosnap.poc.graph import PocGraph
     from neurosnap.poc.morphism import PocMorphism
@@ -17,6 +21,9 @@ if TYPE_CHECKING:
     from neurosnap.sensorium import Sensorium
 
 __all__ = [
+    "Agent",
+    "BinarySensors",
+    "Body",
     "Cubing",
     "DiscountedSnapshot",
     "EmpiricalSnapshot",
@@ -24,10 +31,14 @@ __all__ = [
     "PocMorphism",
     "PocSet",
     "Realization",
+    "Sensor",
     "Sensorium",
 ]
 
 _HOMES = {
+    "Agent": "neurosnap.agent.agent",
+    "BinarySensors": "neurosnap.binary_sensors",
+    "Body": "neurosnap.agent.context",
     "Cubing": "neurosnap.poc.cubing",
     "DiscountedSnapshot": "neurosnap.poc.snapshot",
     "EmpiricalSnapshot": "neurosnap.poc.snapshot",
@@ -35,6 +46,7 @@ _HOMES = {
     "PocMorphism": "neurosnap.poc.morphism",
     "PocSet": "neurosnap.poc.pocset",
     "Realization": "neurosnap.poc.realization",
+    "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
 }
 

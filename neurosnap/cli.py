@@ -18,7 +18,9 @@ import msgspec
 import typer
 from rich.console import Console
 
+from neurosnap.agent.policy import EXPLORE, AgentKind
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.source import Argument
 from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind, WiringKind
 
 T = TypeVar("T")
@@ -51,6 +53,21 @@ def run(
         typer.Option(help="Observations to take. [default: 300, or a whole CSV]"),
     ] = None,
     seed: Annotated[int, typer.Option(help="Draws all that is random.")] = 0,
+    agent: Annotated[AgentKind, typer.Option(help="Who decides.")] = "walker",
+    target: Annotated[
+        str | None,
+        typer.Option(
+            help="What a planner wants to sense (below_5,below_4*), or the place an"
+            " excited agent is drawn to. [default: for excited, drawn by the seed]"
+        ),
+    ] = None,
+    explore: Annotated[
+        float, typer.Option(help="Share of random actions, in [0, 1].")
+    ] = EXPLORE,
+    given: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="An argument of the world."),
+    ] = None,
     snapshot: Annotated[
         SnapshotKind, typer.Option(help="How weights are learned.")
     ] = "empirical",
@@ -76,17 +93,26 @@ def run(
     """Run a source through a swarm of cells and record everything."""
     from neurosnap import show
     from neurosnap.source import open_source
+    from neurosnap.swarm.embody import body_of, drawn_to
     from neurosnap.swarm.run import run as run_swarm
 
     with _errors():
-        opened = open_source(source, seed)
+        arguments = _arguments(given or [])
+        wanted: tuple[str, ...] = ()
+        if agent == "excited":
+            arguments |= drawn_to(source, seed, arguments, target)
+        elif target is not None:
+            wanted = tuple(name.strip() for name in target.split(","))
+        opened = open_source(source, seed, arguments)
         opened.close()
-        length = opened.length
         options = _options(
             source=source,
-            sensors=opened.sensors,
-            actions=opened.actions,
-            ticks=_ticks(ticks, length),
+            arguments=arguments,
+            body=body_of(opened, agent),
+            agent=agent,
+            target=wanted,
+            explore=explore,
+            ticks=_ticks(ticks, opened.length),
             seed=seed,
             snapshot=snapshot,
             threshold=threshold,
@@ -167,7 +193,7 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
     from neurosnap.swarm.run import run as run_swarm
 
     options, past = look_back(log)
-    source = open_source(options.source, options.seed)
+    source = open_source(options.source, options.seed, options.arguments)
     source.close()
     most = _ticks(past.tick + 300 if ticks is None else ticks, source.length)
     if most <= past.tick:
@@ -464,7 +490,22 @@ def _options(**given: object) -> RunOptions:
     if math.isinf(options.deadline):  # JSON has no word for it
         raise InvalidValueError("deadline", "must be finite", options.deadline)
     options.new_snapshot()
+    options.new_policy()
     return options
+
+
+def _arguments(given: list[str]) -> dict[str, Argument]:
+    """Return the world's arguments: JSON's numbers, true, false; anything else text."""
+    arguments: dict[str, Argument] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.isidentifier():
+            raise InvalidValueError("set", "must be NAME=VALUE", text)
+        try:
+            arguments[name] = msgspec.json.decode(value, type=Argument)
+        except msgspec.DecodeError:
+            arguments[name] = value
+    return arguments
 
 
 def _ticks(asked: int | None, length: int | None) -> int:

@@ -10,21 +10,24 @@ import difflib
 import importlib
 import logging
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import ArrayLike, NDArray
 
+from neurosnap.environment import describe, within
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
 from neurosnap.sensorium import Sensorium
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""
+
+Argument: TypeAlias = bool | int | float | str
+"""What may be given to an environment by name."""
 
 _BITS = frozenset({"0", "1"})
 
@@ -36,8 +39,12 @@ class Source(Protocol):
 
     sensors: tuple[str, ...]
     """The sensors' names, in the order of the observations."""
-    actions: int
-    """How many actions there are; 0: it takes none."""
+    orders: tuple[int, ...]
+    """For each, how many steps it looks back; 0: a state sensor."""
+    actions: tuple[str, ...]
+    """The names of the atomic actions; none: it takes none."""
+    exclusive: bool
+    """Exactly one of them is taken at each step."""
     length: int | None
     """Observations it has in all, the first included; None: no end is known."""
 
@@ -45,62 +52,76 @@ class Source(Protocol):
         """Start, or start over, and return the first observation: ``(N,)``."""
 
     def step(self, action: int) -> NDArray[np.bool_] | None:
-        """Return the observation that follows `action`; None: it is over, for good."""
+        """Return the observation that follows a choice; None: it is over, for good.
+
+        Choices count from 0: where actions exclude each other, a choice is an action;
+        otherwise its bits say which are taken.
+        """
 
     def close(self) -> None:
         """Give up what it holds; may be called twice."""
 
 
-def open_source(name: str, seed: int) -> Source:
+def open_source(
+    name: str, seed: int, arguments: Mapping[str, Argument] | None = None
+) -> Source:
     """Return the source called `name`.
 
     Args:
         name: The path of a CSV file (it ends with ``.csv``, or the file exists), or the
             id of a Gymnasium environment, ``module:Id`` to import a module first.
         seed: For the environment's reset, from 0 up; a file does not use it.
+        arguments: The environment's own; a file takes none.
 
     Raises:
-        InvalidValueError: There is no such source, or it is not fit for use; for a
-            file the text names the row and the column.
+        InvalidValueError: There is no such source, it does not take such arguments, or
+            it is not fit for use; for a file the text names the row and the column.
     """
     if seed < 0:
         raise InvalidValueError("seed", "must be 0 or more", seed)
+    arguments = {} if arguments is None else arguments
     if name.lower().endswith(".csv") or _is_file(name):
+        if arguments:
+            rule = "must not be given for a file"
+            raise InvalidValueError("arguments", rule, dict(arguments))
         return CsvSource(name)
-    return GymnasiumSource(name, seed)
+    return GymnasiumSource(name, seed, arguments)
 
 
 class GymnasiumSource:
     """The observations of an environment.
 
-    The observation space must be a flat ``MultiBinary``, the action space
-    ``Discrete``; actions count from 0 here even where the space starts elsewhere. The
-    sensors' names are the environment's attribute `sensors`, or ``s0``, ``s1``, and so
-    on where it has none. An episode that terminates or is truncated is over, and the
-    observation that comes with its end is not given out.
+    What they are is told by `neurosnap.environment`; choices count from 0 here even
+    where the space starts elsewhere. An episode that terminates or is truncated is
+    over, and the observation that comes with its end is not given out.
 
     Args:
         name: The environment's id.
         seed: For its reset.
+        arguments: Its own.
 
     Raises:
-        InvalidValueError: There is no such environment, or it has other spaces, or its
-            names are no names.
+        InvalidValueError: There is no such environment, or it does not take such
+            arguments, or it has other spaces, or its names are no names.
     """
 
-    def __init__(self, name: str, seed: int) -> None:
+    def __init__(
+        self, name: str, seed: int, arguments: Mapping[str, Argument] | None = None
+    ) -> None:
         self._name = name
         self._seed = seed
         self._over = False
-        self._env = _make(name)
+        self._env = _make(name, {} if arguments is None else arguments)
         try:
-            self._sensorium = _sensorium(name, self._env)
-            self._actions = _actions(name, self._env)
+            self._said = describe(name, self._env)
         except Exception:  # whatever it is, it goes on, and the environment is closed
             self._env.close()
             raise
-        self.sensors: tuple[str, ...] = self._sensorium.names
-        self.actions: int = int(self._actions.n)
+        self._sensorium = Sensorium(self._said.sensors)
+        self.sensors: tuple[str, ...] = self._said.sensors
+        self.orders: tuple[int, ...] = self._said.orders
+        self.actions: tuple[str, ...] = self._said.actions
+        self.exclusive: bool = self._said.exclusive
         self.length: int | None = None
 
     def first(self) -> NDArray[np.bool_]:
@@ -120,12 +141,9 @@ class GymnasiumSource:
             InvalidValueError: There is no such action, or the observation is not in the
                 observation space.
         """
-        if not 0 <= action < self.actions:
-            rule = f"must be a whole number in 0..{self.actions - 1}"
-            raise InvalidValueError("action", rule, action)
+        chosen = self._said.step(action)
         if self._over:
             return None
-        chosen = int(self._actions.start) + action
         observation, _, terminated, truncated, _ = self._env.step(chosen)
         self._over = bool(terminated or truncated)
         return None if self._over else self._checked(observation)
@@ -139,7 +157,7 @@ class GymnasiumSource:
         try:
             return self._sensorium.observation(observation).copy()
         except InvalidValueError as error:
-            raise _within(self._name, error) from error
+            raise within(self._name, error) from error
 
 
 class CsvSource:
@@ -161,7 +179,9 @@ class CsvSource:
         self._path = path
         self._readings: Iterator[NDArray[np.bool_]] | None = None
         self.sensors, readings = _parse(path)
-        self.actions: int = 0
+        self.orders: tuple[int, ...] = (0,) * len(self.sensors)
+        self.actions: tuple[str, ...] = ()
+        self.exclusive: bool = True
         self.length: int | None = sum(1 for _ in readings)
         if self.length == 0:
             raise InvalidValueError(path, "must have rows below its header", 0)
@@ -214,7 +234,7 @@ def _is_file(name: str) -> bool:
         return False
 
 
-def _make(name: str) -> gymnasium.Env[Any, Any]:
+def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, Any]:
     """Return the environment called `name`, wrapped as Gymnasium wraps it.
 
     Without its passive checker: that only warns, and what matters here is checked here.
@@ -228,12 +248,19 @@ def _make(name: str) -> gymnasium.Env[Any, Any]:
         try:
             if ":" in name:
                 _import(module, name)
-            return gymnasium.make(identifier, disable_env_checker=True)
+            given: dict[str, Any] = dict(arguments)
+            return gymnasium.make(identifier, disable_env_checker=True, **given)
         except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
             rule = f"must be an environment that can be imported ({error})"
             raise InvalidValueError("source", rule, name) from error
         except gymnasium.error.Error as error:
             raise _unknown(name, identifier) from error
+        except TypeError as error:
+            # The only way Gymnasium tells of an argument that an environment lacks.
+            if not arguments or "argument" not in str(error):
+                raise
+            rule = f"must be ones that {name} takes"
+            raise InvalidValueError("arguments", rule, dict(arguments)) from error
 
 
 def import_worlds() -> None:
@@ -263,37 +290,6 @@ def _unknown(name: str, identifier: str) -> InvalidValueError:
     return InvalidValueError("source", rule, name)
 
 
-def _sensorium(name: str, env: gymnasium.Env[Any, Any]) -> Sensorium:
-    """Return the names of the environment's sensors."""
-    space = env.observation_space
-    if not isinstance(space, MultiBinary) or len(space.shape) != 1:
-        rule = "must be MultiBinary with one axis"
-        raise InvalidValueError(f"{name}: observation space", rule, space)
-    count = space.shape[0]
-    names = getattr(env.unwrapped, "sensors", None)
-    if names is None:
-        return Sensorium.of(count)
-    if not isinstance(names, Sequence) or len(names) != count:
-        rule = f"must be a sequence of {count} names"
-        raise InvalidValueError(f"{name}: sensors", rule, names)
-    try:
-        return Sensorium(names)
-    except InvalidValueError as error:
-        raise _within(name, error) from error
-
-
-def _actions(name: str, env: gymnasium.Env[Any, Any]) -> Discrete[Any]:
-    space = env.action_space
-    if not isinstance(space, Discrete):
-        raise InvalidValueError(f"{name}: action space", "must be Discrete", space)
-    return space
-
-
-def _within(place: str, error: InvalidValueError) -> InvalidValueError:
-    """Return `error` with the place it happened at before its name."""
-    return type(error)(f"{place}: {error.name}", error.rule, error.value)
-
-
 def _parse(path: str) -> tuple[tuple[str, ...], Iterator[NDArray[np.bool_]]]:
     """Return the sensors' names and, lazily, the readings of a CSV file.
 
@@ -312,7 +308,7 @@ def _parse(path: str) -> tuple[tuple[str, ...], Iterator[NDArray[np.bool_]]]:
     try:
         sensors = Sensorium(names).names
     except InvalidValueError as error:
-        raise _within(f"{path}:1", error) from error
+        raise within(f"{path}:1", error) from error
     return sensors, _readings(path, lines, header, skipped)
 
 

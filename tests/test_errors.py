@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import neurosnap
+from neurosnap.agent.context import Body
 from neurosnap.errors import (
     FabricError,
     InboxOverflowError,
@@ -142,7 +143,7 @@ RAISED: dict[str, Callable[[Path], object]] = {
     "seed": lambda _: open_source("neurosnap/Path-v0", -1),
     "file": lambda folder: open_source(str(folder / "none.csv"), 0),
     "options": lambda _: RunOptions(
-        source="x", sensors=("a",), decay=0.5
+        source="x", body=Body(own=("a",)), decay=0.5
     ).new_snapshot(),
     "chunk": lambda folder: Writer(folder / "log", chunk=0),
 }

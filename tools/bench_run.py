@@ -4,6 +4,7 @@ import asyncio
 import tempfile
 from pathlib import Path
 
+from neurosnap.agent.context import Body
 from neurosnap.record.replay import verify as replay
 from neurosnap.source import open_source
 from neurosnap.swarm.options import RunOptions
@@ -82,7 +83,9 @@ def _options(ticks: int) -> RunOptions:
     source = open_source(_SOURCE, 0)
     try:
         return RunOptions(
-            source=_SOURCE, sensors=source.sensors, actions=source.actions, ticks=ticks
+            source=_SOURCE,
+            body=Body(own=source.sensors, actions=source.actions),
+            ticks=ticks,
         )
     finally:
         source.close()

@@ -6,7 +6,7 @@ from world.places import World, check_at_least
 
 
 class CycleWorld(World):
-    """Setting (b): a walk around a cycle, sensed by beacons.
+    """Setting (b), the circular rail: a walk around a cycle, sensed by beacons.
 
     Description:
         Places 0 to ``places - 1`` in a ring, a beacon at each. No beacon implies
@@ -19,8 +19,8 @@ class CycleWorld(World):
         next to it. Observations are ``MultiBinary(places)``.
 
     Actions:
-        0 steps clockwise, to the next higher place; 1 steps counter-clockwise. Both go
-        around.
+        0 steps ``forward``, which is clockwise, to the next higher place; 1 steps
+        ``back``. Both go around.
 
     Start:
         A place drawn uniformly.
@@ -36,16 +36,19 @@ class CycleWorld(World):
 
     Arguments:
         places: How many places and beacons, at least 4, so that no beacon is always
-            on. 20.
+            on. 20, and 24 as ``neurosnap/Rail-v0``.
+        wait: Whether there is a last action that stays. False, and True as
+            ``neurosnap/Rail-v0``.
 
     References:
-        [GK] setting (b); the example of the cycle of length 6.
+        [GK] setting (b); the example of the cycle of length 6; "Example: Agent on a
+        Circular Rail".
 
     Versions:
         v0: the first.
     """
 
-    def __init__(self, places: int = 20) -> None:
+    def __init__(self, places: int = 20, wait: bool = False) -> None:
         check_at_least("places", 4, places)
         here = np.arange(places)
         clockwise = (here + 1) % places
@@ -53,6 +56,8 @@ class CycleWorld(World):
         at = np.eye(places, dtype=np.bool_)
         super().__init__(
             sensors=tuple(f"near_{i}" for i in range(places)),
+            actions=("forward", "back"),
             moves=np.stack([clockwise, counter_clockwise]),
             fields=at | at[clockwise] | at[counter_clockwise],
+            wait=wait,
         )

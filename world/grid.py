@@ -1,14 +1,12 @@
 """A grid: thresholds along x and along y, two chains that cross everywhere."""
 
-from typing import Any
-
 import numpy as np
 
-from world.line import steps, thresholds
-from world.places import World, check_at_least
+from world.places import check_at_least
+from world.plane import PlaneWorld
 
 
-class GridWorld(World):
+class GridWorld(PlaneWorld):
     """Setting (c): a walk on a grid, sensed by thresholds along both axes.
 
     Description:
@@ -22,8 +20,8 @@ class GridWorld(World):
         are ``MultiBinary(width + height - 2)``.
 
     Actions:
-        0 steps up (y + 1), 1 down (y - 1), 2 left (x - 1), 3 right (x + 1). A step
-        into a wall stays.
+        0 steps ``up`` (y + 1), 1 ``down`` (y - 1), 2 ``left`` (x - 1), 3 ``right``
+        (x + 1). A step into a wall stays.
 
     Start:
         A place drawn uniformly.
@@ -36,11 +34,12 @@ class GridWorld(World):
 
     Info:
         ``x``, ``y``: the coordinates; ``place``: ``x + width·y``, the place's column in
-        `fields`.
+        `fields` and its row in `coordinates`.
 
     Arguments:
         width: How many values x takes, at least 2. 11.
         height: How many values y takes, at least 2. 11.
+        wait: Whether there is a last action that stays. False.
 
     References:
         [GK] setting (c); the example of direct sums of poc sets.
@@ -49,30 +48,7 @@ class GridWorld(World):
         v0: the first.
     """
 
-    def __init__(self, width: int = 11, height: int = 11) -> None:
+    def __init__(self, width: int = 11, height: int = 11, wait: bool = False) -> None:
         check_at_least("width", 2, width)
         check_at_least("height", 2, height)
-        self._width = width
-        here = np.arange(width * height)
-        x, y = here % width, here // width
-        right, left = steps(width)
-        up, down = steps(height)
-        super().__init__(
-            sensors=(
-                *(f"x_below_{k}" for k in range(1, width)),
-                *(f"y_below_{k}" for k in range(1, height)),
-            ),
-            moves=np.stack(
-                [
-                    x + width * up[y],
-                    x + width * down[y],
-                    left[x] + width * y,
-                    right[x] + width * y,
-                ]
-            ),
-            fields=np.concatenate([thresholds(width)[:, x], thresholds(height)[:, y]]),
-        )
-
-    def _info(self, place: int) -> dict[str, Any]:
-        y, x = divmod(place, self._width)
-        return {"place": place, "x": x, "y": y}
+        super().__init__(np.ones((height, width), dtype=np.bool_), wait)

@@ -16,8 +16,8 @@ class PathWorld(World):
         `k`. Observations are ``MultiBinary(places - 1)``.
 
     Actions:
-        0 steps forward, to the next higher place; 1 steps back. A step off an end
-        stays there.
+        0 steps ``forward``, to the next higher place; 1 steps ``back``. A step off an
+        end stays there.
 
     Start:
         A place drawn uniformly.
@@ -33,6 +33,7 @@ class PathWorld(World):
 
     Arguments:
         places: How many places, at least 2; one more than there are sensors. 21.
+        wait: Whether there is a last action that stays. False.
 
     References:
         [GK] setting (a); the examples of the path of length N and of the discrete path
@@ -42,10 +43,12 @@ class PathWorld(World):
         v0: the first.
     """
 
-    def __init__(self, places: int = 21) -> None:
+    def __init__(self, places: int = 21, wait: bool = False) -> None:
         check_at_least("places", 2, places)
         super().__init__(
             sensors=tuple(f"below_{k}" for k in range(1, places)),
+            actions=("forward", "back"),
             moves=steps(places),
             fields=thresholds(places),
+            wait=wait,
         )

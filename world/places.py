@@ -5,7 +5,7 @@ it observes of every sensor whether the place is in that sensor's field. There i
 noise, no goal and no end; chance enters only at a reset.
 """
 
-from typing import Any, SupportsInt
+from typing import Any, SupportsInt, TypeGuard
 
 import gymnasium
 import numpy as np
@@ -22,26 +22,43 @@ class World(gymnasium.Env[NDArray[np.int8], np.int64]):
 
     Args:
         sensors: A name for each sensor.
+        actions: A name for each action.
         moves: ``(actions, places)``; where an action leads from a place.
         fields: ``(sensors, places)``; where each sensor is on. None: they are drawn at
             a reset, by an override of `_begin`.
+        wait: Whether to add a last action, ``wait``, that stays, as [GK] gives to its
+            excitation-driven agents.
 
     Attributes:
         sensors: The sensors' names, in the order of the observation.
-        moves: As given; read-only.
+        orders: How many steps each sensor looks back: 0, all are of the state.
+        actions: The actions' names, in the order of their numbers.
+        moves: ``(actions, places)``, with ``wait`` where there is one; read-only.
+
+    Raises:
+        InvalidValueError: `wait` is neither true nor false.
     """
 
     def __init__(
         self,
         *,
         sensors: tuple[str, ...],
+        actions: tuple[str, ...],
         moves: NDArray[np.intp],
         fields: NDArray[np.bool_] | None,
+        wait: bool,
     ) -> None:
+        if not isinstance(wait, bool):
+            raise InvalidValueError("wait", "must be True or False", wait)
+        if wait:
+            actions = (*actions, "wait")
+            moves = np.vstack([moves, np.arange(moves.shape[1])])
         self.sensors = sensors
+        self.orders = (0,) * len(sensors)
+        self.actions = actions
         self.moves = frozen(moves)
         self.observation_space = MultiBinary(len(sensors))
-        self.action_space = Discrete(len(moves))
+        self.action_space = Discrete(len(actions))
         self._fields = None if fields is None else frozen(fields)
         self._place: int | None = None
 
@@ -131,13 +148,14 @@ def check_at_least(name: str, least: int, value: object) -> None:
     Raises:
         InvalidValueError: `value` is not a whole number of at least `least`.
     """
-    if (
-        not isinstance(value, (int, np.integer))
-        or isinstance(value, bool)
-        or value < least
-    ):
+    if not is_whole(value) or value < least:
         rule = f"must be a whole number of at least {least}"
         raise InvalidValueError(name, rule, value)
+
+
+def is_whole(value: object) -> TypeGuard[int]:
+    """Return whether `value` is a whole number; a bool counts as none."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -20,8 +20,8 @@ class RandomFieldsWorld(World):
         ``MultiBinary(sensors)``.
 
     Actions:
-        0 steps forward, to the next higher place; 1 steps back. A step off an end
-        stays there.
+        0 steps ``forward``, to the next higher place; 1 steps ``back``. A step off an
+        end stays there.
 
     Start:
         The fields are drawn by every reset with a seed, and by the first reset if it
@@ -41,6 +41,7 @@ class RandomFieldsWorld(World):
     Arguments:
         places: How many places, at least 2. 21.
         sensors: How many sensors, at least 1. 20.
+        wait: Whether there is a last action that stays. False.
 
     References:
         [GK] setting (d).
@@ -49,13 +50,15 @@ class RandomFieldsWorld(World):
         v0: the first.
     """
 
-    def __init__(self, places: int = 21, sensors: int = 20) -> None:
+    def __init__(self, places: int = 21, sensors: int = 20, wait: bool = False) -> None:
         check_at_least("places", 2, places)
         check_at_least("sensors", 1, sensors)
         super().__init__(
             sensors=tuple(f"field_{i}" for i in range(sensors)),
+            actions=("forward", "back"),
             moves=steps(places),
             fields=None,
+            wait=wait,
         )
 
     def _begin(self, *, seeded: bool) -> None:

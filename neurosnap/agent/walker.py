@@ -1,8 +1,6 @@
 """The walker: a random action at every tick, and a look at where one sensation leads.
 
-What it asks the network, and what it does, is drawn without regard to the answer. Each
-choice is drawn from a generator keyed by (seed, tick), so a run is a function of
-its seed and its observations, whatever order the messages came in.
+What it asks the network, and what it does, is drawn without regard to the answer.
 """
 
 from collections.abc import Sequence
@@ -10,21 +8,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.draws import Draws, pick
+
 
 class Walker:
     """Decides at random.
 
     Args:
-        actions: How many actions there are; 0 for a source that takes none.
+        choices: How many choices there are; 0 for a source that takes no actions.
         seed: Draws the actions.
     """
 
-    def __init__(self, actions: int, seed: int) -> None:
-        self._actions = actions
-        self._seed = seed
-
-    def _generator(self, tick: int) -> np.random.Generator:
-        return np.random.default_rng([self._seed, tick])
+    def __init__(self, choices: int, seed: int) -> None:
+        self._choices = np.arange(choices)
+        self._draws = Draws(seed)
 
     def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Return the signals of the planning waves to send before the decision.
@@ -42,7 +39,8 @@ class Walker:
         on = np.flatnonzero(state)
         if len(on) == 0:
             return []
-        return [(int(self._generator(tick).choice(on)),)]
+        # A number of its own: what is asked must not change what is done.
+        return [(pick(on, self._draws.at(tick)[1]),)]
 
     def decide(
         self,
@@ -54,11 +52,10 @@ class Walker:
 
         Args:
             tick: The tick whose state is known.
-            state: ``(2N,)``, the coherent state.
-            answers: For each signal asked for, ``(2N,)``: all it implies.
+            state: ``(2N,)``; does not matter.
+            answers: Do not matter either.
         """
-        if self._actions == 0:
+        del state, answers
+        if not self._choices.size:
             return -1, "the source takes no actions"
-        # A stream of its own: what is asked must not change what is done.
-        generator = np.random.default_rng([self._seed, tick, 1])
-        return int(generator.integers(self._actions)), "random walk"
+        return pick(self._choices, self._draws.at(tick)[0]), "random walk"

@@ -22,6 +22,8 @@ class Past(msgspec.Struct, frozen=True):
     """The last whole tick."""
     actions: tuple[int, ...]
     """The actions between its first observation and its last."""
+    state: bytes
+    """The state after the last whole tick, packed."""
     counts: dict[str, int]
     """For each part, how many of its messages are kept; its next one's number."""
     resumed: tuple[int, ...]

@@ -3,7 +3,8 @@
 The coordinator's core is a pure function of what it was given. A replay gives it the
 recorded observations and the cells' recorded reports, and demands that it says, byte
 for byte, what the recording says it said: every wiring, every wave, every state, every
-decision. Beside that, every wave's reports must name exactly what the in-process
+decision. What the agent sensed of its own actions must follow from the decision and the
+state before. Beside that, every wave's reports must name exactly what the in-process
 propagation over the derived graph reaches: so it is the cells that are checked, and not
 only the coordinator's arithmetic.
 """
@@ -16,8 +17,10 @@ from typing import NoReturn
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap import wire
+from neurosnap.agent.context import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.sensorium import complete, unpack
@@ -126,6 +129,7 @@ class Replay:
     def __init__(self, recording: Recording) -> None:
         self.options = options_of(recording)
         self.core = Coordinator.of(self.options)
+        self._senses = Senses(self.options.body)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self.complete = recording.finished and recording.noted().completeness.whole
         self._resumed = deque(resumed_at(recording))
@@ -243,10 +247,25 @@ class Replay:
         observation = self._observations.pop(tick)
         count = len(self.options.sensors)
         try:
-            self._observed = complete(unpack(observation.bits, count))
+            bits = unpack(observation.bits, count)
         except ShapeError as error:
             raise DifferenceError(f"tick {tick}: /observe: {error}") from error
+        self._check_senses(tick, bits)
+        self._observed = complete(bits)
         return self.core.receive(observation)
+
+    def _check_senses(self, tick: int, bits: NDArray[np.bool_]) -> None:
+        """Hold what was sensed of the last step against what was decided in it."""
+        own = len(self.options.body.own)
+        derived = self._senses.observe(
+            bits[:own], self.core.decision.action, self.core.snapshot.state
+        )
+        if not np.array_equal(derived, bits):
+            wrong = self.options.sensors[int((derived != bits).argmax())]
+            raise DifferenceError(
+                f"tick {tick}: /observe: {wrong} does not follow from the decision and"
+                f" the state of tick {tick - 1}"
+            )
 
     def _feed_reports(self, wave: int) -> list[wire.Message]:
         """Give the core the reports on one wave until it says something."""

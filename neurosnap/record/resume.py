@@ -35,6 +35,7 @@ def look_back(log: Path) -> tuple[RunOptions, Past]:
         log=str(log),
         tick=tick,
         actions=_actions(recording, tick),
+        state=_state(recording, tick),
         counts=counts,
         resumed=(*resumed_at(recording), tick),
     )
@@ -67,6 +68,15 @@ def _actions(recording: Recording, tick: int) -> tuple[int, ...]:
         if isinstance(recorded.message, wire.Decision)
     }
     return tuple(taken[before] for before in range(1, tick))
+
+
+def _state(recording: Recording, tick: int) -> bytes:
+    """Return the state of a whole tick."""
+    return next(
+        recorded.message.literals
+        for recorded in recording.messages(("state",))
+        if isinstance(recorded.message, wire.State) and recorded.message.tick == tick
+    )
 
 
 def _counts(recording: Recording, tick: int) -> dict[str, int]:

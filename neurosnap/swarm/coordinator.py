@@ -10,48 +10,26 @@ the state (`Snapshot.adopt`) and never asked for one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.agent.walker import Walker
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.sensorium import complement, complete, pack, unpack
 from neurosnap.swarm.conductor import Conductor
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
+    from neurosnap.agent.policy import Policy
     from neurosnap.poc.graph import PocGraph
     from neurosnap.poc.snapshot import Snapshot
     from neurosnap.swarm.options import RunOptions, WiringKind
     from neurosnap.swarm.wave import Wave
 
 _WHO = "coordinator"
-
-
-class Policy(Protocol):
-    """What decides once the state is known."""
-
-    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-        """Return the signals of the planning waves it wants answered first."""
-        ...
-
-    def decide(
-        self,
-        tick: int,
-        state: NDArray[np.bool_],
-        answers: Sequence[NDArray[np.bool_]],
-    ) -> tuple[int, str]:
-        """Return the action, -1 for none, and the reason.
-
-        `answers` holds ``↑signal`` for each signal asked for, as the cells reported it.
-        """
-        ...
 
 
 class Totals(msgspec.Struct, kw_only=True):
@@ -118,7 +96,7 @@ class Coordinator:
         """Return the core of a run that has seen nothing yet."""
         return cls(
             options.new_snapshot(),
-            Walker(options.actions, options.seed),
+            options.new_policy(),
             wiring=options.wiring,
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
@@ -138,6 +116,11 @@ class Coordinator:
     def snapshot(self) -> Snapshot:
         """What has been learned."""
         return self._snapshot
+
+    @property
+    def decision(self) -> wire.Decision:
+        """The last decision taken."""
+        return self._next_decision
 
     @property
     def in_flight(self) -> tuple[int, ...]:

@@ -87,7 +87,7 @@ class _Inline:
         self, options: RunOptions, writer: Writer | None, past: Past | None
     ) -> None:
         self.core = jobs.coordinator_for(options, past)
-        self.source = open_source(options.source, options.seed)
+        self.source = open_source(options.source, options.seed, options.arguments)
         self._options = options
         self._writer = writer
         self._past = past
@@ -148,8 +148,9 @@ class _Inline:
         return lambda fabric: run_cell(number, fabric, self._leave)
 
     async def _world(self, fabric: MemoryFabric) -> None:
-        past = None if self._past is None else self._past.actions
-        await run_world(self.source, fabric, self._leave, past=past)
+        await run_world(
+            self.source, self._options.body, fabric, self._leave, past=self._past
+        )
 
     async def _record(self, writer: Writer, parts: tuple[str, ...]) -> Completeness:
         async with self._hub.fabric("recorder") as fabric:

@@ -4,9 +4,13 @@ from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
+from neurosnap.agent.context import Body
+from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
+from neurosnap.source import Argument
 
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 WiringKind: TypeAlias = Literal["hasse", "derived"]
@@ -18,10 +22,16 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     source: str
     """A Gymnasium environment's id, or the path of a CSV file of readings."""
-    sensors: tuple[str, ...]
-    """The sensors' names, in order."""
-    actions: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """How many actions the source takes."""
+    arguments: dict[str, Argument] = {}
+    """What the environment is made with."""
+    body: Body
+    """What is sensed and done: a cell for every sensor of it."""
+    agent: AgentKind = "walker"
+    """Who decides."""
+    target: tuple[str, ...] = ()
+    """What a planner wants to sense, by name."""
+    explore: Annotated[float, msgspec.Meta(ge=0, le=1)] = EXPLORE
+    """The share of random actions, where an agent has anything better to do."""
     ticks: Annotated[int, msgspec.Meta(ge=1)] = 300
     """Observations the run takes, at most."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
@@ -40,6 +50,21 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Ticks between two whole snapshots in the recording."""
     deadline: Annotated[float, msgspec.Meta(gt=0)] = 10.0
     """Seconds a wave may take before it is given up and sent again."""
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The sensors' names, in order."""
+        return self.body.sensors
+
+    def new_policy(self) -> Policy:
+        """Return who decides.
+
+        Raises:
+            InvalidValueError: The body or the target is not fit for such an agent.
+        """
+        return new_policy(
+            self.agent, self.body, self.seed, target=self.target, explore=self.explore
+        )
 
     def cell_names(self) -> list[str]:
         """Return the names of the cells' parts, sensor 0 first."""

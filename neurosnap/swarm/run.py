@@ -67,7 +67,7 @@ async def run(
             conductor=jobs.be_coordinator,
             conductor_arguments=(options, past),
             world=be_world,
-            world_arguments=(options.source, options.seed, past),
+            world_arguments=(options, past),
             log=log,
             metadata=metadata,
             past=past,
@@ -97,6 +97,7 @@ def describe(options: RunOptions) -> dict[str, str]:
     versions["python"] = ".".join(map(str, sys.version_info[:3]))
     return {
         **facts,
+        "sensors": msgspec.json.encode(options.sensors).decode(),
         "options": msgspec.json.encode(options).decode(),
         "versions": msgspec.json.encode(versions).decode(),
     }

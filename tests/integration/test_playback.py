@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
+from neurosnap.agent.context import Body
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
 from neurosnap.record.history import snapshot_at
@@ -34,8 +35,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     source.close()
     options = RunOptions(
         source="neurosnap/Path-v0",
-        sensors=source.sensors,
-        actions=source.actions,
+        body=Body(own=source.sensors, actions=source.actions),
         ticks=TICKS,
         seed=2,
         threshold=0.1,

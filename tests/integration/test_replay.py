@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
+from neurosnap.agent.context import Body
 from neurosnap.depth import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
@@ -74,8 +75,7 @@ def options_for(
     opened.close()
     return RunOptions(
         source=source,
-        sensors=opened.sensors,
-        actions=opened.actions,
+        body=Body(own=opened.sensors, actions=opened.actions),
         ticks=ticks,
         seed=SEED,
         snapshot=snapshot,
@@ -127,7 +127,7 @@ class Runs:
     def __init__(self, folder: Path) -> None:
         self.csv = write_csv(folder / "readings.csv", readings())
         self._folder = folder
-        self._made: dict[RunOptions, Run] = {}
+        self._made: dict[bytes, Run] = {}
 
     def of(
         self,
@@ -139,11 +139,12 @@ class Runs:
     ) -> Run:
         source = PATH if name == "path" else self.csv
         options = options_for(source, wiring, snapshot, ticks=ticks)
-        made = self._made.get(options)
+        key = msgspec.json.encode(options)
+        made = self._made.get(key)
         if made is None:
             log = self._folder / f"{len(self._made)}.mcap"
             made = Run(log, options, recorded_run(options, log))
-            self._made[options] = made
+            self._made[key] = made
         return made
 
 

@@ -18,6 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap import wire
+from neurosnap.agent.context import Body
 from neurosnap.errors import (
     NeurosnapError,
     RecordingError,
@@ -41,7 +42,7 @@ pytestmark = pytest.mark.slow
 
 SENSORS = 8
 TICKS = 40
-SEED = 11
+SEED = 3
 
 M = TypeVar("M")
 
@@ -88,8 +89,7 @@ def options_for(
     opened.close()
     return RunOptions(
         source=source,
-        sensors=opened.sensors,
-        actions=opened.actions,
+        body=Body(own=opened.sensors, actions=opened.actions),
         ticks=ticks,
         seed=SEED,
         snapshot=snapshot,
@@ -351,7 +351,9 @@ async def by_hand(
 
     async def be_world() -> None:
         async with hub.fabric("world") as fabric:
-            await take_part(fabric, run_world(source, fabric, leave))
+            await take_part(
+                fabric, run_world(source, Body(own=source.sensors), fabric, leave)
+            )
 
     hub.fabric("listener").listen(("state", "reach"), listen)
     try:
@@ -550,7 +552,9 @@ async def test_the_world_answers_each_decision_once_and_in_turn(readings: str) -
 
     hub.fabric("listener").listen(("observe",), listen)
     async with hub.fabric("world") as end:
-        world = asyncio.create_task(run_world(source, end, over))
+        world = asyncio.create_task(
+            run_world(source, Body(own=source.sensors), end, over)
+        )
         await asyncio.sleep(0)
         for tick in (0, 0, 5, 1, 0, 1, 2):
             hub.fabric("coordinator").publish(wire.Decision(tick, -1, ""))

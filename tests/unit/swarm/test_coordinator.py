@@ -9,13 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap import wire
+from neurosnap.agent.policy import Policy
 from neurosnap.agent.walker import Walker
 from neurosnap.errors import WaveLostError
 from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.snapshot import EmpiricalSnapshot
 from neurosnap.sensorium import complete, pack, unpack
 from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.coordinator import Coordinator, Policy
+from neurosnap.swarm.coordinator import Coordinator
 
 SENSORS = 3
 M = TypeVar("M")

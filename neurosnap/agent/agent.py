@@ -1,0 +1,160 @@
+"""An agent in one process: it observes, keeps a state, decides, and says why.
+
+The same policies decide in a swarm, where waves answer what here the propagation over
+the graph answers: with the same seed and observations the decisions are the same.
+"""
+
+from collections.abc import Iterable
+from typing import Any, Self
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from neurosnap.agent.context import Body, Senses
+from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
+from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.environment import describe
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.snapshot import EmpiricalSnapshot, Snapshot
+from neurosnap.sensorium import Sensorium
+from neurosnap.wire import Decision
+
+
+class Agent:
+    """Learns from every observation and decides what to do next.
+
+    Args:
+        body: What is sensed and done.
+        policy: Decides.
+        snapshot: Learns, one sensor for each of the body's; None: a new empirical one.
+
+    Raises:
+        ShapeError: The snapshot has another number of sensors.
+
+    Example:
+        >>> body = Body.full(["warm", "better", "worse"], ["stay", "go"], [0, 1, 1])
+        >>> agent = Agent(body, new_policy("excited", body, seed=1))
+        >>> agent.act([1, 0, 0]).why
+        'at random: nothing guarantees better or worse*'
+    """
+
+    def __init__(
+        self, body: Body, policy: Policy, snapshot: Snapshot | None = None
+    ) -> None:
+        self.body = body
+        self.snapshot = (
+            EmpiricalSnapshot(Sensorium(body.sensors)) if snapshot is None else snapshot
+        )
+        if len(self.snapshot.sensorium) != len(body.sensors):
+            rule = f"must have {len(body.sensors)} sensors, as the body"
+            raise ShapeError("snapshot", rule, len(self.snapshot.sensorium))
+        self._policy = policy
+        self._own = Sensorium(body.own)
+        self._senses = Senses(body)
+        self._decision = Decision(0, -1, "the run begins")
+        self._state: NDArray[np.bool_] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        env: gymnasium.Env[Any, Any],
+        kind: AgentKind,
+        *,
+        target: Iterable[str | int] = (),
+        seed: int = 0,
+        explore: float = EXPLORE,
+        snapshot: Snapshot | None = None,
+    ) -> Self:
+        """Return an agent for an environment, with every action in every context.
+
+        Args:
+            env: Its observations are ``MultiBinary``; see `BinarySensors` for others.
+            kind: ``"walker"``, ``"excited"`` or ``"planner"``.
+            target: For a planner: sensations to achieve jointly, by name.
+            seed: Draws whatever is random.
+            explore: The share of random actions.
+            snapshot: Learns; None: a new empirical one.
+
+        Raises:
+            InvalidValueError: The environment is not fit for it.
+        """
+        said = describe(type(env.unwrapped).__name__, env)
+        body = Body.full(
+            said.sensors, said.actions, said.orders, exclusive=said.exclusive
+        )
+        policy = new_policy(kind, body, seed, target=target, explore=explore)
+        return cls(body, policy, snapshot)
+
+    @property
+    def decision(self) -> Decision:
+        """The last decision; its tick is the snapshot's clock since the agent began."""
+        return self._decision
+
+    @property
+    def state(self) -> NDArray[np.bool_]:
+        """``(2N,)``, coherent: its idea of the present."""
+        return self.snapshot.state
+
+    def act(self, bits: ArrayLike) -> Decision:
+        """Observe, learn, and decide.
+
+        Args:
+            bits: What the world's own sensors read after the last decision's action.
+
+        Returns:
+            The decision: the choice of the body's that is made, and why. O(N²) time.
+
+        Raises:
+            ShapeError: Another number of bits.
+            InvalidValueError: An entry is not 0 or 1.
+        """
+        last, tick = self._decision, self._decision.tick + 1
+        observation = self._senses.observe(
+            self._own.observation(bits), last.action, self._state
+        )
+        self._state = state = self.snapshot.observe(observation)
+        graph = self._graph()
+        answers = [graph.up(signal) for signal in self._policy.ask(tick, state)]
+        action, why = self._policy.decide(tick, state, answers)
+        self._decision = Decision(tick, action, why)
+        return self._decision
+
+    def begin(self) -> None:
+        """Start a new trajectory: the next observation follows no action.
+
+        What was learned stays.
+        """
+        self._decision = Decision(self._decision.tick, -1, "a trajectory begins")
+        self._state = None
+
+    def consequences(self, action: int | str) -> NDArray[np.bool_]:
+        """Return what an action taken here guarantees: ``(2N,)``.
+
+        Args:
+            action: Its name, or the number of a choice.
+
+        Raises:
+            InvalidValueError: There is no such action, or actions are not sensed.
+        """
+        signals = Repertoire(self.body).signals(self.state)
+        number = _choice(self.body, action) if isinstance(action, str) else action
+        if not 0 <= number < len(signals):
+            rule = f"must be one of {', '.join(self.body.actions)}"
+            raise InvalidValueError("action", rule, action)
+        closure: NDArray[np.bool_] = self._graph().up(signals[number])
+        bound: NDArray[np.bool_] = guaranteed([closure])[0]
+        return bound
+
+    def _graph(self) -> PocGraph:
+        return self.snapshot.poc_graph()
+
+
+def _choice(body: Body, action: str) -> int:
+    """Return the choice that takes one action and no other; -1: there is none."""
+    if action not in body.actions:
+        return -1
+    number = body.actions.index(action)
+    return number if body.exclusive else 1 << number

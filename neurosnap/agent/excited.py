@@ -1,0 +1,131 @@
+"""The excitation-driven agent: it wants better, and failing that, at least not worse.
+
+Its target is one sensation, so it needs no plan: it takes an action that guarantees
+`better`; failing that, one that guarantees `worse*`, now and then a random one; failing
+that, a random one.
+
+References:
+    [GK] "Closing the Loop: Excitation-Driven Navigation".
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from neurosnap.agent.context import Body
+from neurosnap.agent.draws import Draws
+from neurosnap.agent.policy import EXPLORE, checked_share
+from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.errors import InvalidValueError
+
+SEEKS: Final = 0
+KEEPS: Final = 1
+EXPLORES: Final = 2
+LOST: Final = 3
+
+_WHY = {
+    SEEKS: "guarantees better",
+    KEEPS: "guarantees worse*; nothing guarantees better",
+    EXPLORES: "at random, to explore; nothing guarantees better",
+    LOST: "at random: nothing guarantees better or worse*",
+}
+
+
+class Excited:
+    """Decides by excitation.
+
+    Args:
+        body: Its sensors include `better` and `worse`.
+        seed: Draws among equals, and when to explore.
+        explore: The share of random actions where the best that can be guaranteed is
+            `worse*`, in [0, 1].
+
+    Raises:
+        InvalidValueError: The body has no such sensors or no actions, or `explore` is
+            out of range.
+    """
+
+    def __init__(self, body: Body, seed: int, explore: float = EXPLORE) -> None:
+        self._repertoire = Repertoire(body)
+        self._better, self._not_worse = drives(body)
+        self._explore = checked_share(explore)
+        self._draws = Draws(seed)
+
+    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
+        """Ask for the consequences of every action."""
+        del tick
+        return self._repertoire.signals(state)
+
+    def decide(
+        self,
+        tick: int,
+        state: NDArray[np.bool_],
+        answers: Sequence[NDArray[np.bool_]],
+    ) -> tuple[int, str]:
+        """Return the action for `tick` and the reason for it.
+
+        Args:
+            tick: The tick whose state is known.
+            state: ``(2N,)``; does not matter any more.
+            answers: For each action, ``(2N,)``: the closure of what it switches on.
+        """
+        del state
+        bound = guaranteed(answers)
+        action, why = choose(
+            self._repertoire.admissible(answers),
+            bound[:, self._better],
+            bound[:, self._not_worse],
+            self._explore,
+            self._draws.at(tick),
+        )
+        return int(action), _WHY[int(why)]
+
+
+def drives(body: Body) -> tuple[int, int]:
+    """Return the literals `better` and `worse*` of a body.
+
+    Raises:
+        InvalidValueError: Its world has no such sensors.
+    """
+    if not {"better", "worse"}.issubset(body.own):
+        rule = "must have a world with the sensors better and worse"
+        raise InvalidValueError("agent excited", rule, list(body.own))
+    return 2 * body.own.index("better"), 2 * body.own.index("worse") + 1
+
+
+@njit(cache=True)
+def choose(
+    possible: NDArray[np.bool_],
+    better: NDArray[np.bool_],
+    not_worse: NDArray[np.bool_],
+    explore: float,
+    draws: NDArray[np.float64],
+) -> tuple[int, int]:
+    """Return an action and why: `SEEKS`, `KEEPS`, `EXPLORES` or `LOST`.
+
+    Compiled, since experiments run the whole agent in one loop.
+
+    Args:
+        possible: ``(actions,)``: it can be taken.
+        better: ``(actions,)``: it guarantees `better`.
+        not_worse: ``(actions,)``: it guarantees `worse*`.
+        explore: The share of random actions.
+        draws: ``(WIDTH,)``, the tick's numbers.
+    """
+    options, why = possible & better, SEEKS
+    if not options.any():
+        options, why = possible & not_worse, KEEPS
+        if not options.any():
+            options, why = possible, LOST
+        elif draws[1] < explore:
+            options, why = possible, EXPLORES
+    chosen = int(draws[0] * options.sum())
+    for action in range(options.shape[0]):
+        if options[action]:
+            if chosen == 0:
+                return action, why
+            chosen -= 1
+    return 0, LOST  # never: somewhere an option is left

@@ -1,0 +1,141 @@
+"""Greedy reactive planning: take the action that guarantees most of the subgoals.
+
+The subgoals are the projection of the state onto the target in the model space: what
+would be sensed at the closest point of the target.
+
+References:
+    [GK] "Algorithm: Greedy Reactive Planning (GRP)"; lemma "Reasoning in Snapshots",
+    which holds for a coherent target only: an incoherent one is reduced first.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.context import Body
+from neurosnap.agent.draws import Draws, pick
+from neurosnap.agent.policy import EXPLORE, checked_share
+from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import Sensorium, complement
+
+_SHOWN = 4  # subgoals a reason names
+
+
+class Planner:
+    """Decides by greedy reactive planning.
+
+    Subgoals are counted among the literals of the world's state sensors and those of
+    the target: what the agent itself does in a step, and what was sensed of the last
+    one, is nothing to be achieved.
+
+    Args:
+        body: What is sensed and done.
+        target: Literals by name or number, to be achieved jointly.
+        seed: Draws among equals, and when to explore.
+        explore: The share of random actions, in [0, 1].
+
+    Raises:
+        InvalidValueError: There is no target, it names no literal of the world's own or
+            one and its complement, the body has no actions, or `explore` is out of
+            range.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        target: Iterable[str | int],
+        seed: int,
+        explore: float = EXPLORE,
+    ) -> None:
+        self._repertoire = Repertoire(body)
+        self._sensorium = Sensorium(body.sensors)
+        self._target = target_literals(body, target)
+        self._explore = checked_share(explore)
+        self._draws = Draws(seed)
+        self._position = body.position
+        self._goals = self._position.copy()
+        self._goals[list(self._target)] = True
+
+    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
+        """Ask for the consequences of every action, and of the target."""
+        del tick
+        return [*self._repertoire.signals(state), self._target]
+
+    def decide(
+        self,
+        tick: int,
+        state: NDArray[np.bool_],
+        answers: Sequence[NDArray[np.bool_]],
+    ) -> tuple[int, str]:
+        """Return the action for `tick` and the reason for it.
+
+        Args:
+            tick: The tick whose state is known.
+            state: ``(2N,)``, the coherent state.
+            answers: ``(2N,)`` each: for every action the closure of what it switches
+                on; then the closure of the target.
+        """
+        *closures, above = answers
+        draws = self._draws.at(tick)
+        possible = self._repertoire.admissible(closures)
+        if draws[1] < self._explore:
+            return pick(possible.nonzero()[0], draws[0]), "at random, to explore"
+        wanted = subgoals(state & self._position, above) & self._goals
+        met = guaranteed(closures) & wanted
+        score = np.where(possible, met.sum(axis=1), -1)
+        best = (score == score.max()).nonzero()[0]
+        action = pick(best, draws[0])
+        return action, self._why(met[action], wanted, len(best))
+
+    def _why(
+        self, met: NDArray[np.bool_], wanted: NDArray[np.bool_], equals: int
+    ) -> str:
+        achieved = met.nonzero()[0]
+        if not achieved.size:
+            return f"at random: nothing guarantees any of {wanted.sum()} subgoals"
+        names = [self._sensorium.name(a) for a in achieved[:_SHOWN]]
+        more = ", …" if achieved.size > _SHOWN else ""
+        tie = f"; one of {equals} as good" if equals > 1 else ""
+        return (
+            f"guarantees {achieved.size} of {wanted.sum()} subgoals"
+            f" ({', '.join(names)}{more}){tie}"
+        )
+
+
+def subgoals(state: NDArray[np.bool_], above: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the projection of a state onto a target: ``(2N,)``.
+
+    That is ``coh(T)`` propagated over the graph loaded with ``S``, both being closed
+    upwards: their union without ``coh(T)*`` ([GK] lemma "Reasoning in Snapshots").
+
+    Args:
+        state: ``(2N,)``, coherent and closed upwards.
+        above: ``(2N,)``, ``↑T``.
+    """
+    reduced = above & ~complement(above)
+    return (state | reduced) & ~complement(reduced)
+
+
+def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
+    """Return the literals of a target, ascending.
+
+    Raises:
+        InvalidValueError: It is empty, names something that is no literal of the
+            world's own sensors, or holds a literal and its complement.
+    """
+    sensorium = Sensorium(body.own)
+    literals = set()
+    for wanted in target:
+        literal = sensorium.literal(wanted) if isinstance(wanted, str) else wanted
+        sensorium.name(literal)
+        literals.add(int(literal))
+    if not literals:
+        rule = "must name a sensation to achieve"
+        raise InvalidValueError("target", rule, "nothing")
+    for literal in literals:
+        if literal ^ 1 in literals:
+            rule = "must not hold a literal and its complement"
+            raise InvalidValueError("target", rule, sensorium.name(literal & ~1))
+    return tuple(sorted(literals))

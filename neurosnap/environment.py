@@ -1,0 +1,135 @@
+"""What a Gymnasium environment says of itself: its sensors, and what can be done in it.
+
+The observation space must be a flat ``MultiBinary``. The action space is ``Discrete``,
+one action at each step, or a flat ``MultiBinary``, any choice of atomic actions. Names
+are the attributes `sensors` and `actions`, of the environment or of a wrapper around
+it; `orders` says how many steps a sensor looks back.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Discrete, MultiBinary
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import Sensorium
+
+
+@dataclass(frozen=True)
+class Description:
+    """What there is to sense and to do."""
+
+    sensors: tuple[str, ...]
+    """The sensors' names; ``s0``, ``s1``, and so on where it has none for them."""
+    orders: tuple[int, ...]
+    """For each, how many steps it looks back; 0 where it does not say."""
+    actions: tuple[str, ...]
+    """The atomic actions' names; ``action_0`` and so on where it has none."""
+    exclusive: bool
+    """Exactly one action is taken at a step."""
+    start: int
+    """The number the environment has for its first action."""
+
+    def step(self, choice: int) -> Any:  # noqa: ANN401 - whatever its space holds
+        """Return what to step the environment with for a choice counted from 0.
+
+        Raises:
+            InvalidValueError: There is no such choice.
+        """
+        count = len(self.actions) if self.exclusive else 2 ** len(self.actions)
+        if not 0 <= choice < count:
+            rule = f"must be a whole number in 0..{count - 1}"
+            raise InvalidValueError("action", rule, choice)
+        if self.exclusive:
+            return self.start + choice
+        return (choice >> np.arange(len(self.actions)) & 1).astype(np.int8)
+
+
+def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
+    """Return what `env` says of itself.
+
+    Args:
+        name: What to call it in an error.
+        env: Any environment; it is neither reset nor stepped.
+
+    Raises:
+        InvalidValueError: It has other spaces, or its names are no names.
+    """
+    sensors = _sensors(name, env)
+    space = env.action_space
+    match space:
+        case Discrete():
+            count, exclusive, start = int(space.n), True, int(space.start)
+        case MultiBinary() if len(space.shape) == 1:
+            count, exclusive, start = int(space.shape[0]), False, 0
+        case _:
+            rule = "must be Discrete, or MultiBinary with one axis"
+            raise InvalidValueError(f"{name}: action space", rule, space)
+    return Description(
+        sensors=sensors,
+        orders=_orders(name, env, len(sensors)),
+        actions=_actions(name, env, count),
+        exclusive=exclusive,
+        start=start,
+    )
+
+
+def _sensors(name: str, env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
+    space = env.observation_space
+    if not isinstance(space, MultiBinary) or len(space.shape) != 1:
+        rule = "must be MultiBinary with one axis"
+        raise InvalidValueError(f"{name}: observation space", rule, space)
+    count = space.shape[0]
+    names = _attribute(env, "sensors")
+    if names is None:
+        return Sensorium.of(count).names
+    if not isinstance(names, Sequence) or len(names) != count:
+        rule = f"must be a sequence of {count} names"
+        raise InvalidValueError(f"{name}: sensors", rule, names)
+    return _checked(name, names)
+
+
+def _actions(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[str, ...]:
+    names = _attribute(env, "actions")
+    # Other people's environments have attributes of that name that are no names.
+    if (
+        isinstance(names, Sequence)
+        and len(names) == count
+        and all(isinstance(one, str) for one in names)
+    ):
+        return _checked(name, names)
+    return tuple(f"action_{number}" for number in range(count))
+
+
+def _checked(name: str, names: Sequence[str]) -> tuple[str, ...]:
+    try:
+        return Sensorium(names).names
+    except InvalidValueError as error:
+        raise within(name, error) from error
+
+
+def _orders(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[int, ...]:
+    orders = _attribute(env, "orders")
+    if orders is None:
+        return (0,) * count
+    if (
+        isinstance(orders, Sequence)
+        and len(orders) == count
+        and all(type(order) is int and order >= 0 for order in orders)
+    ):
+        return tuple(orders)
+    rule = f"must be {count} whole numbers from 0 up"
+    raise InvalidValueError(f"{name}: orders", rule, orders)
+
+
+def _attribute(env: gymnasium.Env[Any, Any], name: str) -> object:
+    """Return an attribute of the environment or a wrapper around it; None without."""
+    return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
+
+
+def within(place: str, error: InvalidValueError) -> InvalidValueError:
+    """Return `error` with the place it happened at before its name."""
+    return type(error)(f"{place}: {error.name}", error.rule, error.value)

@@ -1,0 +1,183 @@
+"""An agent decides the same in process and in a swarm, and gets where it wants to."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import msgspec
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.context import Body
+from neurosnap.agent.policy import AgentKind
+from neurosnap.errors import InvalidValueError
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import verify
+from neurosnap.record.resume import look_back
+from neurosnap.sensorium import pack
+from neurosnap.source import Argument, import_worlds, open_source
+from neurosnap.swarm.embody import body_of, drawn_to
+from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind
+from neurosnap.swarm.run import run
+
+SEED = 5
+TICKS = 60
+PATH = "neurosnap/Path-v0"
+WORLDS: dict[str, dict[str, Argument]] = {
+    PATH: {"places": 5},
+    "neurosnap/Cycle-v0": {"places": 6},
+    "neurosnap/Grid-v0": {"width": 3, "height": 3},
+}
+
+
+def options_for(
+    agent: AgentKind,
+    source: str = PATH,
+    *,
+    cells: CellKind = "inline",
+    snapshot: SnapshotKind = "empirical",
+    ticks: int = TICKS,
+) -> RunOptions:
+    arguments = WORLDS[source] | {"wait": True}
+    target: tuple[str, ...] = ()
+    if agent == "excited":
+        arguments |= drawn_to(source, SEED, arguments, "1")
+    opened = open_source(source, SEED, arguments)
+    opened.close()
+    if agent == "planner":
+        target = (opened.sensors[1], f"{opened.sensors[0]}*")
+    return RunOptions(
+        source=source,
+        arguments=arguments,
+        body=body_of(opened, agent),
+        agent=agent,
+        target=target,
+        explore=0.25,
+        ticks=ticks,
+        seed=SEED,
+        snapshot=snapshot,
+        threshold=0.05,
+        cells=cells,
+        keyframe_every=25,
+    )
+
+
+def swarm_run(options: RunOptions, log: Path, **more: Any) -> None:
+    asyncio.run(run(options, log, asyncio.Event(), **more))
+
+
+def of_recording(log: Path) -> tuple[list[bytes], list[wire.Decision]]:
+    messages = [r.message for r in Recording.open(log).messages(("state", "decide"))]
+    states = [m.literals for m in messages if isinstance(m, wire.State)]
+    return states, [m for m in messages if isinstance(m, wire.Decision) and m.tick]
+
+
+def in_process(options: RunOptions) -> tuple[list[bytes], list[wire.Decision]]:
+    """The same agent without a swarm, in the same world."""
+    import_worlds()
+    given: dict[str, Any] = dict(options.arguments)
+    env = gymnasium.make(options.source, disable_env_checker=True, **given)
+    agent = Agent(options.body, options.new_policy(), options.new_snapshot())
+    bits, _ = env.reset(seed=SEED)
+    states, decisions = [], []
+    for _ in range(options.ticks):
+        decisions.append(agent.act(bits))
+        states.append(pack(agent.state))
+        bits, *_ = env.step(decisions[-1].action)
+    # The last decision of a run is never published: nobody would answer it.
+    return states, decisions[:-1]
+
+
+@pytest.mark.parametrize("snapshot", ["empirical", "discounted"])
+@pytest.mark.parametrize("source", WORLDS)
+@pytest.mark.parametrize("agent", ["excited", "planner"])
+def test_the_same_seed_gives_the_same_decisions_in_process_and_in_a_swarm(
+    agent: AgentKind, source: str, snapshot: SnapshotKind, tmp_path: Path
+) -> None:
+    options = options_for(agent, source, snapshot=snapshot)
+    swarm_run(options, tmp_path / "log")
+    expected = in_process(options)
+    assert of_recording(tmp_path / "log") == expected
+    # Or all of this would say little: it does not only move at random.
+    assert any("guarantees" in decision.why for decision in expected[1])
+
+
+@pytest.mark.zenoh
+@pytest.mark.slow
+@pytest.mark.parametrize("agent", ["excited", "planner"])
+def test_cells_that_are_processes_decide_the_same(
+    agent: AgentKind, tmp_path: Path
+) -> None:
+    options = options_for(agent, cells="process", ticks=30)
+    swarm_run(options, tmp_path / "log")
+    assert of_recording(tmp_path / "log") == in_process(options)
+    verdict = verify(tmp_path / "log")
+    assert (verdict.same, verdict.complete) == (True, True)
+
+
+@pytest.mark.parametrize("agent", ["excited", "planner"])
+def test_a_resumed_agent_goes_on_as_if_nothing_had_been(
+    agent: AgentKind, tmp_path: Path
+) -> None:
+    options = options_for(agent)
+    first = msgspec.structs.replace(options, ticks=20)
+    swarm_run(first, tmp_path / "first")
+    again, past = look_back(tmp_path / "first")
+    again = msgspec.structs.replace(again, ticks=TICKS)
+    swarm_run(again, tmp_path / "second", past=past)
+    assert of_recording(tmp_path / "second") == in_process(options)
+    assert verify(tmp_path / "second").same
+
+
+def test_what_was_sensed_of_an_action_is_checked_against_the_decision(
+    tmp_path: Path,
+) -> None:
+    options = options_for("excited")
+    swarm_run(options, tmp_path / "log")
+    # As if the world had made up what was done: every reading of an action inverted.
+    felt = slice(len(options.body.own), len(options.body.own) + 3)
+    verdict = verify(_with_observation_changed(tmp_path, options, 7, felt))
+    assert not verdict.same
+    assert "tick 7: /observe: forward does not follow" in str(verdict.difference)
+
+
+def _with_observation_changed(
+    folder: Path, options: RunOptions, tick: int, sensors: slice
+) -> Path:
+    from neurosnap.record.writer import Writer
+    from neurosnap.sensorium import unpack
+
+    recording = Recording.open(folder / "log")
+    changed = folder / "changed"
+    with Writer(changed) as writer:
+        writer.start(recording.metadata)
+        for recorded in recording.messages():
+            delivery = recorded.delivery
+            message = recorded.message
+            if isinstance(message, wire.Observation) and message.tick == tick:
+                bits = unpack(message.bits, len(options.sensors))
+                bits[sensors] = ~bits[sensors]
+                forged = wire.Observation(tick, pack(bits))
+                delivery = delivery._replace(payload=wire.encode(forged))
+            writer.add(delivery, recorded.log_time)
+    return changed
+
+
+def test_an_excited_agent_is_given_a_target_where_it_needs_one() -> None:
+    assert drawn_to(PATH, SEED, {}, "3") == {"target": 3}
+    assert drawn_to(PATH, SEED, {}, None) == {"target": "drawn"}
+    assert drawn_to(PATH, SEED, {"target": 2}, None) == {}
+    with pytest.raises(InvalidValueError, match=r"^target: must be the number"):
+        drawn_to(PATH, SEED, {}, "below_3")
+
+
+def test_a_walker_gets_no_more_than_the_worlds_own_sensors() -> None:
+    source = open_source(PATH, SEED, {"wait": True})
+    assert body_of(source, "walker").sensors == source.sensors
+    full = body_of(source, "excited")
+    assert full == Body.full(source.sensors, source.actions, source.orders)
+    assert len(full.sensors) == len(source.sensors) * 7 + 3
+    assert np.all(full.position[: 2 * len(source.sensors)])

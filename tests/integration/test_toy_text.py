@@ -1,0 +1,571 @@
+"""Worlds nobody made for us: their tables are right, and an agent learns what is true.
+
+What is true is found here a second time, by stepping Gymnasium's own environments from
+every state there is.
+"""
+
+import itertools
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.envs.toy_text.taxi import TaxiEnv
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.agent.context import Body, Senses
+from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot
+from neurosnap.binary_sensors import BinarySensors, Continuing
+from neurosnap.environment import describe
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.sensorium import complete
+from world.implications import implications, inclusions
+from world.table import (
+    Table,
+    learn,
+    rarest_pair,
+    recordable,
+    state_fields,
+    transition_fields,
+)
+from world.toy_text import cliff_walking, frozen_lake, taxi
+
+BEDS: list[Callable[..., BinarySensors]] = [frozen_lake, cliff_walking, taxi]
+EXACT = [frozen_lake, cliff_walking]  # no chance in them, not even at a reset
+VARIANTS: list[tuple[Callable[..., BinarySensors], dict[str, Any]]] = [
+    (frozen_lake, {}),
+    (frozen_lake, {"map_name": "8x8"}),
+    (frozen_lake, {"is_slippery": True}),
+    (cliff_walking, {}),
+    (cliff_walking, {"is_slippery": True}),
+    (taxi, {}),
+    (taxi, {"is_rainy": True}),
+]
+
+Situation = tuple[int, bool]  # a state, and whether the episode is over there
+Move = tuple[Situation, int, Situation]
+
+
+def situations(table: Table) -> list[Situation]:
+    return list(zip(table.states.tolist(), table.over.tolist(), strict=True))
+
+
+def moves(table: Table) -> set[Move]:
+    at = situations(table)
+    rows = zip(
+        table.before.tolist(), table.action.tolist(), table.after.tolist(), strict=True
+    )
+    return {(at[before], action, at[after]) for before, action, after in rows}
+
+
+def explored(env: BinarySensors, tries: int) -> set[Move]:
+    """Every move that turns up when each action is tried so often at each state."""
+    inner: Any = env.unwrapped
+    starts = {(int(inner.reset()[0]), False) for _ in range(5000)}
+    found: set[Move] = set()
+    seen, frontier = set(starts), set(starts)
+    while frontier:
+        place = frontier.pop()
+        for action in range(inner.action_space.n):
+            reached = set(starts)
+            if not place[1]:
+                reached = set()
+                for _ in range(tries):
+                    inner.s = place[0]
+                    state, _, over, _, _ = inner.step(action)
+                    reached.add((int(state), bool(over)))
+            found |= {(place, action, after) for after in reached}
+            frontier |= reached - seen
+            seen |= reached
+    return found
+
+
+# The worlds ---------------------------------------------------------------------------
+
+
+# The checker would rather see the environment within, which has no binary sensors.
+@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")
+@pytest.mark.parametrize("bed", BEDS)
+def test_gymnasium_finds_nothing_wrong(bed: Callable[..., BinarySensors]) -> None:
+    spec = EnvSpec(id="neurosnap/Bed-v0", entry_point=f"world.toy_text:{bed.__name__}")
+    env = gymnasium.make(spec)
+    check_env(env, skip_render_check=True)
+    seen = describe("bed", env)
+    assert seen.sensors == bed().sensors
+    assert seen.orders == (0,) * len(seen.sensors)
+    assert len(seen.actions) == env.action_space.n  # type: ignore[attr-defined]
+
+
+def test_their_sensors() -> None:
+    lake = ("row<1", "row<2", "row<3", "column<1", "column<2", "column<3")
+    assert frozen_lake().sensors == (*lake, "tile=start", "tile=hole", "tile=goal")
+    assert len(frozen_lake(map_name="8x8").sensors) == 17
+    cliff = cliff_walking().sensors
+    assert cliff[:4] == ("row<1", "row<2", "row<3", "column<1")
+    assert cliff[13:] == ("column<11", "tile=start", "tile=goal")
+    cab = taxi().sensors
+    assert cab[3:5] == ("row<4", "column<1")
+    assert cab[8:] == (
+        *("passenger=red", "passenger=green", "passenger=yellow", "passenger=blue"),
+        *("passenger=taxi", "destination=red", "destination=green"),
+        *("destination=yellow", "destination=blue"),
+    )
+
+
+DIRECTIONS = {
+    "left": (0, -1),
+    "right": (0, 1),
+    "up": (-1, 0),
+    "down": (1, 0),
+    "west": (0, -1),
+    "east": (0, 1),
+    "north": (-1, 0),
+    "south": (1, 0),
+}
+
+
+@pytest.mark.parametrize("bed", BEDS)
+def test_actions_are_called_what_they_do(bed: Callable[..., BinarySensors]) -> None:
+    env = bed()
+    inner: Any = env.unwrapped
+    # In the open: row 2, column 1 of the lake; row 1, column 2; row 2, column 2.
+    state = {frozen_lake: 9, cliff_walking: 14, taxi: 241}[bed]
+    for action, name in enumerate(env.actions):
+        if name in DIRECTIONS:
+            env.reset(seed=0)
+            inner.s = state
+            before = env.state_of(inner.s, {})
+            env.step(action)
+            after = env.state_of(inner.s, {})
+            moved = (after.row - before.row, after.column - before.column)
+            assert moved == DIRECTIONS[name]
+
+
+def test_a_taxi_picks_up_and_drops_off() -> None:
+    env = taxi()
+    inner: Any = env.unwrapped
+    env.reset(seed=0)
+    inner.s = inner.encode(0, 4, 1, 2)  # at green, where the passenger is
+    env.step(env.actions.index("pickup"))
+    assert env.state_of(inner.s, {}) == (0, 4, "taxi", "yellow")
+    observation = env.step(env.actions.index("dropoff"))[0]
+    assert env.state_of(inner.s, {}) == (0, 4, "green", "yellow")
+    on = {name for name, bit in zip(env.sensors, observation, strict=True) if bit}
+    rows = {"row<1", "row<2", "row<3", "row<4"}
+    assert on == rows | {"passenger=green", "destination=yellow"}
+
+
+# Their tables -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bed", EXACT)
+def test_a_walk_in_the_table_is_a_walk_in_the_environment(
+    bed: Callable[..., BinarySensors],
+) -> None:
+    env = bed()
+    inner: Any = env.unwrapped
+    table = Table.of(env)
+    fields = state_fields(env, table)
+    places, actions = table.walk(5000, np.random.default_rng(3))
+    observations, episode = [env.reset(seed=0)[0]], 0
+    states = [inner.s]
+    for action in actions.tolist():
+        observation, _, _, _, info = env.step(action)
+        observations.append(observation)
+        states.append(inner.s)
+        episode = info["episode"]
+    assert table.states[places].tolist() == states
+    np.testing.assert_array_equal(fields[:, places].T, observations)
+    assert episode == table.over[places[:-1]].sum()
+
+
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_steps_of_the_environment_are_in_the_table(
+    bed: Callable[..., BinarySensors], arguments: dict[str, Any]
+) -> None:
+    env = bed(**arguments)
+    inner: Any = env.unwrapped
+    known = moves(Table.of(env))
+    env.reset(seed=1)
+    place: Situation = (int(inner.s), False)
+    autoreset: Any = env.env
+    for action in np.random.default_rng(2).integers(len(env.actions), size=4000):
+        env.step(int(action))
+        after: Situation = (int(inner.s), bool(autoreset.autoreset))
+        assert (place, int(action), after) in known
+        place = after
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_the_table_is_what_trying_everything_finds(
+    bed: Callable[..., BinarySensors], arguments: dict[str, Any]
+) -> None:
+    # With three outcomes of a tenth or more, 200 tries miss one in 1 of 10^9 cases.
+    tries = 200 if arguments.keys() - {"map_name"} else 1
+    env = bed(**arguments)
+    env.unwrapped.reset(seed=0)
+    assert moves(Table.of(env)) == explored(env, tries)
+
+
+def test_the_sizes_are_those_of_gymnasiums_text() -> None:
+    lake, cliff, cab = (Table.of(bed()) for bed in BEDS)
+    assert (len(lake.states), lake.over.sum()) == (16, 5)
+    # "3 x 12 + 1 possible states", and the goal.
+    assert (len(cliff.states), cliff.over.sum()) == (38, 1)
+    # "404 reachable discrete states", "300 possible initial states".
+    assert (len(cab.states), cab.over.sum()) == (404, 4)
+    np.testing.assert_allclose(cab.start[cab.start > 0], 1 / 300)
+    assert (cab.start > 0).sum() == 300
+
+
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_chances_add_up(
+    bed: Callable[..., BinarySensors], arguments: dict[str, Any]
+) -> None:
+    table = Table.of(bed(**arguments))
+    total = np.zeros((len(table.states), table.actions))
+    np.add.at(total, (table.before, table.action), table.chance)
+    np.testing.assert_allclose(total, 1)
+    assert table.start.sum() == pytest.approx(1)
+    keys = list(zip(table.before, table.action, table.after, strict=True))
+    assert keys == sorted(set(keys))
+
+
+def test_outcomes_come_as_often_as_their_chance() -> None:
+    table = Table.of(frozen_lake(is_slippery=True))
+    places, actions = table.walk(100_000, np.random.default_rng(7))
+    rows = zip(places[:-1].tolist(), actions.tolist(), places[1:].tolist(), strict=True)
+    made = Counter(rows)
+    tried = Counter(zip(places[:-1].tolist(), actions.tolist(), strict=True))
+    keys = zip(
+        table.before.tolist(), table.action.tolist(), table.after.tolist(), strict=True
+    )
+    for key, chance in zip(keys, table.chance.tolist(), strict=True):
+        draws = tried[key[:2]]
+        spread = (draws * chance * (1 - chance)) ** 0.5
+        assert abs(made[key] - draws * chance) <= 6 * spread
+    counts = np.bincount(actions, minlength=4)
+    assert (abs(counts - 25_000) < 6 * (100_000 * 3 / 16) ** 0.5).all()
+
+
+def test_a_walk_is_a_function_of_its_seed() -> None:
+    table = Table.of(taxi())
+    first, again, other = (
+        table.walk(300, np.random.default_rng(seed)) for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])
+    assert first[0].tolist() != other[0].tolist()
+
+
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_the_stationary_shares_stay_what_they_are(
+    bed: Callable[..., BinarySensors], arguments: dict[str, Any]
+) -> None:
+    table = Table.of(bed(**arguments))
+    shares = table.stationary()
+    assert shares.sum() == pytest.approx(1)
+    assert shares.min() > 0
+    after = np.zeros_like(shares)
+    for b, c, chance in zip(table.before, table.after, table.chance, strict=True):
+        after[c] += shares[b] * chance / table.actions
+    np.testing.assert_allclose(after, shares, atol=1e-12)
+
+
+class Trap(gymnasium.Env[Any, Any]):
+    """Two states with no way out, and a start between them."""
+
+    def __init__(self) -> None:
+        self.observation_space = self.action_space = gymnasium.spaces.Discrete(3)
+        ways = [(0.5, 0, 0.0, False), (0.5, 2, 0.0, False), (0.0, 1, 0.0, False)]
+        self.P = {
+            0: {0: [(1.0, 0, 0.0, False)]},
+            1: {0: ways},
+            2: {0: [(1.0, 2, 0.0, False)]},
+        }
+        self.initial_state_distrib = np.array([0.0, 1.0, 0.0])
+
+
+def test_shares_that_depend_on_where_the_walk_is_caught_are_refused() -> None:
+    table = Table.of(Trap())
+    assert moves(table) == {
+        ((0, False), 0, (0, False)),
+        ((1, False), 0, (0, False)),
+        ((1, False), 0, (2, False)),
+        ((2, False), 0, (2, False)),
+    }
+    with pytest.raises(
+        InvalidValueError, match=r"^environment: must not catch the walk"
+    ):
+        table.stationary()
+
+
+def test_an_environment_without_a_true_table_is_refused() -> None:
+    rule = r"^environment: must have a transition table and a distribution of starts"
+    with pytest.raises(InvalidValueError, match=rule):
+        Table.of(gymnasium.make("CartPole-v1"))
+    with pytest.raises(InvalidValueError, match=r"^environment: must have passengers"):
+        Table.of(TaxiEnv(fickle_passenger=True))
+
+
+# What is true -------------------------------------------------------------------------
+
+
+def readings(bed: Callable[..., BinarySensors]) -> dict[str, set[int]]:
+    """Where each sensor should be on among the states of the table, by arithmetic."""
+    states = set(Table.of(bed()).states.tolist())
+    if bed is taxi:
+        stops = ["red", "green", "yellow", "blue", "taxi"]
+        where = {s: (s // 100, s // 20 % 5, s // 4 % 5, s % 4) for s in states}
+        return {
+            **{f"row<{k}": {s for s in states if where[s][0] < k} for k in range(1, 5)},
+            **{
+                f"column<{k}": {s for s in states if where[s][1] < k}
+                for k in range(1, 5)
+            },
+            **{
+                f"passenger={stop}": {s for s in states if where[s][2] == k}
+                for k, stop in enumerate(stops)
+            },
+            **{
+                f"destination={stop}": {s for s in states if where[s][3] == k}
+                for k, stop in enumerate(stops[:4])
+            },
+        }
+    width = 4 if bed is frozen_lake else 12
+    tiles = {"start": {0}, "hole": {5, 7, 11, 12}, "goal": {15}}
+    if bed is cliff_walking:
+        tiles = {"start": {36}, "goal": {47}}
+    return {
+        **{f"row<{k}": {s for s in states if s // width < k} for k in range(1, 4)},
+        **{
+            f"column<{k}": {s for s in states if s % width < k} for k in range(1, width)
+        },
+        **{f"tile={tile}": places for tile, places in tiles.items()},
+    }
+
+
+@pytest.mark.parametrize("bed", BEDS)
+def test_fields_and_truths_are_those_of_plain_arithmetic(
+    bed: Callable[..., BinarySensors],
+) -> None:
+    env = bed()
+    table = Table.of(env)
+    fields = state_fields(env, table)
+    expected = readings(bed)
+    assert list(expected) == list(env.sensors)
+    states = table.states.tolist()
+    for name, field in zip(env.sensors, fields, strict=True):
+        assert {states[k] for k in field.nonzero()[0]} == expected[name]
+    everywhere = set(states)
+    where = {}
+    for name, on in expected.items():
+        where[name], where[f"{name}*"] = on, everywhere - on
+    truths = [
+        (a, b)
+        for a, b in itertools.product(where, repeat=2)
+        if a.removesuffix("*") != b.removesuffix("*") and where[a] <= where[b]
+    ]
+    assert implications(env.sensors, fields) == truths
+
+
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_no_sensor_is_always_on_or_always_off(
+    bed: Callable[..., BinarySensors], arguments: dict[str, Any]
+) -> None:
+    env = bed(**arguments)
+    fields = state_fields(env, Table.of(env))
+    assert fields.any(axis=1).all()
+    assert not fields.all(axis=1).any()
+    np.testing.assert_array_equal(recordable(fields), inclusions(fields))
+
+
+def test_some_truths_in_words() -> None:
+    def truths(env: BinarySensors) -> set[tuple[str, str]]:
+        return set(implications(env.sensors, state_fields(env, Table.of(env))))
+
+    lake = truths(frozen_lake())
+    assert {("tile=goal", "row<3*"), ("tile=start", "column<1")} <= lake
+    assert ("tile=hole", "row<1*") in lake
+    assert ("tile=hole", "column<1*") not in lake  # there is one in the corner
+    cliff = truths(cliff_walking())
+    assert ("tile=goal", "row<3*") in cliff
+    assert ("row<3*", "column<1") not in cliff  # the goal is in the bottom row, too
+    cab = truths(taxi())
+    assert ("passenger=taxi", "passenger=red*") in cab
+    # Just delivered.
+    assert ("passenger=red", "destination=red*") not in cab
+
+
+def lake_with_changes() -> BinarySensors:
+    """The lake with two sensors of order 1 among its own."""
+    bare = frozen_lake()
+    inner: Any = bare.unwrapped
+    return BinarySensors(
+        Continuing(inner),
+        [
+            *one_hot("state", range(15)),
+            increased("further"),
+            decreased("back"),
+        ],
+        actions=bare.actions,
+    )
+
+
+@pytest.mark.parametrize("make", [frozen_lake, lake_with_changes])
+def test_transitions_are_sensed_as_an_agent_senses_them(
+    make: Callable[[], BinarySensors],
+) -> None:
+    env = make()
+    table = Table.of(env)
+    body = Body.full(env.sensors, env.actions, env.orders)
+    senses = Senses(body)
+    fields = transition_fields(env, table, body.context)
+    assert fields.shape == (len(body.sensors), len(table.before))
+    inner: Any = env.unwrapped
+    column = {
+        move: k for k, move in enumerate(zip(table.before, table.action, strict=True))
+    }
+    place = {state: k for k, state in enumerate(table.states.tolist())}
+    before = env.reset(seed=0)[0].astype(np.bool_)
+    seen = set()
+    for action in np.random.default_rng(0).integers(4, size=6000).tolist():
+        k = column[(place[inner.s], action)]
+        after = env.step(action)[0].astype(np.bool_)
+        whole = senses.observe(after, action, complete(before))
+        np.testing.assert_array_equal(fields[:, k], whole)
+        before = after
+        seen.add(k)
+    assert len(seen) == len(table.before)
+
+
+def test_what_an_action_leads_to_is_a_truth_about_transitions() -> None:
+    env = frozen_lake()
+    body = Body.full(env.sensors, env.actions, env.orders)
+    fields = transition_fields(env, Table.of(env), body.context)
+    truths = set(implications(body.sensors, fields))
+    assert ("left&column<1", "column<1") in truths
+    assert ("left&column<2", "column<1") in truths  # from a hole, to the start
+    assert ("right&~column<1", "column<1*") not in truths  # but so may this
+    assert ("down&tile=goal", "tile=start") in truths
+    assert ("up", "down*") in truths
+
+
+def test_sensors_of_too_high_an_order_are_refused() -> None:
+    env = lake_with_changes()
+    table = Table.of(env)
+    with pytest.raises(InvalidValueError, match=r"^sensor further: must be of order 0"):
+        state_fields(env, table)
+    with pytest.raises(
+        InvalidValueError, match=r"^context: must be of literals of state"
+    ):
+        transition_fields(env, table, [(0, 30)])
+    older = BinarySensors(
+        Continuing(env.unwrapped), [Sensor("old", lambda *_: True, order=2)]
+    )
+    with pytest.raises(InvalidValueError, match=r"^sensor old: must be of order 1"):
+        transition_fields(older, table)
+
+
+# What is learned ----------------------------------------------------------------------
+
+Fields = NDArray[np.bool_]
+
+
+@st.composite
+def all_fields(draw: st.DrawFn) -> Fields:
+    places = draw(st.integers(1, 4))
+    rows = st.lists(st.booleans(), min_size=places, max_size=places)
+    return np.array(draw(st.lists(rows, min_size=1, max_size=6)), np.bool_)
+
+
+@given(all_fields())
+def test_what_can_be_recorded_is_what_is_recorded_after_seeing_everything(
+    fields: Fields,
+) -> None:
+    places = fields.shape[1]
+    snapshot = EmpiricalSnapshot(len(fields), 1 / (4 * places))
+    for bits in fields.T:
+        snapshot.learn(bits)
+    np.testing.assert_array_equal(recordable(fields), snapshot.poc_graph().edges)
+
+
+@given(all_fields())
+def test_what_cannot_be_recorded_is_what_follows_from_nothing(fields: Fields) -> None:
+    literals = [field for pair in fields for field in (pair, ~pair)]
+    lacking = inclusions(fields) & ~recordable(fields)
+    for a, b in itertools.product(range(len(literals)), repeat=2):
+        low, high = literals[a], literals[b]
+        trivial = not low.any() or bool(high.all())
+        assert lacking[a, b] == (a >> 1 != b >> 1 and trivial and (low != high).any())
+
+
+@given(all_fields())
+def test_the_rarest_pair_is_the_least_weight_of_a_free_square(fields: Fields) -> None:
+    shares = np.arange(1, fields.shape[1] + 1) / np.arange(1, fields.shape[1] + 1).sum()
+    least = 1.0
+    for one, two in itertools.combinations(fields, 2):
+        square = [a & b for a in (one, ~one) for b in (two, ~two)]
+        if all(cell.any() for cell in square):
+            least = min(least, *(float(shares[cell].sum()) for cell in square))
+    assert rarest_pair(fields, shares) == pytest.approx(least)
+
+
+def test_errors_are_counted_at_every_step() -> None:
+    env = frozen_lake()
+    table = Table.of(env)
+    fields = state_fields(env, table)
+    truth = {
+        (a, b)
+        for a, b in itertools.product(range(18), repeat=2)
+        if a >> 1 != b >> 1
+        and not ((fields[a >> 1] ^ a & 1) & ~(fields[b >> 1] ^ b & 1)).any()
+    }
+    places, _ = table.walk(299, np.random.default_rng(4))
+    snapshot = EmpiricalSnapshot(9, 0.001)
+    expected = []
+    for place in places:
+        snapshot.observe(fields[:, place])
+        edges = {(int(a), int(b)) for a, b in np.argwhere(snapshot.poc_graph().edges)}
+        expected.append(len(edges ^ truth))
+    assert learn(env, 0.001, 300, seed=4).tolist() == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("bed", "threshold", "steps"),
+    [
+        (frozen_lake, 1e-4, 10_000),
+        (cliff_walking, 1e-5, 100_000),
+        (taxi, 1e-5, 200_000),
+    ],
+)
+def test_a_random_walk_learns_exactly_what_is_true(
+    bed: Callable[..., BinarySensors], threshold: float, steps: int, seed: int
+) -> None:
+    env = bed()
+    table = Table.of(env)
+    assert threshold < rarest_pair(state_fields(env, table), table.stationary())
+    errors = learn(env, threshold, steps, seed)
+    assert errors[0] > 0
+    assert not errors[-steps // 5 :].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bed", BEDS)
+def test_a_threshold_above_the_rarest_pair_keeps_something_false(
+    bed: Callable[..., BinarySensors],
+) -> None:
+    env = bed()
+    table = Table.of(env)
+    threshold = 3 * rarest_pair(state_fields(env, table), table.stationary())
+    assert learn(env, threshold, 200_000, seed=0)[-50_000:].all()

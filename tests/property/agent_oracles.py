@@ -1,0 +1,177 @@
+"""What an agent senses, believes and decides, in plain loops over plain sets.
+
+Nothing here uses the code under test but `Body`, as a record of who has which sensors,
+and `PocGraph`, to hand relations over. Literals are ints, a relation is the set of its
+edges, a choice the set of the atomic actions that it takes.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.context import Body
+from neurosnap.poc.graph import PocGraph
+from tests.property.oracles import Edges, holds, reach, stars
+
+Moves = Sequence[Sequence[int]]
+Fields = Sequence[Sequence[bool]]
+
+
+def choices(body: Body) -> list[set[int]]:
+    """What can be done, as the atomic actions that are on."""
+    count = len(body.actions)
+    if body.exclusive:
+        return [{action} for action in range(count)]
+    return [
+        {k for k in range(count) if number // 2**k % 2} for number in range(2**count)
+    ]
+
+
+def sensed(
+    body: Body, bits: Sequence[bool], taken: set[int] | None, state: set[int]
+) -> list[bool]:
+    """The observation after `taken` in `state`; None: nothing went before."""
+    on = set() if taken is None else taken
+    felt = [action in on for action in range(len(body.actions))]
+    return [
+        *bits,
+        *(felt if body.senses_actions else []),
+        *(action in on and literal in state for action, literal in body.context),
+    ]
+
+
+def complete(bits: Sequence[bool]) -> set[int]:
+    """An observation as a complete *-selection."""
+    return {a for a in range(2 * len(bits)) if holds(list(bits), a)}
+
+
+def view(fields: Fields, place: int) -> list[bool]:
+    """What the world's sensors read at a place."""
+    return [field[place] for field in fields]
+
+
+def happens(
+    body: Body, moves: Moves, fields: Fields, place: int, choice: int
+) -> set[int]:
+    """All that is sensed after a choice made at a place."""
+    after = view(fields, moves[choice][place])
+    before = complete(view(fields, place))
+    return complete(sensed(body, after, choices(body)[choice], before))
+
+
+def truth(body: Body, seen: Iterable[set[int]]) -> Edges:
+    """``a -> b`` iff `b` is on wherever `a` is."""
+    seen, n = list(seen), 2 * len(body.sensors)
+    return {
+        (a, b)
+        for a in range(n)
+        for b in range(n)
+        if a != b and all(b in selection for selection in seen if a in selection)
+    }
+
+
+def everywhere(body: Body, moves: Moves, fields: Fields) -> Edges:
+    """What is true of every action at every place."""
+    return truth(
+        body,
+        (
+            happens(body, moves, fields, place, choice)
+            for choice in range(len(moves))
+            for place in range(len(moves[choice]))
+        ),
+    )
+
+
+def selection(body: Body, taken: set[int]) -> set[int]:
+    """What a choice says of the action sensors: all, unless they exclude each other."""
+    first = len(body.own)
+    if body.exclusive:
+        return {2 * (first + action) for action in taken}
+    return {
+        2 * (first + action) + (action not in taken)
+        for action in range(len(body.actions))
+    }
+
+
+def signal(body: Body, taken: set[int], state: set[int]) -> set[int]:
+    """What a choice made in a state switches on."""
+    first = len(body.own) + len(body.actions)
+    return selection(body, taken) | {
+        2 * (first + place)
+        for place, (action, literal) in enumerate(body.context)
+        if action in taken and literal in state
+    }
+
+
+def bound(edges: Edges, switched_on: set[int]) -> set[int]:
+    """What follows and is not contradicted."""
+    above = reach(edges, switched_on)
+    return above - stars(above)
+
+
+def possible(body: Body, edges: Edges, state: set[int]) -> set[int]:
+    """The choices from which no path leads against an action of theirs."""
+    found = {
+        number
+        for number, taken in enumerate(choices(body))
+        if not reach(edges, signal(body, taken, state)) & stars(selection(body, taken))
+    }
+    return found or set(range(len(choices(body))))
+
+
+def position(body: Body) -> set[int]:
+    """The literals of the world's state sensors."""
+    orders = body.orders or (0,) * len(body.own)
+    return {a for a in range(2 * len(body.own)) if orders[a // 2] == 0}
+
+
+def plan(edges: Edges, state: set[int], target: set[int]) -> set[int]:
+    """The reduced target propagated over the graph loaded with the state."""
+    above = reach(edges, target)
+    reduced = above - stars(above)
+    return {a for a in reach(edges, state | reduced) if a ^ 1 not in reduced}
+
+
+def planned(body: Body, edges: Edges, state: set[int], target: set[int]) -> set[int]:
+    """The choices that guarantee most of the plan."""
+    wanted = plan(edges, state, target) & (position(body) | target)
+    score = {
+        number: len(bound(edges, signal(body, choices(body)[number], state)) & wanted)
+        for number in possible(body, edges, state)
+    }
+    return {number for number in score if score[number] == max(score.values())}
+
+
+def driven(body: Body, edges: Edges, state: set[int]) -> tuple[str, set[int]]:
+    """What an excitation-driven agent goes by, and the choices it then has."""
+    better = 2 * body.own.index("better")
+    not_worse = 2 * body.own.index("worse") + 1
+    able = possible(body, edges, state)
+    for why, wanted in (("better", better), ("worse*", not_worse)):
+        found = {
+            number
+            for number in able
+            if wanted in bound(edges, signal(body, choices(body)[number], state))
+        }
+        if found:
+            return why, found
+    return "nothing", able
+
+
+def edges_of(graph: PocGraph) -> Edges:
+    """The edges of a graph as a set."""
+    return {(int(a), int(b)) for a, b in np.argwhere(graph.edges)}
+
+
+def as_array(literals: set[int], sensors: int) -> NDArray[np.bool_]:
+    """A set of literals as the code under test wants it."""
+    on = np.zeros(2 * sensors, np.bool_)
+    on[list(literals)] = True
+    return on
+
+
+def known(body: Body, moves: Moves, fields: Fields) -> PocGraph:
+    """The true relation, by looking at every action at every place."""
+    edges = everywhere(body, moves, fields)
+    return PocGraph.from_implications(len(body.sensors), edges)

@@ -1,0 +1,266 @@
+"""Agents equal their definitions, whatever the world, the relation and the state."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.context import Body
+from neurosnap.agent.draws import Draws
+from neurosnap.agent.excited import Excited
+from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.planner import Planner, subgoals
+from neurosnap.agent.policy import AgentKind, Policy
+from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.sensorium import Sensorium
+from tests.property import agent_oracles as agents
+from tests.property import oracles
+from tests.property.agent_oracles import Fields, Moves, as_array, edges_of, known
+from tests.property.strategies import as_set, graphs, subsets
+
+KINDS: list[AgentKind] = ["walker", "excited", "planner"]
+TICKS = range(1, 40)  # enough for three choices as good to come up
+
+
+@st.composite
+def bodies(draw: st.DrawFn, *drives: str) -> Body:
+    own = draw(st.integers(1, 2))
+    actions = draw(st.integers(1, 3))
+    pairs = [(action, a) for action in range(actions) for a in range(2 * own)]
+    context = draw(st.lists(st.sampled_from(pairs), unique=True, max_size=4))
+    return Body(
+        own=(*(f"s{k}" for k in range(own)), *drives),
+        orders=(0,) * own + (1,) * len(drives),
+        actions=tuple(f"a{k}" for k in range(actions)),
+        exclusive=draw(st.booleans()),
+        senses_actions=True,
+        context=tuple(context),
+    )
+
+
+@st.composite
+def beliefs(draw: st.DrawFn, body: Body) -> tuple[PocGraph, set[int]]:
+    """Draw a relation on a body's sensors, and a coherent state."""
+    count = len(body.sensors)
+    small = draw(graphs(most=count))
+    place = draw(st.permutations(range(count)))
+    graph = PocGraph.from_implications(
+        count,
+        [
+            (2 * place[a // 2] + a % 2, 2 * place[b // 2] + b % 2)
+            for a, b in edges_of(small)
+        ],
+    )
+    return graph, as_set(graph.coherent_projection(draw(subsets(graph))))
+
+
+def decided(policy: Policy, graph: PocGraph, state: set[int]) -> set[tuple[int, str]]:
+    now = as_array(state, graph.sensors)
+    return {
+        policy.decide(tick, now, [graph.up(one) for one in policy.ask(tick, now)])
+        for tick in TICKS
+    }
+
+
+class TestAnyBelief:
+    @given(st.data())
+    def test_signals_consequences_and_what_can_be_done(
+        self, data: st.DataObject
+    ) -> None:
+        body = data.draw(bodies())
+        graph, state = data.draw(beliefs(body))
+        edges = edges_of(graph)
+        repertoire = Repertoire(body)
+        signals = repertoire.signals(as_array(state, graph.sensors))
+        expected = [agents.signal(body, taken, state) for taken in agents.choices(body)]
+        assert [set(one) for one in signals] == expected
+        closures = [graph.up(one) for one in signals]
+        assert [as_set(one) for one in guaranteed(closures)] == [
+            agents.bound(edges, one) for one in expected
+        ]
+        able = as_set(repertoire.admissible(closures))
+        assert able == agents.possible(body, edges, state)
+
+    @given(st.data())
+    def test_without_context_what_can_be_done_are_vertices_of_the_actions_dual(
+        self, data: st.DataObject
+    ) -> None:
+        body = data.draw(bodies())
+        body = Body(
+            own=body.own,
+            actions=body.actions,
+            exclusive=False,
+            senses_actions=True,
+        )
+        graph, state = data.draw(beliefs(body))
+        order = oracles.below_or_equal(len(graph), edges_of(graph))
+        vertices = {
+            number
+            for number, taken in enumerate(agents.choices(body))
+            if oracles.coherent(order, agents.selection(body, taken))
+        }
+        repertoire = Repertoire(body)
+        signals = repertoire.signals(as_array(state, graph.sensors))
+        able = as_set(repertoire.admissible([graph.up(one) for one in signals]))
+        assert able == (vertices or set(range(2 ** len(body.actions))))
+
+    @given(st.data())
+    def test_the_plan_is_the_reduced_target_propagated(
+        self, data: st.DataObject
+    ) -> None:
+        graph = data.draw(graphs())
+        edges = edges_of(graph)
+        state = graph.coherent_projection(data.draw(subsets(graph)))
+        target = data.draw(subsets(graph))
+        plan = subgoals(state, graph.up(target))
+        reduced = graph.coherent_projection(target)
+        assert as_set(plan) == as_set(graph.propagate(state, reduced))
+        assert as_set(plan) == agents.plan(edges, as_set(state), target)
+        assert graph.is_coherent(plan)
+        if graph.is_coherent(target):
+            assert target <= as_set(plan)
+
+    @given(st.data())
+    def test_the_planner_takes_what_guarantees_most_of_the_plan(
+        self, data: st.DataObject
+    ) -> None:
+        body = data.draw(bodies("better"))
+        graph, state = data.draw(beliefs(body))
+        sides = st.sampled_from([0, 1, None])
+        target = {
+            2 * sensor + side
+            for sensor in range(len(body.own))
+            for side in [data.draw(sides)]
+            if side is not None
+        } or {data.draw(st.integers(0, 2 * len(body.own) - 1))}
+        best = agents.planned(body, edges_of(graph), state, target)
+        policy = Planner(body, sorted(target), data.draw(st.integers(0, 9)), 0.0)
+        taken = {action for action, _ in decided(policy, graph, state)}
+        assert taken <= best
+        assert len(best) > 3 or taken == best
+
+    @given(st.data())
+    def test_the_excited_take_better_or_failing_that_not_worse(
+        self, data: st.DataObject
+    ) -> None:
+        body = data.draw(bodies("better", "worse"))
+        graph, state = data.draw(beliefs(body))
+        why, options = agents.driven(body, edges_of(graph), state)
+        policy = Excited(body, data.draw(st.integers(0, 9)), 0.0)
+        found = decided(policy, graph, state)
+        taken = {action for action, _ in found}
+        assert taken <= options
+        assert len(options) > 3 or taken == options
+        (said,) = {reason for _, reason in found}
+        assert (
+            said
+            == {
+                "better": "guarantees better",
+                "worse*": "guarantees worse*; nothing guarantees better",
+                "nothing": "at random: nothing guarantees better or worse*",
+            }[why]
+        )
+
+
+@st.composite
+def worlds(draw: st.DrawFn) -> tuple[Body, Moves, Fields]:
+    """Draw places with moves and fields, and a body with some of the contexts."""
+    body = draw(bodies())
+    places = draw(st.integers(1, 4))
+    place = st.integers(0, places - 1)
+    row = st.lists(place, min_size=places, max_size=places)
+    field = st.lists(st.booleans(), min_size=places, max_size=places)
+    count, own = len(body.choices), len(body.own)
+    moves = draw(st.lists(row, min_size=count, max_size=count))
+    fields = draw(st.lists(field, min_size=own, max_size=own))
+    return body, moves, fields
+
+
+@settings(max_examples=60)
+@given(worlds())
+def test_what_is_guaranteed_by_the_truth_happens(
+    world: tuple[Body, Moves, Fields],
+) -> None:
+    body, moves, fields = world
+    graph = known(*world)
+    for place in range(len(moves[0])):
+        # What the last step was has no say in what the next one leads to.
+        now = agents.complete(agents.view(fields, place))
+        signals = Repertoire(body).signals(as_array(now, graph.sensors))
+        promises = guaranteed([graph.up(one) for one in signals])
+        for choice, promise in enumerate(promises):
+            assert as_set(promise) <= agents.happens(body, moves, fields, place, choice)
+
+
+class Loop:
+    """An agent by hand: the definitions one after the other, over plain sets."""
+
+    def __init__(self, body: Body, threshold: float) -> None:
+        self.body = body
+        self.threshold = threshold
+        self.seen: list[list[bool]] = []
+        self.taken: set[int] | None = None
+        self.state: set[int] = set()
+        self.edges: oracles.Edges = set()
+
+    def observe(self, bits: list[bool]) -> None:
+        self.seen.append(agents.sensed(self.body, bits, self.taken, self.state))
+        n, clock = 2 * len(self.body.sensors), len(self.seen)
+        weights = oracles.counted(n, self.seen)
+        self.edges = oracles.implied(
+            n, weights, lambda i, j: self.threshold * clock
+        ) | oracles.equal(n, weights)
+        raw = agents.complete(self.seen[-1])
+        self.state = oracles.projected(self.edges, raw)
+
+    def take(self, options: set[int], draw: float) -> int:
+        choice = sorted(options)[int(draw * len(options))]
+        self.taken = agents.choices(self.body)[choice]
+        return choice
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("exclusive", [True, False])
+def test_an_agent_is_the_loop_by_hand(kind: AgentKind, exclusive: bool) -> None:
+    # Three places in a line, x and y towards the ends, together or neither: nowhere.
+    body = Body.full(
+        ["low", "better", "worse"], ["x", "y"], [0, 1, 1], exclusive=exclusive
+    )
+    target = ["low*"] if kind == "planner" else []
+    seed, explore, threshold = 5, 0.2, 0.25
+    policy = new_policy(kind, body, seed, target=target, explore=explore)
+    snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
+    agent, loop = Agent(body, policy, snapshot), Loop(body, threshold)
+    draws, place, change = Draws(seed), 1, 0
+    reasons = set()
+    for tick in range(1, 61):
+        if tick == 30:
+            agent.begin()
+            loop.taken, place, change = None, 0, 0
+        bits = [place == 0, change > 0, change < 0]
+        decision = agent.act(bits)
+        loop.observe(bits)
+        assert as_set(agent.state) == loop.state
+        pick, chance, *_ = draws.at(tick)
+        able = agents.possible(body, loop.edges, loop.state)
+        if kind == "walker":
+            options = set(range(len(body.choices)))
+        elif kind == "excited":
+            why, options = agents.driven(body, loop.edges, loop.state)
+            options = able if why == "worse*" and chance < explore else options
+        else:
+            goal = {1}
+            options = agents.planned(body, loop.edges, loop.state, goal)
+            options = able if chance < explore else options
+        for number, taken in enumerate(agents.choices(body)):
+            expected = agents.bound(loop.edges, agents.signal(body, taken, loop.state))
+            assert as_set(agent.consequences(number)) == expected
+        assert (decision.tick, decision.action) == (tick, loop.take(options, pick))
+        assert decision == agent.decision
+        reasons.add(decision.why)
+        step = sum(1 - 2 * action for action in loop.taken or ())
+        after = min(2, max(0, place + step))
+        place, change = after, after - place
+    assert len(reasons) > (1 if kind != "walker" else 0)

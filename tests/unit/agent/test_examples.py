@@ -1,0 +1,243 @@
+"""The paper's examples of acting, with relations known and not learned.
+
+The truth is found by looking at every action at every place.
+"""
+
+import pytest
+
+from neurosnap.agent.context import Body
+from neurosnap.agent.excited import Excited
+from neurosnap.agent.planner import Planner, subgoals
+from neurosnap.agent.policy import Policy
+from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.poc.graph import PocGraph
+from neurosnap.sensorium import Sensorium
+from tests.property import agent_oracles as agents
+from tests.property.agent_oracles import Fields, Moves, as_array, known
+from tests.property.strategies import as_set
+
+
+def promised(body: Body, graph: PocGraph, now: set[int]) -> list[set[int]]:
+    signals = Repertoire(body).signals(as_array(now, graph.sensors))
+    return [as_set(one) for one in guaranteed([graph.up(one) for one in signals])]
+
+
+LENGTH = 5  # the paper's figure of the path with motion
+
+
+def path(places: int) -> tuple[Body, Moves, Fields]:
+    """[GK] discrete path with motion: ``a_k`` is on iff the place is below `k`."""
+    last, own = places - 1, [f"a{k}" for k in range(1, places)]
+    moves = [
+        [min(last, x + 1) for x in range(places)],
+        [max(0, x - 1) for x in range(places)],
+        list(range(places)),
+    ]
+    fields = [[x < k for x in range(places)] for k in range(1, places)]
+    return Body.full(own, ["forward", "back", "wait"]), moves, fields
+
+
+def cycle(places: int) -> tuple[Body, Moves, Fields]:
+    """[GK] agent on a circular rail: a beacon is on at its place and next to it."""
+    own = [f"near{k}" for k in range(places)]
+    moves = [
+        [(x + 1) % places for x in range(places)],
+        [(x - 1) % places for x in range(places)],
+    ]
+    fields = [
+        [(x - k) % places in (0, 1, places - 1) for x in range(places)]
+        for k in range(places)
+    ]
+    return Body.full(own, ["forward", "back"]), moves, fields
+
+
+class TestDiscretePathWithMotion:
+    """[GK] "Example: discrete path with motion", and the same revisited."""
+
+    body, moves, fields = path(LENGTH + 1)
+    graph = known(body, moves, fields)
+    names = Sensorium(body.sensors)
+
+    def leq(self, a: str, b: str) -> bool:
+        return self.graph.leq(self.names.literal(a), self.names.literal(b))
+
+    def test_without_context_the_relations_are_the_papers_and_no_others(self) -> None:
+        own, actions = self.body.own, self.body.actions
+        bare = Body(own=own, actions=actions, senses_actions=True)
+        literal = Sensorium(bare.sensors).literal
+        generators = [
+            *((f"a{k}", f"a{k + 1}") for k in range(1, LENGTH)),
+            *[("forward", "back*"), ("back", "wait*"), ("wait", "forward*")],
+            *[("forward", "a1*"), ("back", f"a{LENGTH}")],
+        ]
+        count = len(bare.sensors)
+        papers = PocGraph.from_implications(
+            count, [(literal(a), literal(b)) for a, b in generators]
+        )
+        true = known(bare, self.moves, self.fields)
+        for a in range(2 * count):
+            for b in range(2 * count):
+                assert papers.leq(a, b) == true.leq(a, b), (a, b)
+
+    def test_steps_in_context_lead_to_the_next_place(self) -> None:
+        assert self.leq("forward&~a2", "a3*")
+        assert self.leq("back&a4", "a3")
+        for k in range(1, LENGTH):
+            assert self.leq(f"forward&~a{k}", f"a{k + 1}*")
+            assert self.leq(f"back&a{k + 1}", f"a{k}")
+
+    def test_to_reach_what_is_far_it_has_to_reach_what_is_near(self) -> None:
+        assert self.leq("a5*", "a2*")
+        assert not self.leq("a2*", "a5*")
+
+    @pytest.mark.parametrize("place", range(LENGTH + 1))
+    @pytest.mark.parametrize("choice", range(3))
+    def test_what_is_guaranteed_is_all_of_the_place_that_is_reached(
+        self, place: int, choice: int
+    ) -> None:
+        now = agents.complete(agents.view(self.fields, place))
+        promise = promised(self.body, self.graph, now)[choice]
+        happens = agents.happens(self.body, self.moves, self.fields, place, choice)
+        assert promise <= happens
+        position = agents.position(self.body)
+        assert promise & position == happens & position
+
+    @pytest.mark.parametrize("goal", range(2 * LENGTH))
+    def test_the_planner_walks_straight_to_any_half_of_the_path(
+        self, goal: int
+    ) -> None:
+        halves = [
+            x
+            for x in range(LENGTH + 1)
+            if goal in agents.complete(agents.view(self.fields, x))
+        ]
+        policy = Planner(self.body, [goal], seed=1, explore=0.0)
+        for start in range(LENGTH + 1):
+            walked = self.walk(policy, start, 3 * LENGTH)
+            distance = min(abs(start - x) for x in halves)
+            step = 1 if start < halves[0] else -1
+            straight = [start + step * k for k in range(distance + 1)]
+            # Once there it waits: no other action keeps all that it has.
+            assert walked == straight + [straight[-1]] * (3 * LENGTH - distance)
+
+    @pytest.mark.parametrize("goal", range(1, LENGTH))
+    def test_a_target_of_two_sensations_is_reached_jointly(self, goal: int) -> None:
+        target = [f"a{goal}*", f"a{goal + 1}"]
+        policy = Planner(self.body, target, seed=1, explore=0.0)
+        for start in range(LENGTH + 1):
+            assert self.walk(policy, start, LENGTH)[-1] == goal
+
+    def walk(self, policy: Policy, start: int, steps: int) -> list[int]:
+        walked = [start]
+        for tick in range(1, steps + 1):
+            now = as_array(
+                agents.complete(agents.view(self.fields, walked[-1])),
+                self.graph.sensors,
+            )
+            answers = [self.graph.up(one) for one in policy.ask(tick, now)]
+            action, _ = policy.decide(tick, now, answers)
+            walked.append(self.moves[action][walked[-1]])
+        return walked
+
+
+class TestCircularRail:
+    """[GK] "Example: Agent on a Circular Rail"."""
+
+    places = 8
+    body, moves, fields = cycle(places)
+    graph = known(body, moves, fields)
+    names = Sensorium(body.sensors)
+
+    def near(self, *places: int) -> set[int]:
+        return {2 * (place % self.places) for place in places}
+
+    def test_the_relations_among_beacons_are_the_papers(self) -> None:
+        for i in range(self.places):
+            for j in range(self.places):
+                far = min((i - j) % self.places, (j - i) % self.places) > 2
+                assert self.graph.leq(2 * i, 2 * j + 1) == far
+                assert self.graph.leq(2 * i, 2 * j) == (i == j)
+
+    def test_steps_in_context_lead_to_the_next_beacon(self) -> None:
+        literal = self.names.literal
+        for i in range(self.places):
+            ahead, behind = (i + 1) % self.places, (i - 1) % self.places
+            assert self.graph.leq(literal(f"forward&near{i}"), literal(f"near{ahead}"))
+            assert self.graph.leq(literal(f"back&near{i}"), literal(f"near{behind}"))
+
+    @pytest.mark.parametrize("place", range(8))
+    def test_what_is_guaranteed_has_the_neighbouring_beacons(self, place: int) -> None:
+        now = agents.complete(agents.view(self.fields, place))
+        forward, back = promised(self.body, self.graph, now)
+        assert self.near(place, place + 1, place + 2) <= forward
+        assert self.near(place - 2, place - 1, place) <= back
+        for choice, promise in enumerate((forward, back)):
+            happens = agents.happens(self.body, self.moves, self.fields, place, choice)
+            assert promise <= happens
+
+    def test_the_plan_wants_to_cross_the_circle_where_there_is_no_way(self) -> None:
+        # U_3 and U_9 meet neither U_0 nor U_6 and separate 0 from 6, so the plan wants
+        # both to stay off; yet one of them is on somewhere on either way.
+        places = 12
+        body, moves, fields = cycle(places)
+        graph = known(body, moves, fields)
+        now = agents.complete(agents.view(fields, 0))
+        plan = subgoals(as_array(now, graph.sensors), graph.up([2 * 6]))
+        between = {2 * 3 + 1, 2 * 9 + 1}
+        assert between <= as_set(plan)
+        for side in (range(7), [0, *range(11, 5, -1)]):
+            views = [agents.complete(agents.view(fields, x)) for x in side]
+            assert not all(between <= view for view in views)
+
+
+def sniffed(
+    world: tuple[Body, Moves, Fields], target: int
+) -> tuple[Body, list[list[int]]]:
+    """A body that senses a target, and how each step changes the distance to it."""
+    body, moves, _ = world
+    sniffing = Body.full(
+        (*body.own, "better", "worse"),
+        body.actions,
+        (*(0 for _ in body.own), 1, 1),
+    )
+    distance: dict[int, int] = {}
+    reached = {target}
+    for steps in range(len(moves[0])):
+        distance |= dict.fromkeys(reached - set(distance), steps)
+        reached |= {x for row in moves for x, y in enumerate(row) if y in reached}
+    change = [[distance[y] - distance[x] for x, y in enumerate(row)] for row in moves]
+    return sniffing, change
+
+
+@pytest.mark.parametrize("world", [path(LENGTH + 1), cycle(8)], ids=["path", "cycle"])
+def test_the_excited_who_know_the_truth_walk_straight_to_the_target(
+    world: tuple[Body, Moves, Fields],
+) -> None:
+    # [GK] "the guarantee of the agents finding their targets is absolute".
+    _, moves, fields = world
+    places = range(len(moves[0]))
+    for target in places:
+        body, change = sniffed(world, target)
+        seen = []
+        for choice, row in enumerate(moves):
+            for x, y in enumerate(row):
+                smell = [change[choice][x] < 0, change[choice][x] > 0]
+                before = agents.complete([*agents.view(fields, x), False, False])
+                bits = [*agents.view(fields, y), *smell]
+                taken = agents.choices(body)[choice]
+                seen.append(agents.complete(agents.sensed(body, bits, taken, before)))
+        truth = agents.truth(body, seen)
+        graph = PocGraph.from_implications(len(body.sensors), truth)
+        policy = Excited(body, seed=2, explore=0.0)
+        for place in places:
+            if place == target:
+                continue
+            now = agents.complete([*agents.view(fields, place), False, False])
+            for tick in range(20):
+                answers = [
+                    graph.up(one)
+                    for one in policy.ask(tick, as_array(now, graph.sensors))
+                ]
+                action, why = policy.decide(tick, as_array(now, graph.sensors), answers)
+                assert why == "guarantees better"
+                assert change[action][place] < 0

@@ -1,0 +1,194 @@
+"""Sensors of any order: what they read along a trajectory, and what they refuse."""
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.agent.sensor import (
+    Sensor,
+    Trajectory,
+    decreased,
+    increased,
+    one_hot,
+    thresholds,
+)
+from neurosnap.errors import InvalidValueError, ShapeError
+
+
+def second(pair: tuple[int, int]) -> int:
+    return pair[1]
+
+
+def names(sensors: tuple[Sensor, ...]) -> list[str]:
+    return [sensor.name for sensor in sensors]
+
+
+@given(
+    orders=st.lists(st.integers(0, 4), max_size=5),
+    walks=st.lists(st.lists(st.integers(0, 3), min_size=1, max_size=8), max_size=3),
+)
+def test_a_sensor_reads_as_many_states_as_its_order_says(
+    orders: list[int], walks: list[list[int]]
+) -> None:
+    heard: list[tuple[int, ...]] = []
+
+    def listener(*states: int) -> bool:
+        heard.append(states)
+        return sum(states) % 2 == 1
+
+    trajectory = Trajectory(Sensor(f"s{k}", listener, n) for k, n in enumerate(orders))
+    for walk in walks:
+        for t, state in enumerate(walk):
+            heard.clear()
+            bits = trajectory.extend(state) if t else trajectory.begin(state)
+            past = [walk[0]] * 4 + walk[: t + 1]
+            expected = [tuple(past[len(past) - 1 - n :]) for n in orders]
+            assert heard == expected
+            assert bits.dtype == np.bool_
+            assert bits.tolist() == [sum(states) % 2 == 1 for states in expected]
+
+
+def test_the_first_state_may_come_without_a_beginning() -> None:
+    trajectory = Trajectory([increased("up")])
+    assert trajectory.extend(3).tolist() == [False]
+    assert trajectory.extend(4).tolist() == [True]
+
+
+def test_a_new_beginning_forgets_what_was() -> None:
+    trajectory = Trajectory([increased("up"), decreased("down")])
+    trajectory.begin(5)
+    assert trajectory.extend(9).tolist() == [True, False]
+    assert trajectory.begin(2).tolist() == [False, False]
+    assert trajectory.extend(1).tolist() == [False, True]
+
+
+def test_a_buffer_that_is_used_again_is_no_matter() -> None:
+    buffer = np.array([1])
+    trajectory = Trajectory([increased("up", of=lambda state: state[0])])
+    trajectory.begin(buffer)
+    buffer[0] = 2
+    assert trajectory.extend(buffer).tolist() == [True]
+    buffer[0] = 3
+    assert trajectory.extend(buffer).tolist() == [True]
+    assert trajectory.extend(buffer).tolist() == [False]
+
+
+def test_a_state_that_cannot_be_read_leaves_no_trace() -> None:
+    trajectory = Trajectory([increased("up", of=lambda state: 1 / state)])
+    trajectory.begin(4)
+    with pytest.raises(InvalidValueError):
+        trajectory.extend(0)
+    assert trajectory.extend(2).tolist() == [True]  # since 4, not since 0
+
+
+def test_no_sensors_have_no_readings() -> None:
+    assert Trajectory([]).begin("anywhere").shape == (0,)
+
+
+@pytest.mark.parametrize(
+    "bit", [True, 1, np.True_, np.int8(1), np.uint64(1)], ids=lambda bit: type(bit)
+)
+def test_an_answer_may_be_any_kind_of_bit(bit: object) -> None:
+    assert Sensor("on", lambda _: bit)(0) is True
+    zero = type(bit)(0)  # type: ignore[call-arg]
+    assert Sensor("off", lambda _: zero)(0) is False
+
+
+@pytest.mark.parametrize("answer", [2, -1, 1.0, None, "yes", np.array([True])])
+def test_an_answer_that_is_no_bit_is_refused(answer: Any) -> None:
+    sensor = Sensor("near", lambda before, after: answer, order=1)
+    with pytest.raises(InvalidValueError) as caught:
+        sensor(3, 4)
+    assert str(caught.value) == (
+        "sensor near: must answer with a bool, 0 or 1 "
+        f"(it did with {answer!r}), got (3, 4)"
+    )
+
+
+def test_a_predicate_that_raises_is_named_with_its_states() -> None:
+    sensor = Sensor("odd", lambda _: [][0])
+    with pytest.raises(
+        InvalidValueError, match=r"^sensor odd: must not raise"
+    ) as caught:
+        sensor((3, 4))
+    assert caught.value.value == ((3, 4),)
+    assert "IndexError" in caught.value.rule
+    assert isinstance(caught.value.__cause__, IndexError)
+
+
+@pytest.mark.parametrize("states", [(), (1,), (1, 2, 3)])
+def test_the_number_of_states_must_fit_the_order(states: tuple[int, ...]) -> None:
+    rule = rf"^sensor up: must be given 2 states, got {len(states)}$"
+    with pytest.raises(ShapeError, match=rule):
+        increased("up")(*states)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("", bool), r"^sensor name: must not be empty"),
+        (("near*", bool), r"^sensor name: must not end with \*"),
+        (("near", 3), r"^predicate: must be callable, got 3$"),
+        (("near", bool, -1), r"^order: must be a whole number from 0 up, got -1$"),
+        (("near", bool, True), r"^order: must be a whole number from 0 up, got True$"),
+        (("near", bool, 0.5), r"^order: must be a whole number from 0 up, got 0\.5$"),
+    ],
+)
+def test_a_sensor_that_makes_no_sense_is_refused(
+    arguments: tuple[Any, ...], message: str
+) -> None:
+    with pytest.raises(InvalidValueError, match=message):
+        Sensor(*arguments)
+
+
+def test_a_trajectory_wants_sensors_of_different_names() -> None:
+    with pytest.raises(InvalidValueError, match=r"^names: must be unique, got 'x=1'$"):
+        Trajectory([*one_hot("x", [1]), *one_hot("x", [1])])
+    wrong: Any = [len]
+    with pytest.raises(InvalidValueError, match=r"^sensors: must each be a Sensor"):
+        Trajectory(wrong)
+
+
+def test_thresholds_are_a_chain() -> None:
+    chain = thresholds("x", [1, 2.5, 4], of=second)
+    assert names(chain) == ["x<1", "x<2.5", "x<4"]
+    readings = [[sensor((9, x)) for sensor in chain] for x in range(5)]
+    assert readings == [
+        [True, True, True],
+        [False, True, True],
+        [False, True, True],
+        [False, False, True],
+        [False, False, False],
+    ]
+
+
+def test_one_hot_sensors_exclude_each_other() -> None:
+    sensors = one_hot("letter", "abc")
+    assert names(sensors) == ["letter=a", "letter=b", "letter=c"]
+    assert [[s(letter) for s in sensors] for letter in "bcz"] == [
+        [False, True, False],
+        [False, False, True],
+        [False, False, False],
+    ]
+
+
+@given(st.integers(), st.integers())
+def test_changes_are_of_the_last_step(before: int, after: int) -> None:
+    up, down = increased("up", of=second), decreased("down", of=second)
+    assert up.order == down.order == 1
+    assert up((0, before), (0, after)) == (after > before)
+    assert down((0, before), (0, after)) == (after < before)
+
+
+def test_what_is_made_alike_is_equal_and_can_be_pickled() -> None:
+    def made() -> tuple[Sensor, ...]:
+        return (*thresholds("x", [1, 2]), *one_hot("x", [1]), increased("up"))
+
+    assert made() == made()
+    assert pickle.loads(pickle.dumps(made())) == made()
+    assert thresholds("x", [1]) != thresholds("x", [1], of=second)
+    assert increased("x") != decreased("x")

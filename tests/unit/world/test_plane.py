@@ -1,0 +1,103 @@
+"""Grids, whole and with a hole: steps and coordinates against plain geometry."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from world.grid import GridWorld
+from world.plane import PlaneWorld
+from world.punctured_grid import PuncturedGridWorld
+
+CHANGES = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
+
+SIZES = [(3, 3), (4, 3), (3, 6), (6, 5), (11, 11)]
+
+HOLES = [
+    (width, height, hole)
+    for width, height in SIZES
+    for hole in itertools.product(range(1, width - 1), range(1, height - 1))
+]
+
+
+def check_steps(env: PlaneWorld, points: set[tuple[int, int]]) -> None:
+    """Every move leads to the point beside, or stays where there is none."""
+    at = [(int(x), int(y)) for x, y in env.coordinates]
+    assert len(at) == len(points)
+    assert set(at) == points
+    for action, row in zip(env.actions, env.moves, strict=True):
+        for (x, y), there in zip(at, row, strict=True):
+            right, up = CHANGES[action]
+            beside = (x + right, y + up)
+            assert at[there] == (beside if beside in points else (x, y))
+
+
+@pytest.mark.parametrize(("width", "height"), [(2, 2), (2, 5), *SIZES])
+def test_a_step_in_the_grid_leads_to_the_point_beside(width: int, height: int) -> None:
+    env = GridWorld(width, height)
+    check_steps(env, set(itertools.product(range(width), range(height))))
+    place = np.arange(width * height)
+    x, y = env.coordinates.T
+    np.testing.assert_array_equal(x + width * y, place)
+
+
+@pytest.mark.parametrize(("width", "height", "hole"), HOLES)
+def test_no_step_leads_onto_the_hole(
+    width: int, height: int, hole: tuple[int, int]
+) -> None:
+    env = PuncturedGridWorld(width, height, hole)
+    check_steps(env, set(itertools.product(range(width), range(height))) - {hole})
+
+
+@pytest.mark.parametrize(("width", "height", "hole"), HOLES)
+def test_all_places_around_a_hole_are_reached_and_only_they(
+    width: int, height: int, hole: tuple[int, int]
+) -> None:
+    env = PuncturedGridWorld(width, height, hole)
+    reached = {0}
+    while (grown := reached | set(env.moves[:, sorted(reached)].flat)) != reached:
+        reached = grown
+    assert reached == set(range(width * height - 1))
+
+
+@pytest.mark.parametrize(("width", "height", "hole"), HOLES)
+def test_with_a_hole_there_is_the_same_to_learn(
+    width: int, height: int, hole: tuple[int, int]
+) -> None:
+    punctured = PuncturedGridWorld(width, height, hole)
+    whole = GridWorld(width, height)
+    assert punctured.sensors == whole.sensors
+    assert punctured.implications == whole.implications
+
+
+def test_places_keep_the_order_they_have_without_the_hole() -> None:
+    whole = [tuple(row) for row in GridWorld(5, 4).coordinates]
+    whole.remove((3, 2))
+    punctured = PuncturedGridWorld(5, 4, (3, 2))
+    assert [tuple(row) for row in punctured.coordinates] == whole
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "middle"), [(11, 11, (5, 5)), (3, 3, (1, 1)), (4, 7, (2, 3))]
+)
+def test_the_hole_is_the_middle_unless_said(
+    width: int, height: int, middle: tuple[int, int]
+) -> None:
+    env = PuncturedGridWorld(width, height)
+    assert middle not in [tuple(row) for row in env.coordinates]
+
+
+def test_a_walk_is_told_where_it_is_and_never_in_the_hole() -> None:
+    env = PuncturedGridWorld(4, 3, hole=(1, 1))
+    _, info = env.reset(seed=1)
+    seen = set()
+    for action in np.random.default_rng(1).integers(4, size=400):
+        _, _, _, _, info = env.step(action)
+        assert env.coordinates[info["place"]].tolist() == [info["x"], info["y"]]
+        seen.add((info["x"], info["y"]))
+    assert seen == set(itertools.product(range(4), range(3))) - {(1, 1)}
+
+
+def test_coordinates_cannot_be_written_to() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        GridWorld().coordinates[0, 0] = 1

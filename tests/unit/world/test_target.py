@@ -1,0 +1,201 @@
+"""A target: distances by brute force, and two sensors that tell their change."""
+
+from collections import deque
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from world.cycle import CycleWorld
+from world.grid import GridWorld
+from world.path import PathWorld
+from world.places import World
+from world.punctured_grid import PuncturedGridWorld
+from world.random_fields import RandomFieldsWorld
+from world.target import Target, distances_to
+
+WORLDS = [
+    lambda: PathWorld(places=9, wait=True),
+    lambda: CycleWorld(places=8),
+    lambda: GridWorld(width=4, height=3, wait=True),
+    lambda: PuncturedGridWorld(width=5, height=4),
+    lambda: RandomFieldsWorld(places=6, sensors=3),
+]
+
+
+class Slide(World):
+    """0 → 1 → 2 → 2, one way only; 3 stays apart from all of them."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            sensors=("low",),
+            actions=("slide", "jump"),
+            moves=np.array([[1, 2, 2, 3], [0, 0, 2, 3]]),
+            fields=np.array([[True, True, False, False]]),
+            wait=False,
+        )
+
+
+def fewest_actions(moves: NDArray[np.intp], target: int) -> list[float]:
+    """One breadth-first search forwards from each place, as slowly as can be."""
+    found = []
+    for start in range(moves.shape[1]):
+        depth = {start: 0}
+        queue = deque([start])
+        while queue:
+            here = queue.popleft()
+            for there in moves[:, here].tolist():
+                if there not in depth:
+                    depth[there] = depth[here] + 1
+                    queue.append(there)
+        found.append(depth.get(target, float("inf")))
+    return found
+
+
+@st.composite
+def any_moves(draw: st.DrawFn) -> NDArray[np.intp]:
+    places = draw(st.integers(1, 8))
+    row = st.lists(st.integers(0, places - 1), min_size=places, max_size=places)
+    return np.array(draw(st.lists(row, min_size=1, max_size=3)))
+
+
+@given(any_moves(), st.data())
+def test_distances_are_the_fewest_actions_whatever_the_moves(
+    moves: NDArray[np.intp], data: st.DataObject
+) -> None:
+    target = data.draw(st.integers(0, moves.shape[1] - 1))
+    assert distances_to(moves, target).tolist() == fewest_actions(moves, target)
+
+
+@pytest.mark.parametrize("make", WORLDS)
+def test_distances_are_the_fewest_actions_in_every_world(make: Any) -> None:
+    env = make()
+    for target in range(env.moves.shape[1]):
+        expected = fewest_actions(env.moves, target)
+        assert Target(env, target).distances.tolist() == expected
+
+
+@pytest.mark.parametrize("make", WORLDS)
+@pytest.mark.parametrize("target", [None, 2])
+def test_better_and_worse_tell_how_the_distance_changed(
+    make: Any, target: int | None
+) -> None:
+    env = Target(make(), target)
+    actions = np.random.default_rng(4).integers(len(env.moves), size=(5, 80))
+    seen: set[tuple[int, ...]] = set()
+    for run in actions:
+        observation, info = env.reset(seed=None if seen else 4)
+        assert observation[-2:].tolist() == [0, 0]
+        distances = fewest_actions(env.moves, info["target"])
+        before = info["distance"]
+        assert before == distances[info["place"]]
+        for action in run:
+            observation, _, _, _, info = env.step(action)
+            now = distances[info["place"]]
+            scent = tuple(observation[-2:].tolist())
+            assert scent == (now < before, now > before)
+            assert info["distance"] == now
+            seen.add(scent)
+            before = now
+    assert {(1, 0), (0, 1)} <= seen
+
+
+def test_one_way_moves_are_counted_the_way_they_go() -> None:
+    inf = float("inf")
+    assert Target(Slide(), 2).distances.tolist() == [2, 1, 0, inf]
+    assert Target(Slide(), 0).distances.tolist() == [0, 1, inf, inf]
+
+
+def test_leaving_for_good_is_for_the_worse_and_wandering_there_is_neither() -> None:
+    env = Target(Slide(), 0)
+    seed = next(s for s in range(100) if env.reset(seed=s)[1]["place"] == 1)
+    env.reset(seed=seed)
+    observation, _, _, _, info = env.step(np.int64(0))
+    assert observation[-2:].tolist() == [0, 1]
+    assert info["distance"] == float("inf")
+    observation, *_ = env.step(np.int64(0))
+    assert observation[-2:].tolist() == [0, 0]
+
+
+def test_a_reset_forgets_the_step_before_it() -> None:
+    env = Target(PathWorld(places=3), 0)
+    for seed in range(20):
+        env.reset(seed=seed)
+        env.step(np.int64(seed % 2))
+        assert env.reset()[0][-2:].tolist() == [0, 0]
+
+
+def test_a_drawn_target_is_drawn_after_the_start_from_the_same_numbers() -> None:
+    env, bare = Target(PathWorld()), PathWorld()
+    for reset in range(50):
+        seed = 5 if reset == 0 else None
+        _, info = env.reset(seed=seed)
+        _, expected = bare.reset(seed=seed)
+        assert info["place"] == expected["place"]
+        assert info["target"] == env.target == bare.np_random.integers(21)
+
+
+def test_drawn_targets_cover_the_places_and_given_ones_stay() -> None:
+    env, given_one = Target(PathWorld()), Target(PathWorld(), 5)
+    env.reset(seed=1)
+    assert {env.reset()[1]["target"] for _ in range(500)} == set(range(21))
+    assert {given_one.reset()[1]["target"] for _ in range(20)} == {5}
+
+
+def test_a_target_that_is_to_be_drawn_does_not_exist_before_a_reset() -> None:
+    env = Target(PathWorld())
+    with pytest.raises(ResetNeeded, match=r"^target: "):
+        _ = env.target
+    with pytest.raises(ResetNeeded, match=r"^distances: "):
+        _ = env.distances
+    with pytest.raises(ResetNeeded):
+        env.step(np.int64(0))
+
+
+def test_a_given_target_is_there_before_a_reset_but_a_step_is_not() -> None:
+    env = Target(PathWorld(places=3), 2)
+    assert env.target == 2
+    assert env.distances.tolist() == [2, 1, 0]
+    with pytest.raises(ResetNeeded):
+        env.step(np.int64(0))
+
+
+@pytest.mark.parametrize("target", [-1, 3, 1.0, True, "drawn", (1,)])
+def test_a_target_that_is_no_place_is_refused(target: Any) -> None:
+    rule = r"^target: must be a place in 0\.\.2, or drawn, got "
+    with pytest.raises(InvalidValueError, match=rule):
+        Target(PathWorld(places=3), target)
+
+
+def test_wrappers_that_alter_nothing_may_be_between() -> None:
+    env = Target(gymnasium.make("neurosnap/Path-v0", places=3), 2)
+    env.reset(seed=0)
+    assert env.distances.tolist() == [2, 1, 0]
+
+
+@pytest.mark.parametrize(
+    "env",
+    [
+        None,
+        "neurosnap/Path-v0",
+        gymnasium.make("CartPole-v1"),
+        Target(PathWorld(), 3),
+        gymnasium.wrappers.TransformAction(
+            PathWorld(), lambda action: action, gymnasium.spaces.Discrete(1)
+        ),
+    ],
+)
+def test_what_is_no_world_or_shows_it_otherwise_is_refused(env: Any) -> None:
+    with pytest.raises(InvalidValueError, match=r"^env: must be a World, .*, got "):
+        Target(env, 0)
+
+
+def test_distances_cannot_be_written_to() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        Target(PathWorld(), 3).distances[0] = 1

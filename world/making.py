@@ -1,0 +1,62 @@
+"""What `gymnasium.make` calls: every world, bare or with a target.
+
+A world that is asked for with a target comes with the action ``wait`` unless that is
+declined: an agent that has found its target must be able to stay.
+"""
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeAlias
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from world.cycle import CycleWorld
+from world.grid import GridWorld
+from world.path import PathWorld
+from world.places import World
+from world.punctured_grid import PuncturedGridWorld
+from world.random_fields import RandomFieldsWorld
+from world.target import Target
+
+Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]
+"""A world, or one with a target."""
+
+
+def _maker(
+    kind: Callable[..., World], *, waits: bool = False, **defaults: int
+) -> Callable[..., Made]:
+    def make(
+        *,
+        target: int | Literal["drawn"] | None = None,
+        wait: bool | None = None,
+        **arguments: Any,  # noqa: ANN401 - whatever the kind takes
+    ) -> Made:
+        """Return a world of this kind.
+
+        Args:
+            target: A place, or ``"drawn"``: one drawn at every reset. None: there is
+                no target, and the world is bare.
+            wait: Whether there is an action that stays. None: where there is a target,
+                and in a kind that has it of itself.
+            arguments: The kind's own.
+
+        Raises:
+            InvalidValueError: An argument breaks its rule.
+        """
+        if wait is None:
+            wait = waits or target is not None
+        world = kind(wait=wait, **{**defaults, **arguments})
+        if target is None:
+            return world
+        return Target(world, None if target == "drawn" else target)
+
+    return make
+
+
+path = _maker(PathWorld)
+cycle = _maker(CycleWorld)
+grid = _maker(GridWorld)
+random_fields = _maker(RandomFieldsWorld)
+punctured_grid = _maker(PuncturedGridWorld)
+rail = _maker(CycleWorld, waits=True, places=24)

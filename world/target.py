@@ -1,0 +1,237 @@
+"""A target to find: two sensors tell whether the last step came nearer to it.
+
+They sense a transition and nothing else, neither how far the target is nor where. Far
+and near are counted in actions, along the shortest way that the world's moves allow.
+"""
+
+from typing import Any, SupportsFloat
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import MultiBinary
+from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from world.places import World, frozen, is_whole
+
+
+class Target(
+    gymnasium.Wrapper[NDArray[np.int8], np.int64, NDArray[np.int8], np.int64],
+    RecordConstructorArgs,
+):
+    """A world with a target, for excitation-driven agents.
+
+    Description:
+        The world as it is, and one of its places the target. Being there ends nothing.
+
+    Sensors:
+        The world's own, then ``better`` and ``worse``: on iff the last step lowered or
+        raised the distance to the target. Both are off after a reset, and after a step
+        that leaves the distance as it was. Observations are ``MultiBinary(N + 2)``.
+
+    Actions:
+        The world's.
+
+    Start:
+        The world's. Then, where the target is to be drawn, a place is drawn uniformly
+        from the same random numbers; it may be the start.
+
+    Reward:
+        Always 0.0.
+
+    End:
+        Never.
+
+    Info:
+        The world's, and ``target``: the place; ``distance``: the fewest actions that
+        lead there, a float, ``inf`` where none do.
+
+    Arguments:
+        env: A `World`, or one in wrappers that leave its observations and its actions
+            as they are.
+        target: The number of a place; None: it is drawn at every reset.
+
+    Attributes:
+        sensors: The sensors' names, in the order of the observation.
+        orders: How many steps each sensor looks back: 0, for the two last 1.
+
+    Raises:
+        InvalidValueError: `env` or `target` is something else.
+
+    References:
+        [GK] "Closing the Loop: Excitation-Driven Navigation".
+
+    Versions:
+        As the world's.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[NDArray[np.int8], np.int64],
+        target: int | None = None,
+    ) -> None:
+        RecordConstructorArgs.__init__(self, target=target)
+        self._world = _world(env)
+        super().__init__(env)
+        places = self._world.moves.shape[1]
+        if target is not None and not (is_whole(target) and 0 <= target < places):
+            rule = f"must be a place in 0..{places - 1}, or drawn"
+            raise InvalidValueError("target", rule, target)
+        self.sensors = (*self._world.sensors, "better", "worse")
+        self.orders = (*self._world.orders, 1, 1)
+        self.observation_space = MultiBinary(len(self.sensors))
+        self._is_drawn = target is None
+        self._target: int | None = None
+        self._distances = np.empty(0)
+        self._distance = np.nan
+        if target is not None:
+            self._aim(int(target))
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """The names of the world's actions."""
+        return self._world.actions
+
+    @property
+    def moves(self) -> NDArray[np.intp]:
+        """Where the world's actions lead: ``(actions, places)``, read-only."""
+        return self._world.moves
+
+    @property
+    def fields(self) -> NDArray[np.bool_]:
+        """Where each of the world's sensors is on: ``(N, places)``, read-only.
+
+        Raises:
+            ResetNeeded: They are drawn at a reset, and there was none.
+        """
+        return self._world.fields
+
+    @property
+    def implications(self) -> list[tuple[str, str]]:
+        """The true implications between literals of the world's own sensors, by name.
+
+        Raises:
+            ResetNeeded: As for `fields`.
+        """
+        return self._world.implications
+
+    @property
+    def target(self) -> int:
+        """The place that is the target now.
+
+        Raises:
+            ResetNeeded: It is drawn at a reset, and there was none.
+        """
+        if self._target is None:
+            raise ResetNeeded("target: is drawn at a reset, and there was none")
+        return self._target
+
+    @property
+    def distances(self) -> NDArray[np.float64]:
+        """How far each place is from the target now: ``(places,)``, read-only.
+
+        In actions, as `distances_to` counts them.
+
+        Raises:
+            ResetNeeded: As for `target`.
+        """
+        if self._target is None:
+            raise ResetNeeded("distances: are from a target drawn at a reset")
+        return self._distances
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.int8], dict[str, Any]]:
+        """Reset the world, then draw the target where it is to be drawn.
+
+        Args:
+            seed: Starts the world's random numbers over; None goes on with them.
+            options: The world's.
+
+        Returns:
+            The observation, with ``better`` and ``worse`` off, and the info.
+        """
+        observation, info = self.env.reset(seed=seed, options=options)
+        if self._is_drawn:
+            self._aim(int(self._world.np_random.integers(self.moves.shape[1])))
+        self._distance = np.nan  # neither more nor less than any
+        return self._sensed(observation, info)
+
+    def step(
+        self, action: np.int64
+    ) -> tuple[NDArray[np.int8], SupportsFloat, bool, bool, dict[str, Any]]:
+        """Move in the world.
+
+        Args:
+            action: Which move; counts from 0.
+
+        Returns:
+            What the world returns, with ``better`` and ``worse``.
+
+        Raises:
+            InvalidValueError: There is no such action.
+            ResetNeeded: There was no reset before.
+        """
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        observation, info = self._sensed(observation, info)
+        return observation, reward, terminated, truncated, info
+
+    def _aim(self, target: int) -> None:
+        self._target = target
+        self._distances = frozen(distances_to(self.moves, target))
+
+    def _sensed(
+        self, observation: NDArray[np.int8], info: dict[str, Any]
+    ) -> tuple[NDArray[np.int8], dict[str, Any]]:
+        """Add to what the world says what is sensed of the target."""
+        before, self._distance = self._distance, float(self._distances[info["place"]])
+        scent = [self._distance < before, self._distance > before]
+        told = {**info, "target": self._target, "distance": self._distance}
+        return np.concatenate([observation, np.array(scent, dtype=np.int8)]), told
+
+
+def distances_to(moves: NDArray[np.intp], target: int) -> NDArray[np.float64]:
+    """Return the fewest actions that lead from each place to the target.
+
+    Moves need no way back: what counts is the way there. A place from which no actions
+    lead to the target is infinitely far, so a step to it from elsewhere is for the
+    worse and a step between two of them is neither.
+
+    Args:
+        moves: ``(actions, places)``; where an action leads from a place.
+        target: The number of a place.
+
+    Returns:
+        ``(places,)``, whole numbers from 0 up or ``inf``. Takes a pass over `moves` for
+        each distance there is.
+    """
+    distances = np.full(moves.shape[1], np.inf)
+    distances[target] = distance = 0
+    found = np.isfinite(distances)
+    while True:
+        # Backwards, all at once: the places from which one action leads to a found one.
+        nearest = found[moves].any(axis=0) & ~found
+        if not nearest.any():
+            return distances
+        distance += 1
+        distances[nearest] = distance
+        found |= nearest
+
+
+def _world(env: gymnasium.Env[NDArray[np.int8], np.int64]) -> World:
+    """Return the world that `env` shows unaltered.
+
+    Raises:
+        InvalidValueError: It shows none, or shows it otherwise.
+    """
+    world = getattr(env, "unwrapped", None)
+    if (
+        not isinstance(world, World)
+        or env.observation_space != world.observation_space
+        or env.action_space != world.action_space
+    ):
+        rule = "must be a World, its observations and actions unaltered"
+        raise InvalidValueError("env", rule, env)
+    return world
