@@ -1,10 +1,9 @@
 """Any Gymnasium environment, seen through binary sensors.
 
 `BinarySensors` gives what `Sensor` predicates read along the trajectory instead of the
-environment's own observation. `Continuing` makes one trajectory of all episodes. Put
-around each other in this order, a reset is a transition like any other:
-``BinarySensors(Continuing(env), sensors)``. The other way around, the sensors begin
-anew with every episode.
+environment's own observation. Where episodes follow each other
+(`neurosnap.source.Continuing`), every one of them is a trajectory of its own, whichever
+of the two wrappers is around the other.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -14,7 +13,6 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Discrete, MultiBinary
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.wrappers import Autoreset
 from numpy.typing import NDArray
 
 from neurosnap.agent.sensor import Sensor, Trajectory
@@ -30,8 +28,9 @@ class BinarySensors(
 ):
     """An environment that shows the readings of binary sensors.
 
-    Observations are ``MultiBinary(N)``. A reset begins a trajectory, a step extends it
-    ([GK] "Observation Model for DBAs").
+    Observations are ``MultiBinary(N)``. A reset begins a trajectory, and so does a step
+    whose info has `begins`; any other step extends it ([GK] "Observation Model for
+    DBAs").
 
     Args:
         env: With a ``Discrete`` action space.
@@ -114,44 +113,13 @@ class BinarySensors(
         self,
         action: Any,  # noqa: ANN401 - the environment knows
     ) -> tuple[NDArray[np.int8], SupportsFloat, bool, bool, dict[str, Any]]:
-        """Step the environment and extend the trajectory.
+        """Step the environment and extend the trajectory, or begin one.
 
         Raises:
             InvalidValueError: A predicate cannot read the state.
         """
         observation, reward, terminated, truncated, info = self.env.step(action)
-        readings = self._trajectory.extend(self.state_of(observation, info))
+        begins = info.get("begins", False)
+        enter = self._trajectory.begin if begins else self._trajectory.extend
+        readings = enter(self.state_of(observation, info))
         return readings.astype(np.int8), reward, terminated, truncated, info
-
-
-class Continuing(Autoreset):
-    """An environment that goes on: the step after an episode's end begins the next.
-
-    As in `gymnasium.wrappers.Autoreset`: that step resets, whatever the action is, with
-    reward 0.0. But no end is ever reported. Info says `episode`, counted from 0 since
-    the last reset by the caller.
-
-    Args:
-        env: Whose episodes are to be one trajectory.
-    """
-
-    def __init__(self, env: Environment) -> None:
-        super().__init__(env)
-        self._episode = 0
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
-        """Reset the environment and count its episodes from 0."""
-        self._episode = 0
-        observation, info = super().reset(seed=seed, options=options)
-        return observation, {**info, "episode": self._episode}
-
-    def step(
-        self,
-        action: Any,  # noqa: ANN401 - the environment knows
-    ) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Step the environment, or reset it if its episode is over."""
-        self._episode += self.autoreset
-        observation, reward, _, _, info = super().step(action)
-        return observation, reward, False, False, {**info, "episode": self._episode}

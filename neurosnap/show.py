@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 from rich.markup import escape
@@ -18,13 +18,14 @@ from rich.progress import (
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
 
     from neurosnap.depth import Line
     from neurosnap.doctor import Finding
+    from neurosnap.experiment.run import FigureResults
     from neurosnap.record.replay import Verdict
     from neurosnap.swarm.options import RunOptions
     from neurosnap.swarm.probe import Measured
@@ -34,10 +35,8 @@ _MOST = 24  # implications shown; all of them are in `neurosnap graph`
 
 
 @contextmanager
-def progress(
-    screen: Console, what: str, total: int | None
-) -> Iterator[Callable[[int], None]]:
-    """Show a bar that follows the number the callback is told."""
+def progress(screen: Console, what: str, total: int | None) -> Iterator[OnProgress]:
+    """Show a bar that follows the number the callback is told, and the total."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -45,9 +44,43 @@ def progress(
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=screen, transient=True) as bar:
+    hidden = not screen.is_terminal
+    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
         task = bar.add_task(what, total=total)
-        yield lambda done: bar.update(task, completed=done)
+
+        def on_progress(done: int, of: int | None = None) -> None:
+            bar.update(task, completed=done, total=total if of is None else of)
+
+        yield on_progress
+
+
+class OnProgress(Protocol):
+    """Told how much is done, and where that is not known beforehand, of how much."""
+
+    def __call__(self, done: int, of: int | None = None) -> None:
+        """Show it."""
+
+
+def figures(console: Console, results: FigureResults) -> None:
+    """Say what figures were made, what was fitted, and what agrees with the paper."""
+    console.print(f"cells: {results.computed} computed, {results.reused} reused")
+    for figure in results.figures:
+        files = ", ".join(str(path) for path in figure.files)
+        console.print(f"\n{figure.title}: {files}", markup=False, soft_wrap=True)
+        for line in figure.lines:
+            console.print(f"  {line}", markup=False, soft_wrap=True)
+        for claim in figure.claims:
+            verdict = "holds" if claim.holds else "does not hold"
+            text = f"  {verdict}: {claim.says}: {claim.numbers}"
+            console.print(text, markup=False, soft_wrap=True)
+    if results.missing:
+        console.print(f"stopped: {results.missing} cells are still to be computed")
+
+
+def figure_facts(results: FigureResults) -> dict[str, object]:
+    """Return what came of the figures as one JSON object."""
+    facts: dict[str, object] = msgspec.to_builtins(results, enc_hook=str)
+    return facts
 
 
 def outcome_facts(

@@ -13,10 +13,11 @@ import warnings
 from collections.abc import Iterator, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, SupportsFloat, TypeAlias
 
 import gymnasium
 import numpy as np
+from gymnasium.wrappers import Autoreset
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.environment import describe, within
@@ -47,6 +48,8 @@ class Source(Protocol):
     """Exactly one of them is taken at each step."""
     length: int | None
     """Observations it has in all, the first included; None: no end is known."""
+    begins: bool
+    """The last observation begins a trajectory: it follows no action."""
 
     def first(self) -> NDArray[np.bool_]:
         """Start, or start over, and return the first observation: ``(N,)``."""
@@ -92,8 +95,9 @@ class GymnasiumSource:
     """The observations of an environment.
 
     What they are is told by `neurosnap.environment`; choices count from 0 here even
-    where the space starts elsewhere. An episode that terminates or is truncated is
-    over, and the observation that comes with its end is not given out.
+    where the space starts elsewhere. They go on from episode to episode: the
+    observation that comes with an episode's end is given out, and the next step begins
+    another episode, whatever the action is.
 
     Args:
         name: The environment's id.
@@ -110,8 +114,7 @@ class GymnasiumSource:
     ) -> None:
         self._name = name
         self._seed = seed
-        self._over = False
-        self._env = _make(name, {} if arguments is None else arguments)
+        self._env = Continuing(_make(name, {} if arguments is None else arguments))
         try:
             self._said = describe(name, self._env)
         except Exception:  # whatever it is, it goes on, and the environment is closed
@@ -123,6 +126,7 @@ class GymnasiumSource:
         self.actions: tuple[str, ...] = self._said.actions
         self.exclusive: bool = self._said.exclusive
         self.length: int | None = None
+        self.begins: bool = False
 
     def first(self) -> NDArray[np.bool_]:
         """Reset the environment with the seed and return the first observation.
@@ -130,23 +134,21 @@ class GymnasiumSource:
         Raises:
             InvalidValueError: The observation is not in the observation space.
         """
-        observation, _ = self._env.reset(seed=self._seed)
-        self._over = False
+        observation, info = self._env.reset(seed=self._seed)
+        self.begins = info["begins"]
         return self._checked(observation)
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
-        """Take `action` and return what follows, or None at the end of the episode.
+    def step(self, action: int) -> NDArray[np.bool_]:
+        """Take `action` and return what follows; after an episode's end, begin another.
 
         Raises:
             InvalidValueError: There is no such action, or the observation is not in the
                 observation space.
         """
         chosen = self._said.step(action)
-        if self._over:
-            return None
-        observation, _, terminated, truncated, _ = self._env.step(chosen)
-        self._over = bool(terminated or truncated)
-        return None if self._over else self._checked(observation)
+        observation, *_, info = self._env.step(chosen)
+        self.begins = info["begins"]
+        return self._checked(observation)
 
     def close(self) -> None:
         """Close the environment."""
@@ -158,6 +160,47 @@ class GymnasiumSource:
             return self._sensorium.observation(observation).copy()
         except InvalidValueError as error:
             raise within(self._name, error) from error
+
+
+class Continuing(Autoreset):
+    """An environment that goes on: the step after an episode's end begins the next.
+
+    As in `gymnasium.wrappers.Autoreset`: that step resets, whatever the action is, with
+    reward 0.0. But no end is ever reported. An action that is ignored is no action:
+    what is observed then is no consequence of it, and whoever learns from actions has
+    to know.
+
+    Info says `begins`: whether the observation is a reset's, the caller's or its own,
+    or of one the environment says so of; and `episode`, counted from 0 since the last
+    reset by the caller.
+
+    Args:
+        env: Whose episodes are to follow each other.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        super().__init__(env)
+        self._episode = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Reset the environment and count its episodes from 0."""
+        self._episode = 0
+        observation, info = super().reset(seed=seed, options=options)
+        return observation, {**info, "episode": self._episode, "begins": True}
+
+    def step(
+        self,
+        action: Any,  # noqa: ANN401 - the environment knows
+    ) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Step the environment, or reset it if its episode is over."""
+        resets = self.autoreset
+        self._episode += resets
+        observation, reward, _, _, info = super().step(action)
+        begins = bool(resets or info.get("begins", False))
+        told = {**info, "episode": self._episode, "begins": begins}
+        return observation, reward, False, False, told
 
 
 class CsvSource:
@@ -185,6 +228,7 @@ class CsvSource:
         self.length: int | None = sum(1 for _ in readings)
         if self.length == 0:
             raise InvalidValueError(path, "must have rows below its header", 0)
+        self.begins: bool = False
         self._left = 0
 
     def first(self) -> NDArray[np.bool_]:
@@ -197,6 +241,7 @@ class CsvSource:
         if sensors != self.sensors:
             raise self._changed()
         self._left = self.length or 0
+        self.begins = True
         return self._next(self._readings)
 
     def step(self, action: int) -> NDArray[np.bool_] | None:
@@ -208,6 +253,7 @@ class CsvSource:
         """
         if self._readings is None:
             raise NeurosnapError(f"{self._path}: step needs a call of first before")
+        self.begins = False
         # Not until the file ends: rows that were added meanwhile are nobody's.
         return self._next(self._readings) if self._left else None
 

@@ -54,6 +54,8 @@ class Observation(_Message, frozen=True, tag="observe"):
     """Counts from 1, so that it equals the snapshot's clock after learning from it."""
     bits: bytes
     """The readings, sensor 0 in the lowest bit of the first byte."""
+    begins: bool = False
+    """It begins a trajectory: the action of the decision before did not lead to it."""
 
 
 class Wiring(_Message, frozen=True, tag="wiring"):

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from rich.console import Console
 
-from tools import bench_observe, bench_run, bench_swarm
+from tools import bench_agent, bench_learn, bench_observe, bench_run, bench_swarm
 from tools.bench_report import QUICK, Line, Sizes, as_json, markdown, table
 
 ROWS: dict[str, Callable[[Sizes], list[Line]]] = {
@@ -27,6 +27,8 @@ ROWS: dict[str, Callable[[Sizes], list[Line]]] = {
     "line": bench_swarm.line,
     "recording": bench_run.recording,
     "observe": bench_observe.observe,
+    "learn": bench_learn.learn,
+    "cycle": bench_agent.cycle,
     "verify": bench_run.verify,
 }
 

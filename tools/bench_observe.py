@@ -81,6 +81,7 @@ class Plain:
         self._pairs = np.arange(2 * count) // 2
         self._other = self._pairs[:, None] != self._pairs[None, :]
         self._weights = _dense(arrays["joints"], arrays["marginals"], self._total())
+        self._now = np.zeros(self._weights.shape, np.bool_)  # the edges there are
 
     def _total(self) -> float:
         return float(self._clock) if self._decay is None else 1.0
@@ -97,8 +98,8 @@ class Plain:
             self._weights *= self._decay
             self._weights += (1 - self._decay) * both
             slack = _SLACK
-        edges = self._edges(slack)
-        reached = self._above(observation, edges)
+        self._now = self._edges(slack)
+        reached = self.above(observation)
         state: Bits = reached & ~reached[self._flip]
         return state
 
@@ -127,12 +128,12 @@ class Plain:
         w = np.where(strict[flip], mine[:, None] - mine[flip][None, :], w)  # a* -> b
         self._weights = w
 
-    def _above(self, literals: Bits, edges: Bits) -> Bits:
-        """Return the literals and all that can be reached from them."""
+    def above(self, literals: Bits) -> Bits:
+        """Return the literals and all that can be reached from them now."""
         reached = literals.copy()
         fresh = literals
         while fresh.any():
-            fresh = edges[fresh].any(axis=0) & ~reached
+            fresh = self._now[fresh].any(axis=0) & ~reached
             reached |= fresh
         return reached
 

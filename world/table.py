@@ -1,9 +1,10 @@
 """What is true in an environment that has a transition table, and long walks in it.
 
-The environment goes on from episode to episode, as `Continuing` makes it. A *place* is
-what has to be known of it to know what may come next: its state, and whether the
-episode is over there, so that the next step resets whatever the action. Everything is
-exact: places are those that some walk gets to, transitions those that some walk makes.
+The environment goes on from episode to episode (`neurosnap.source.Continuing`). A
+*place* is what has to be known of it to know what may come next: its state, and whether
+the episode is over there, so that the next step resets whatever the action. A reset is
+no action's doing. Everything is exact: places are those that some walk gets to,
+transitions those that some walk makes.
 
 References:
     [GK] "Observation Model for DBAs": sensors as subsets of states and of transitions.
@@ -24,8 +25,8 @@ from neurosnap.agent.sensor import Sensor
 from neurosnap.binary_sensors import Environment
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.snapshot import EmpiricalSnapshot
-from neurosnap.sensorium import Sensorium, complete
-from world.implications import inclusions
+from neurosnap.sensorium import complete
+from world.implications import recordable
 
 _Place: TypeAlias = tuple[int, bool]
 _Move: TypeAlias = tuple[_Place, int, _Place]
@@ -107,7 +108,7 @@ class Table:
             generator: Draws start, actions and outcomes.
 
         Returns:
-            The places ``(steps + 1,)``, the start first, and the actions ``(steps,)``.
+            The places ``(steps + 1,)``, the start first; the actions ``(steps,)``.
         """
         # Where each place and action may lead, and all but the last of the cumulative
         # probabilities: what is drawn falls between two of them.
@@ -126,6 +127,26 @@ class Table:
             place = ways[row][bisect_right(shares[row], draw)]
             places.append(place)
         return np.array(places, np.intp), actions.astype(np.intp)
+
+    def columns(
+        self, places: NDArray[np.intp], actions: NDArray[np.intp]
+    ) -> NDArray[np.intp]:
+        """Return which transition each step of a walk is: ``(steps,)``.
+
+        Args:
+            places: ``(steps + 1,)``, as `walk` returns them, and so are the others.
+            actions: ``(steps,)``.
+        """
+        count = len(self.states)
+
+        def code(
+            before: NDArray[np.intp], action: NDArray[np.intp], after: NDArray[np.intp]
+        ) -> NDArray[np.intp]:
+            return (before * self.actions + action) * count + after
+
+        # Transitions are sorted, and so are their codes.
+        known = code(self.before, self.action, self.after)
+        return np.searchsorted(known, code(places[:-1], actions, places[1:]))
 
     def stationary(self) -> NDArray[np.float64]:
         """Return the share of a random walk's time at each place: ``(places,)``.
@@ -171,11 +192,13 @@ def transition_fields(
     transition sensors both places, an action is on iff it was taken, and ``α∧a`` iff
     ``α`` was taken and ``a`` held at the place before ([GK] eq. context; there the
     literal is one of the recorded state, which is the observation once nothing false is
-    on record). The very first observation is after no transition, and not counted.
+    on record). A reset begins a trajectory: no action is on, no contextual sensor, and
+    transition sensors read as if the place had always been this one. So it reads the
+    same as the very first observation, which is after no transition and not counted.
 
     Args:
         env: As for `state_fields`.
-        table: Of the same environment.
+        table: The environment's.
         context: Pairs of an action and a literal of a state sensor, as in `Body`.
 
     Returns:
@@ -197,9 +220,11 @@ def transition_fields(
             rule = "must be of literals of state sensors"
             raise InvalidValueError("context", rule, (action, literal))
     values = _values(env, table)
-    pairs = zip(table.before.tolist(), table.after.tolist(), strict=True)
+    resets = table.over[table.before]
+    since = np.where(resets, table.after, table.before)
+    pairs = zip(since.tolist(), table.after.tolist(), strict=True)
     own = _readings(sensors, [(values[b], values[a]) for b, a in pairs])
-    taken = table.action == np.arange(table.actions)[:, np.newaxis]
+    taken = (table.action == np.arange(table.actions)[:, np.newaxis]) & ~resets
     # Of a transition sensor it is not known before; the context asks for none.
     resting = _readings(sensors, [(value, value) for value in values])
     held = np.stack([complete(column) for column in resting.T], axis=1)
@@ -208,83 +233,31 @@ def transition_fields(
     return np.concatenate([own, taken, contextual])
 
 
-def recordable(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the true containments that a derived graph with equivalences can have.
-
-    Once every place was seen and the threshold is below every share, ``a → b`` is an
-    edge iff ``w_ab* = 0`` and either the square's other three weights are positive or
-    ``w_a*b = 0`` as well ([GK] defn:poc graph with equivalences). So of the pairs with
-    ``ρ(a) ⊆ ρ(b)`` it lacks those with ``ρ(a)`` empty or ``ρ(b)`` everything, unless
-    ``ρ(a) = ρ(b)``. Where no field is empty or full, it lacks nothing, and no closure
-    has to be taken.
-
-    Args:
-        fields: ``(sensors, places)``.
-
-    Returns:
-        ``(2 sensors, 2 sensors)``, for literals of different sensors.
-    """
-    included = inclusions(fields)
-    literals = np.stack([fields, ~fields], axis=1).reshape(-1, fields.shape[1])
-    somewhere, everywhere = literals.any(axis=1), literals.all(axis=1)
-    proper = np.logical_and.outer(somewhere, ~everywhere)
-    kept: NDArray[np.bool_] = included & (proper | included.T)
-    return kept
-
-
-def rarest_pair(fields: NDArray[np.bool_], shares: NDArray[np.float64]) -> float:
-    """Return how often the rarest pair of literals that no implication forbids is on.
-
-    A learning threshold above it puts a falsehood on record in the long run, unless
-    another pair of its square is as rare; one below it does not.
-
-    Args:
-        fields: ``(sensors, places)``.
-        shares: ``(places,)``, the share of the time at each place.
-
-    Returns:
-        The least weight in all squares without an implication; 1.0 if there are none.
-    """
-    literals = np.stack([fields, ~fields], axis=1).reshape(-1, fields.shape[1])
-    weights = (literals * shares) @ literals.T
-    # Of what is met at all, from the places themselves: sums of shares are rounded.
-    met = literals.astype(np.float32) @ literals.T.astype(np.float32) > 0
-    sensors = len(fields)
-    free = met.reshape(sensors, 2, sensors, 2).all(axis=(1, 3))
-    least = weights.reshape(sensors, 2, sensors, 2).min(axis=(1, 3))
-    return float(least[free].min(initial=1.0))
-
-
 def learn(
-    env: Environment, threshold: float, steps: int, seed: int
+    fields: NDArray[np.bool_], columns: NDArray[np.intp], threshold: float
 ) -> NDArray[np.int64]:
-    """Return Err(t) of an empirical agent on a random walk ([GK] eq. true dir matrix).
+    """Return Err(t) of an empirical snapshot on a walk ([GK] eq. true dir matrix).
 
-    Observation t is of the place after t - 1 moves. Err counts the ordered pairs of
-    literals on which the derived graph, with equivalences, and `recordable` differ.
+    Err counts the ordered pairs of literals on which the derived graph, with
+    equivalences, and `recordable` differ.
 
     Args:
-        env: As for `state_fields`.
+        fields: ``(sensors, columns)``: of places, or of transitions.
+        columns: ``(steps,)``: which of them is observed at t = 1, 2, ...
         threshold: In (0, 1/4].
-        steps: How many observations, at least 1.
-        seed: Draws the walk.
 
     Returns:
-        ``(steps,)``, for t = 1, 2, ...
+        ``(steps,)``. O(sensors²) time a step.
 
     Raises:
-        InvalidValueError: A sensor is of an order above 0, the threshold is out of
-            range, or `env` has no table.
+        InvalidValueError: The threshold is out of range.
     """
-    table = Table.of(env)
-    fields = state_fields(env, table)
     truth = recordable(fields)
-    places, _ = table.walk(steps - 1, np.random.default_rng(seed))
-    snapshot = EmpiricalSnapshot(Sensorium(env.get_wrapper_attr("sensors")), threshold)
+    snapshot = EmpiricalSnapshot(len(fields), threshold)
     wrong = int(truth.sum())
-    errors = np.empty(steps, np.int64)
-    for t, bits in enumerate(fields.T[places]):
-        if snapshot.learn(bits):
+    errors = np.empty(len(columns), np.int64)
+    for t, column in enumerate(columns.tolist()):
+        if snapshot.learn(fields[:, column]):
             wrong = int((snapshot.poc_graph().edges != truth).sum())
         errors[t] = wrong
     return errors

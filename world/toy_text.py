@@ -1,9 +1,8 @@
 """Gymnasium's own toy texts, seen through binary sensors: worlds nobody made for us.
 
-Each goes on from episode to episode (`neurosnap.binary_sensors.Continuing`), without a
-limit on time: with one, what happens next would depend on more than the state. No
-sensor is always on or always off. What is true of the sensors is found from the
-environment's transition table, by `world.table`.
+Their episodes end as Gymnasium's do, but there is no limit on time: with one, what
+happens next would depend on more than the state. No sensor is always on or always off.
+What is true of the sensors is found from the transition table, by `world.table`.
 """
 
 from typing import Any, NamedTuple
@@ -13,7 +12,7 @@ from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
 from gymnasium.envs.toy_text.taxi import TaxiEnv
 
 from neurosnap.agent.sensor import one_hot, thresholds
-from neurosnap.binary_sensors import BinarySensors, Continuing, Environment
+from neurosnap.binary_sensors import BinarySensors, Environment
 
 _LETTERS = {b"S": "start", b"F": "frozen", b"H": "hole", b"G": "goal"}
 _STOPS = ("red", "green", "yellow", "blue")
@@ -49,18 +48,17 @@ def frozen_lake(
     map_name: str = "4x4",
     is_slippery: bool = False,
 ) -> BinarySensors:
-    """Return Gymnasium's FrozenLake as a continuing world.
+    """Return Gymnasium's FrozenLake.
 
     Description:
-        A walk on the ice, among holes, to a goal. Holes and the goal end an episode.
+        A walk on the ice, among holes, to a goal.
 
     Sensors:
         ``row<1``, ``row<2``, ...; ``column<1``, ...; ``tile=start``, ``tile=hole``,
         ``tile=goal``. 9 on the map of 4 times 4.
 
     Actions:
-        ``left``, ``down``, ``right``, ``up``; after an episode's end any of them leads
-        to a start.
+        ``left``, ``down``, ``right``, ``up``.
 
     Start:
         A start tile.
@@ -69,10 +67,10 @@ def frozen_lake(
         1 at the goal, 0 elsewhere.
 
     End:
-        Never.
+        In a hole, and at the goal.
 
     Info:
-        ``prob``: of the move; ``episode``: its number.
+        ``prob``: of the move.
 
     Args:
         render_mode: As in Gymnasium, and so are the others.
@@ -87,26 +85,24 @@ def frozen_lake(
         *one_hot("tile", ("start", "hole", "goal"), of=_tile),
     )
     actions = ("left", "down", "right", "up")
-    return BinarySensors(Continuing(lake), sensors, _on_the_lake, actions)
+    return BinarySensors(lake, sensors, _on_the_lake, actions)
 
 
 def cliff_walking(
     render_mode: str | None = None, is_slippery: bool = False
 ) -> BinarySensors:
-    """Return Gymnasium's CliffWalking as a continuing world.
+    """Return Gymnasium's CliffWalking.
 
     Description:
         A walk on 4 rows of 12, from the bottom left to the bottom right; what lies
-        between them is a cliff, and a step over it leads back to the start. Only the
-        goal ends an episode.
+        between them is a cliff, and a step over it leads back to the start.
 
     Sensors:
         ``row<1`` to ``row<3``; ``column<1`` to ``column<11``; ``tile=start``,
         ``tile=goal``. 16 in all.
 
     Actions:
-        ``up``, ``right``, ``down``, ``left``; after an episode's end any of them leads
-        to the start.
+        ``up``, ``right``, ``down``, ``left``.
 
     Start:
         The bottom left.
@@ -115,10 +111,10 @@ def cliff_walking(
         -1 a step, -100 for one over the cliff.
 
     End:
-        Never.
+        At the goal.
 
     Info:
-        ``prob``: of the move; ``episode``: its number.
+        ``prob``: of the move.
 
     Args:
         render_mode: As in Gymnasium, and so is the other.
@@ -132,15 +128,15 @@ def cliff_walking(
         *one_hot("tile", ("start", "goal"), of=_tile),
     )
     actions = ("up", "right", "down", "left")
-    return BinarySensors(Continuing(cliff), sensors, _on_the_cliff, actions)
+    return BinarySensors(cliff, sensors, _on_the_cliff, actions)
 
 
 def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensors:
-    """Return Gymnasium's Taxi as a continuing world.
+    """Return Gymnasium's Taxi.
 
     Description:
         A taxi on a grid of 5 times 5 with walls, a passenger to be fetched at one of
-        four stops and taken to another. Only the delivery ends an episode.
+        four stops and taken to another.
 
     Sensors:
         ``row<1`` to ``row<4``; ``column<1`` to ``column<4``; ``passenger=red``,
@@ -148,8 +144,7 @@ def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensor
         ``=yellow``, ``=blue``. 17 in all.
 
     Actions:
-        ``south``, ``north``, ``east``, ``west``, ``pickup``, ``dropoff``; after an
-        episode's end any of them leads to a start.
+        ``south``, ``north``, ``east``, ``west``, ``pickup``, ``dropoff``.
 
     Start:
         Drawn uniformly from the 300 states with the passenger at a stop that is not the
@@ -160,11 +155,10 @@ def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensor
         -1 for any other step.
 
     End:
-        Never.
+        With the delivery.
 
     Info:
-        ``prob``: of the move; ``action_mask``: which actions change the state;
-        ``episode``: its number.
+        ``prob``: of the move; ``action_mask``: which actions change the state.
 
     Args:
         render_mode: As in Gymnasium, and so is the other.
@@ -178,7 +172,7 @@ def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensor
         *one_hot("destination", _STOPS, of=_destination),
     )
     actions = ("south", "north", "east", "west", "pickup", "dropoff")
-    return BinarySensors(Continuing(cab), sensors, _in_town, actions)
+    return BinarySensors(cab, sensors, _in_town, actions)
 
 
 # Plain functions, not lambdas or getters: they stay the same under a copy, and an

@@ -98,11 +98,13 @@ class Agent:
         """``(2N,)``, coherent: its idea of the present."""
         return self.snapshot.state
 
-    def act(self, bits: ArrayLike) -> Decision:
+    def act(self, bits: ArrayLike, begins: bool = False) -> Decision:
         """Observe, learn, and decide.
 
         Args:
             bits: What the world's own sensors read after the last decision's action.
+            begins: It is the first observation of a trajectory, an episode's say, and
+                follows no action. The very first one is, said or not.
 
         Returns:
             The decision: the choice of the body's that is made, and why. O(N²) time.
@@ -113,7 +115,7 @@ class Agent:
         """
         last, tick = self._decision, self._decision.tick + 1
         observation = self._senses.observe(
-            self._own.observation(bits), last.action, self._state
+            self._own.observation(bits), -1 if begins else last.action, self._state
         )
         self._state = state = self.snapshot.observe(observation)
         graph = self._graph()

@@ -49,6 +49,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         if self.orders and len(self.orders) != len(self.own):
             rule = f"must be one for each of {len(self.own)} sensors"
             raise InvalidValueError("orders", rule, self.orders)
+        if any(order < 0 for order in self.orders):
+            raise InvalidValueError("orders", "must be 0 or more", self.orders)
         for action, literal in self.context:
             if not 0 <= action < len(self.actions):
                 rule = f"must be of one of {len(self.actions)} actions"

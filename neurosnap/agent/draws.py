@@ -7,6 +7,8 @@ the order in which messages arrived. These depend on the seed and the tick alone
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.errors import InvalidValueError
+
 WIDTH = 4
 """Numbers a tick: what one turn of the Philox counter gives."""
 
@@ -19,6 +21,9 @@ class Draws:
     Args:
         seed: The generator's key, from 0 up.
 
+    Raises:
+        InvalidValueError: The seed is out of range.
+
     Example:
         >>> draws = Draws(seed=7)
         >>> bool((draws.at(3) == Draws(seed=7).table(10)[3]).all())
@@ -26,15 +31,18 @@ class Draws:
     """
 
     def __init__(self, seed: int) -> None:
+        if not 0 <= seed < 2**128:
+            raise InvalidValueError("seed", "must be in [0, 2**128)", seed)
         self._seed = seed
         self._number = -1
         self._block: NDArray[np.float64] = np.empty((0, WIDTH))
 
     def at(self, tick: int) -> NDArray[np.float64]:
-        """Return the numbers of `tick`: ``(WIDTH,)``."""
+        """Return the numbers of `tick`, from 0 up: ``(WIDTH,)``, read-only."""
         number, place = divmod(tick, _BLOCK)
         if number != self._number:
             self._block = self._drawn(number * _BLOCK, _BLOCK)
+            self._block.flags.writeable = False
             self._number = number
         numbers: NDArray[np.float64] = self._block[place]
         return numbers

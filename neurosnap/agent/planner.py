@@ -125,6 +125,8 @@ def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
         InvalidValueError: It is empty, names something that is no literal of the
             world's own sensors, or holds a literal and its complement.
     """
+    if isinstance(target, str):
+        raise InvalidValueError("target", "must be several, not one string", target)
     sensorium = Sensorium(body.own)
     literals = set()
     for wanted in target:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.context import Body
 from neurosnap.errors import InvalidValueError
-from neurosnap.sensorium import complement
 
 
 class Repertoire:
@@ -36,6 +35,7 @@ class Repertoire:
         if not body.actions or not body.senses_actions:
             rule = "must have actions that are sensors"
             raise InvalidValueError("agent", rule, body.actions)
+        self._exclusive = body.exclusive
         own = len(body.own)
         first = own + len(body.actions)
         pairs = np.array(body.context, np.intp).reshape(-1, 2)
@@ -72,10 +72,14 @@ class Repertoire:
         A choice that implies the complement of an action in it is believed to be
         impossible: it is no vertex of the dual of the actions ([GK] "Invoking Actions
         Synchronously"). If all are, the belief is wrong, for one is made at each step.
+        A pure action can always be taken ([GK] "every action has outcomes"): a belief
+        to the contrary would never be tried, and so never given up.
 
         Args:
             closures: For each choice, the closure of its signal: ``(2N,)``.
         """
+        if self._exclusive:
+            return np.ones(len(closures), np.bool_)
         possible = np.array(
             [
                 not any(up[literal ^ 1] for literal in selection)
@@ -93,7 +97,10 @@ def guaranteed(closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
 
     Returns:
         ``(actions, 2N)``: on iff the literal is in the closure and its complement is
-        not.
+        not. Sensations that were never met are equivalent for an empirical snapshot:
+        before anything was learned of them, an action may seem to guarantee them.
     """
     above = np.stack(closures)
-    return above & ~np.stack([complement(up) for up in closures])
+    pairs = above.reshape(len(closures), -1, 2)
+    bound: NDArray[np.bool_] = pairs & ~pairs[:, :, ::-1]
+    return bound.reshape(above.shape)

@@ -67,7 +67,7 @@ def drive(
     bits = np.zeros(count, np.uint8)
     state = np.zeros(2 * count, np.bool_)
     reached = np.empty(width, np.uint64)
-    possible = np.empty(actions, np.bool_)
+    possible = np.ones(actions, np.bool_)  # each is pure
     seeks = np.empty(actions, np.bool_)
     keeps = np.empty(actions, np.bool_)
     distance = np.empty(steps, np.float64)
@@ -98,15 +98,12 @@ def drive(
                 if state[literal]:
                     _switch_on(reached, 2 * (base + literal))
             spread(rows, reached)
-            possible[option] = not _is_on(reached, 2 * (first + option) + 1)
             seeks[option] = _is_on(reached, 2 * better) and not _is_on(
                 reached, 2 * better + 1
             )
             keeps[option] = _is_on(reached, 2 * worse + 1) and not _is_on(
                 reached, 2 * worse
             )
-        if not possible.any():
-            possible[:] = True
         action, why = choose(possible, seeks, keeps, explore, draws[step + 1])
         distance[step] = distances[place]
         decided[step] = action

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _DECAY = learners.DECAYS[4]
 _END = 0  # the place at one end of the path
+_BINS = 90
 _SINCE = (1000, 4000)  # steps from which on means are told
 _COLOURS = {None: (0.1, 0.25, 0.8), _DECAY: (0.85, 0.15, 0.1)}
 _TITLES = {
@@ -175,8 +176,7 @@ def _draw(canvas: "Canvas", courses: Sequence[tuple[SeekerCell, NDArray[Any]]]) 
     first = panels.flat[0]
     first.set_xscale("log")
     first.set_xlim(1, max(2, 1.15 * steps))
-    # Below the least mean but 0, one run being one step away, the scale is linear.
-    first.set_yscale("symlog", linthresh=1 / runs, linscale=0.3)
+    first.set_yscale("symlog", linthresh=0.02, linscale=0.3)
     first.set_ylim(bottom=0)
     ticks = [0, 0.1, 0.3, 1, 3, 10]
     first.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -190,8 +190,8 @@ def _draw(canvas: "Canvas", courses: Sequence[tuple[SeekerCell, NDArray[Any]]]) 
         handles, labels, loc="outside lower center", ncols=len(labels), frameon=False
     )
     canvas.suptitle(
-        f"Excitation-driven agents: mean and quartiles of {runs} runs, from an empty"
-        " snapshot"
+        f"Excitation-driven agents: mean and quartiles of {runs} runs that begin"
+        " with an empty snapshot"
     )
 
 
@@ -202,14 +202,21 @@ def _nothing() -> Any:  # noqa: ANN401 - matplotlib is imported late
 
 
 def _stroke(axes: "Axes", cell: SeekerCell, distances: NDArray[Any]) -> None:
-    steps = np.arange(1, cell.steps + 1)
-    low, high = np.percentile(distances, (25, 75), axis=0)
+    # On a logarithmic scale late steps lie too dense to be seen one by one.
+    edges = (
+        np.unique(np.geomspace(1, cell.steps, _BINS, endpoint=False).astype(np.intp))
+        - 1
+    )
+    widths = np.diff(np.append(edges, cell.steps))
+    binned = np.add.reduceat(distances.astype(np.float64), edges, axis=1) / widths
+    steps = edges + (widths + 1) / 2
+    low, high = np.percentile(binned, (25, 75), axis=0)
     colour = _COLOURS[cell.decay]
     label = "empirical" if cell.decay is None else r"discounted, $q = 1 - 2^{-6}$"
     if cell.target is None:
         axes.fill_between(steps, low, high, color=colour, alpha=0.15, lw=0)
     style = "-" if cell.target is None else ":"
-    axes.plot(steps, distances.mean(axis=0), style, color=colour, lw=1.1, label=label)
+    axes.plot(steps, binned.mean(axis=0), style, color=colour, lw=1.1, label=label)
 
 
 FIGURE = Figure(

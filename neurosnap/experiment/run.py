@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.experiment import compared, discounted, empirical
+from neurosnap.experiment import (
+    compared,
+    discounted,
+    empirical,
+    excited,
+    obstructions,
+)
 from neurosnap.experiment.figure import (
     Claim,
     Figure,
@@ -32,7 +38,13 @@ if TYPE_CHECKING:
 
 FIGURES: dict[str, Figure] = {
     figure.name: figure
-    for figure in (empirical.FIGURE, discounted.FIGURE, compared.FIGURE)
+    for figure in (
+        empirical.FIGURE,
+        discounted.FIGURE,
+        compared.FIGURE,
+        excited.FIGURE,
+        obstructions.FIGURE,
+    )
 }
 """All figures by name; their order gives them their numbers, from 1."""
 
@@ -95,14 +107,13 @@ def run_figures(
         wanted.update((cell.key, cell) for cell in figure.cells(options))
     options.out.mkdir(parents=True, exist_ok=True)
     table = Table(options.out / "cells")
-    there = {key for key, cell in wanted.items() if table.load(cell) is not None}
-    left = [cell for key, cell in wanted.items() if key not in there]
+    left = table.missing(wanted.values())
     computed = table.fill(left, options.workers, on_progress, cancelled)
     made = [_make(figure, options, table) for figure in chosen]
     return FigureResults(
         figures=tuple(result for result in made if result is not None),
         computed=computed,
-        reused=len(there),
+        reused=len(wanted) - len(left),
         missing=len(left) - computed,
     )
 

@@ -19,7 +19,7 @@ from neurosnap.experiment.drive import drive
 from neurosnap.experiment.walks import SETTINGS, setting
 from neurosnap.source import import_worlds
 
-_VERSION = 1
+_VERSION = 2
 """Raised whenever the same options come to give other distances."""
 
 

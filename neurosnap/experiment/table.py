@@ -11,7 +11,7 @@ import io
 import logging
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from hashlib import sha256
 from pathlib import Path
@@ -94,6 +94,10 @@ class Table:
         self._folder.mkdir(parents=True, exist_ok=True)
         replace_file(self.path(cell), buffer.getvalue())
 
+    def missing(self, cells: Iterable[Cell]) -> list[Cell]:
+        """Return the cells that are not there, in order."""
+        return [cell for cell in cells if self.load(cell) is None]
+
     def fill(
         self,
         cells: Sequence[Cell],
@@ -101,13 +105,13 @@ class Table:
         on_progress: Callable[[int, int], None],
         cancelled: Callable[[], bool],
     ) -> int:
-        """Compute and store the cells that are not there, in order.
+        """Compute and store cells, in order.
 
         If it is cancelled, or anything is raised (an interrupt, too), the rows under
         way are finished, no other is begun, and finished cells stay.
 
         Args:
-            cells: Which cells there should be.
+            cells: Which; none twice.
             workers: How many threads compute.
             on_progress: Told how many rows of how many are done.
             cancelled: Asked after every row whether to stop.
@@ -118,15 +122,14 @@ class Table:
         Raises:
             OSError: A cell cannot be stored.
         """
-        missing = [cell for cell in cells if self.load(cell) is None]
-        total = sum(cell.runs for cell in missing)
+        total = sum(cell.runs for cell in cells)
         on_progress(0, total)
-        if not missing or cancelled():
+        if not cells or cancelled():
             return 0
         with ThreadPoolExecutor(workers, "experiment") as pool:
             tasks = {
                 pool.submit(cell.row, run): (cell, run)
-                for cell in missing
+                for cell in cells
                 for run in range(cell.runs)
             }
             try:

@@ -250,16 +250,15 @@ class Replay:
             bits = unpack(observation.bits, count)
         except ShapeError as error:
             raise DifferenceError(f"tick {tick}: /observe: {error}") from error
-        self._check_senses(tick, bits)
+        self._check_senses(tick, bits, observation.begins)
         self._observed = complete(bits)
         return self.core.receive(observation)
 
-    def _check_senses(self, tick: int, bits: NDArray[np.bool_]) -> None:
+    def _check_senses(self, tick: int, bits: NDArray[np.bool_], begins: bool) -> None:
         """Hold what was sensed of the last step against what was decided in it."""
         own = len(self.options.body.own)
-        derived = self._senses.observe(
-            bits[:own], self.core.decision.action, self.core.snapshot.state
-        )
+        action = -1 if begins else self.core.decision.action
+        derived = self._senses.observe(bits[:own], action, self.core.snapshot.state)
         if not np.array_equal(derived, bits):
             wrong = self.options.sensors[int((derived != bits).argmax())]
             raise DifferenceError(

@@ -10,7 +10,6 @@ from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
-from neurosnap.source import Argument
 
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 WiringKind: TypeAlias = Literal["hasse", "derived"]
@@ -22,7 +21,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     source: str
     """A Gymnasium environment's id, or the path of a CSV file of readings."""
-    arguments: dict[str, Argument] = {}
+    arguments: dict[str, bool | int | float | str] = {}
     """What the environment is made with."""
     body: Body
     """What is sensed and done: a cell for every sensor of it."""

@@ -30,7 +30,8 @@ async def run_world(
     """Be the world until the source is over or `stop` is set.
 
     Reads ``decide``, and ``state`` where a sensor looks back at it; publishes
-    ``observe``. The decision of tick `t` makes the observation of `t + 1`; one that
+    ``observe``. The decision of tick `t` makes the observation of `t + 1`, unless that
+    begins a trajectory: then it follows no action, and none is sensed. A decision that
     came before changes nothing. A tick's state comes before its decision, both from
     the coordinator.
 
@@ -69,8 +70,9 @@ async def run_world(
                 loop.call_soon_threadsafe(over.set)
                 return
             tick += 1
-            bits = senses.observe(bits, message.action, state)
-            fabric.publish(wire.Observation(tick, pack(bits)))
+            action = -1 if source.begins else message.action
+            bits = senses.observe(bits, action, state)
+            fabric.publish(wire.Observation(tick, pack(bits), source.begins))
 
     topics = ("state", "decide") if senses.looks_back else ("decide",)
     await fabric.subscribe(topics, handle)

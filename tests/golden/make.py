@@ -18,7 +18,7 @@ BEGIN = 1_700_000_000_000_000_000
 
 MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (0, wire.Decision(0, 1, "the run opens")),
-    (0, wire.Observation(1, b"\x05")),
+    (0, wire.Observation(1, b"\x05", True)),
     (1, wire.Wiring(0, 1, 0, (2,), (), (5,), ())),
     (2, wire.Wiring(0, 2, 1, (), (2,), (), (5,))),
     (3, wire.WaveStart(1, 1, "state", 2, 1)),

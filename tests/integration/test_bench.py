@@ -26,7 +26,17 @@ def bench(*arguments: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "row", ["spawn", "hop", "line", "recording", "observe", "verify"]
+    "row",
+    [
+        "spawn",
+        "hop",
+        "line",
+        "recording",
+        "observe",
+        "learn",
+        "cycle",
+        "verify",
+    ],
 )
 def test_a_row_runs(row: str) -> None:
     report = json.loads(bench("--only", row, "--json").splitlines()[-1])

@@ -26,7 +26,7 @@ from neurosnap.record.writer import Writer
 
 pytestmark = pytest.mark.slow
 
-VERBS = ("run", "replay", "info", "graph", "depth", "model", "doctor")
+VERBS = ("run", "replay", "depth", "figures", "info", "graph", "model", "doctor")
 RUN_KEYS = {
     "log",
     "ticks",

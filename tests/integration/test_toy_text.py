@@ -4,9 +4,12 @@ What is true is found here a second time, by stepping Gymnasium's own environmen
 every state there is.
 """
 
+import functools
 import itertools
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import gymnasium
@@ -19,22 +22,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from neurosnap.agent.agent import Agent
 from neurosnap.agent.context import Body, Senses
+from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.policy import AgentKind
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot
-from neurosnap.binary_sensors import BinarySensors, Continuing
+from neurosnap.binary_sensors import BinarySensors
 from neurosnap.environment import describe
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.snapshot import EmpiricalSnapshot
-from neurosnap.sensorium import complete
-from world.implications import implications, inclusions
-from world.table import (
-    Table,
-    learn,
-    rarest_pair,
-    recordable,
-    state_fields,
-    transition_fields,
-)
+from neurosnap.sensorium import Sensorium, complete
+from neurosnap.source import Continuing
+from world.implications import implications, inclusions, rarest_pair, recordable
+from world.table import Table, learn, state_fields, transition_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 BEDS: list[Callable[..., BinarySensors]] = [frozen_lake, cliff_walking, taxi]
@@ -176,8 +176,9 @@ def test_a_walk_in_the_table_is_a_walk_in_the_environment(
     places, actions = table.walk(5000, np.random.default_rng(3))
     observations, episode = [env.reset(seed=0)[0]], 0
     states = [inner.s]
+    going_on = Continuing(env)
     for action in actions.tolist():
-        observation, _, _, _, info = env.step(action)
+        observation, _, _, _, info = going_on.step(action)
         observations.append(observation)
         states.append(inner.s)
         episode = info["episode"]
@@ -193,12 +194,12 @@ def test_steps_of_the_environment_are_in_the_table(
     env = bed(**arguments)
     inner: Any = env.unwrapped
     known = moves(Table.of(env))
-    env.reset(seed=1)
+    going_on = Continuing(env)
+    going_on.reset(seed=1)
     place: Situation = (int(inner.s), False)
-    autoreset: Any = env.env
     for action in np.random.default_rng(2).integers(len(env.actions), size=4000):
-        env.step(int(action))
-        after: Situation = (int(inner.s), bool(autoreset.autoreset))
+        going_on.step(int(action))
+        after: Situation = (int(inner.s), bool(going_on.autoreset))
         assert (place, int(action), after) in known
         place = after
 
@@ -410,7 +411,7 @@ def lake_with_changes() -> BinarySensors:
     bare = frozen_lake()
     inner: Any = bare.unwrapped
     return BinarySensors(
-        Continuing(inner),
+        inner,
         [
             *one_hot("state", range(15)),
             increased("further"),
@@ -435,16 +436,32 @@ def test_transitions_are_sensed_as_an_agent_senses_them(
         move: k for k, move in enumerate(zip(table.before, table.action, strict=True))
     }
     place = {state: k for k, state in enumerate(table.states.tolist())}
-    before = env.reset(seed=0)[0].astype(np.bool_)
+    going_on = Continuing(env)
+    before = going_on.reset(seed=0)[0].astype(np.bool_)
     seen = set()
     for action in np.random.default_rng(0).integers(4, size=6000).tolist():
         k = column[(place[inner.s], action)]
-        after = env.step(action)[0].astype(np.bool_)
-        whole = senses.observe(after, action, complete(before))
+        readings, _, _, _, info = going_on.step(action)
+        after = readings.astype(np.bool_)
+        assert info["begins"] == table.over[table.before[k]]
+        taken = -1 if info["begins"] else action
+        whole = senses.observe(after, taken, complete(before))
         np.testing.assert_array_equal(fields[:, k], whole)
         before = after
         seen.add(k)
     assert len(seen) == len(table.before)
+
+
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_the_steps_of_a_walk_are_found_among_the_transitions(
+    bed: Callable[..., BinarySensors], arguments: dict[str, Any]
+) -> None:
+    table = Table.of(bed(**arguments))
+    places, actions = table.walk(2000, np.random.default_rng(8))
+    columns = table.columns(places, actions)
+    np.testing.assert_array_equal(table.before[columns], places[:-1])
+    np.testing.assert_array_equal(table.action[columns], actions)
+    np.testing.assert_array_equal(table.after[columns], places[1:])
 
 
 def test_what_an_action_leads_to_is_a_truth_about_transitions() -> None:
@@ -453,10 +470,18 @@ def test_what_an_action_leads_to_is_a_truth_about_transitions() -> None:
     fields = transition_fields(env, Table.of(env), body.context)
     truths = set(implications(body.sensors, fields))
     assert ("left&column<1", "column<1") in truths
-    assert ("left&column<2", "column<1") in truths  # from a hole, to the start
-    assert ("right&~column<1", "column<1*") not in truths  # but so may this
-    assert ("down&tile=goal", "tile=start") in truths
+    assert ("left&column<2", "column<1") in truths
+    assert ("right&~column<1", "column<1*") in truths  # a reset is nobody's doing
+    assert ("right&~column<1", "column<2*") in truths
+    assert ("right&~column<2", "column<2") not in truths
     assert ("up", "down*") in truths
+    # Whoever is in a hole, or at the goal, takes no action there.
+    never = {
+        s for s, on in zip(body.sensors, fields.any(axis=1), strict=True) if not on
+    }
+    assert never == {
+        f"{action}&tile={tile}" for action in env.actions for tile in ("hole", "goal")
+    }
 
 
 def test_sensors_of_too_high_an_order_are_refused() -> None:
@@ -468,9 +493,7 @@ def test_sensors_of_too_high_an_order_are_refused() -> None:
         InvalidValueError, match=r"^context: must be of literals of state"
     ):
         transition_fields(env, table, [(0, 30)])
-    older = BinarySensors(
-        Continuing(env.unwrapped), [Sensor("old", lambda *_: True, order=2)]
-    )
+    older = BinarySensors(env.unwrapped, [Sensor("old", lambda *_: True, order=2)])
     with pytest.raises(InvalidValueError, match=r"^sensor old: must be of order 1"):
         transition_fields(older, table)
 
@@ -536,7 +559,7 @@ def test_errors_are_counted_at_every_step() -> None:
         snapshot.observe(fields[:, place])
         edges = {(int(a), int(b)) for a, b in np.argwhere(snapshot.poc_graph().edges)}
         expected.append(len(edges ^ truth))
-    assert learn(env, 0.001, 300, seed=4).tolist() == expected
+    assert learn(fields, places, 0.001).tolist() == expected
 
 
 @pytest.mark.slow
@@ -554,8 +577,10 @@ def test_a_random_walk_learns_exactly_what_is_true(
 ) -> None:
     env = bed()
     table = Table.of(env)
-    assert threshold < rarest_pair(state_fields(env, table), table.stationary())
-    errors = learn(env, threshold, steps, seed)
+    fields = state_fields(env, table)
+    assert threshold < rarest_pair(fields, table.stationary())
+    places, _ = table.walk(steps, np.random.default_rng(seed))
+    errors = learn(fields, places, threshold)
     assert errors[0] > 0
     assert not errors[-steps // 5 :].any()
 
@@ -567,5 +592,361 @@ def test_a_threshold_above_the_rarest_pair_keeps_something_false(
 ) -> None:
     env = bed()
     table = Table.of(env)
-    threshold = 3 * rarest_pair(state_fields(env, table), table.stationary())
-    assert learn(env, threshold, 200_000, seed=0)[-50_000:].all()
+    fields = state_fields(env, table)
+    threshold = 3 * rarest_pair(fields, table.stationary())
+    places, _ = table.walk(200_000, np.random.default_rng(0))
+    assert learn(fields, places, threshold)[-50_000:].all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("bed", "steps"), [(frozen_lake, 8000), (cliff_walking, 80_000)]
+)
+def test_a_random_walk_learns_exactly_what_its_actions_lead_to(
+    bed: Callable[..., BinarySensors], steps: int
+) -> None:
+    env = bed()
+    table = Table.of(env)
+    body = Body.full(env.sensors, env.actions, env.orders)
+    fields = transition_fields(env, table, body.context)
+    chances = table.chance / table.actions * table.stationary()[table.before]
+    assert chances.sum() == pytest.approx(1)
+    assert THRESHOLDS[bed] < rarest_pair(fields, chances)
+    columns = table.columns(*table.walk(steps, np.random.default_rng(0)))
+    assert not learn(fields, columns, THRESHOLDS[bed])[-steps // 5 :].any()
+
+
+# What it is good for ------------------------------------------------------------------
+
+THRESHOLDS = {frozen_lake: 1e-4, cliff_walking: 1e-5, taxi: 1e-5}
+WALKS = {frozen_lake: (5000, 0), cliff_walking: (12_000, 0), taxi: (30_000, 2)}
+PATIENCE = 100
+
+
+@dataclass(frozen=True)
+class Taught:
+    """What an agent is after a random walk, and the table it is true of."""
+
+    env: BinarySensors
+    table: Table
+    body: Body
+    memory: bytes
+    truth: NDArray[np.bool_]
+
+    @property
+    def snapshot(self) -> EmpiricalSnapshot:
+        return EmpiricalSnapshot.from_bytes(self.memory)
+
+    def believes(self, a: str, b: str) -> bool:
+        sensorium = Sensorium(self.body.sensors)
+        return self.snapshot.poc_graph().leq(sensorium.literal(a), sensorium.literal(b))
+
+    def at(self, goal: Sequence[str]) -> NDArray[np.bool_]:
+        """At which places all of `goal` holds."""
+        fields = state_fields(self.env, self.table)
+        held = [
+            fields[self.env.sensors.index(literal.rstrip("*"))] ^ literal.endswith("*")
+            for literal in goal
+        ]
+        return np.logical_and.reduce(held)
+
+
+def taught(
+    env: BinarySensors,
+    threshold: float,
+    steps: int,
+    seed: int = 0,
+    kind: AgentKind = "walker",
+) -> Taught:
+    """Let an agent, a random one unless said otherwise, act for so many steps."""
+    table = Table.of(env)
+    body = Body.full(env.sensors, env.actions, env.orders)
+    snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
+    agent = Agent(body, new_policy(kind, body, seed), snapshot)
+    going_on = Continuing(env)
+    bits, info = going_on.reset(seed=seed)
+    for _ in range(steps):
+        decision = agent.act(bits, info["begins"])
+        bits, _, _, _, info = going_on.step(decision.action)
+    truth = recordable(transition_fields(env, table, body.context))
+    return Taught(env, table, body, snapshot.to_bytes(), truth)
+
+
+@functools.cache
+def walker(bed: Callable[..., BinarySensors]) -> Taught:
+    """An agent that made a random walk in a bed, and has learned all there is."""
+    after = taught(bed(), THRESHOLDS[bed], *WALKS[bed])
+    np.testing.assert_array_equal(after.snapshot.poc_graph().edges, after.truth)
+    return after
+
+
+def distances(table: Table, at: NDArray[np.bool_]) -> list[float]:
+    """The fewest actions to a place of `at` within an episode, one by one."""
+    far = [0.0 if here else np.inf for here in at]
+    moves = [
+        (before, after)
+        for before, after in zip(table.before, table.after, strict=True)
+        if not table.over[before]
+    ]
+    for _ in range(len(far)):
+        for before, after in moves:
+            far[before] = min(far[before], far[after] + 1)
+    return far
+
+
+def attempt(
+    who: Taught,
+    start: int,
+    at: NDArray[np.bool_],
+    kind: AgentKind = "planner",
+    goal: Sequence[str] = (),
+    explore: float = 0.0,
+) -> list[Situation]:
+    """Where an agent goes from a place, until it is there or the episode is over."""
+    seed = 1000 * int(at.argmax()) + start
+    policy = new_policy(kind, who.body, seed, target=goal, explore=explore)
+    agent = Agent(who.body, policy, who.snapshot)
+    there = {
+        place for place, here in zip(situations(who.table), at, strict=True) if here
+    }
+    who.env.reset(seed=seed)
+    inner: Any = who.env.unwrapped
+    inner.s = int(who.table.states[start])
+    bits: NDArray[Any] = state_readings(who.env)
+    way = [(inner.s, False)]
+    while way[-1] not in there and not way[-1][1] and len(way) <= PATIENCE:
+        action = agent.act(bits, begins=len(way) == 1).action
+        bits, _, over, _, _ = who.env.step(action)
+        way.append((int(inner.s), over))
+    return way
+
+
+def state_readings(env: BinarySensors) -> NDArray[np.bool_]:
+    inner: Any = env.unwrapped
+    state = env.state_of(inner.s, {})
+    return np.array([one.order == 0 and one(state) for one in env.definitions])
+
+
+def tile(env: BinarySensors, row: int, column: int) -> tuple[str, ...]:
+    """The literals that hold at one tile, of those next to it."""
+    bounds = [("row", row), ("column", column)]
+    literals = [
+        *(f"{name}<{value}*" for name, value in bounds),
+        *(f"{name}<{value + 1}" for name, value in bounds),
+    ]
+    return tuple(one for one in literals if one.rstrip("*") in env.sensors)
+
+
+def outcomes(
+    who: Taught, width: int, explore: float = 0.0
+) -> tuple[Counter[str], list[float]]:
+    """How the planner fares from everywhere to everywhere, and the steps too many."""
+    table, found, extra = who.table, Counter[str](), []
+    bad = {(state, True) for state in (5, 7, 11, 12)} if width == 4 else set()
+    for goal, place in enumerate(situations(table)):
+        if place in bad:
+            continue
+        kind = "goal" if place[1] else "tile"
+        literals = (
+            ("tile=goal",) if place[1] else tile(who.env, *divmod(place[0], width))
+        )
+        at = who.at(literals)
+        assert at.nonzero()[0].tolist() == [goal]
+        far = distances(table, at)
+        for start in (~table.over & ~at).nonzero()[0].tolist():
+            way = attempt(who, start, at, "planner", literals, explore)
+            if way[-1] == place:
+                found[f"{kind} reached"] += 1
+                extra.append(len(way) - 1 - far[start])
+            elif way[-1] in bad:
+                found[f"{kind} drowned"] += 1
+            else:
+                found[f"{kind} {'passed by' if way[-1][1] else 'never reached'}"] += 1
+    return found, extra
+
+
+def test_on_the_lake_the_planner_gets_there_or_falls_into_a_hole() -> None:
+    lake = walker(frozen_lake)
+    found, extra = outcomes(lake, 4)
+    # It never goes round and round; of 110 pairs of tiles it does 77.
+    assert found == {
+        "tile reached": 77,
+        "tile drowned": 33,
+        "goal reached": 4,
+        "goal drowned": 7,
+    }
+    assert min(extra) == 0
+    assert np.mean(np.array(extra) == 0) > 0.7
+
+
+def test_most_holes_are_not_foreseen() -> None:
+    lake = walker(frozen_lake)
+    inner: Any = lake.env.unwrapped
+    sensorium = Sensorium(lake.body.sensors)
+    hole, safe = sensorium.literal("tile=hole"), sensorium.literal("tile=hole*")
+    foreseen = {}
+    for (state, over), action, (after, _) in sorted(moves(lake.table)):
+        if over or after not in (5, 7, 11, 12):
+            continue
+        lake.env.reset(seed=0)
+        inner.s = state
+        agent = Agent(lake.body, new_policy("walker", lake.body, 0), lake.snapshot)
+        agent.act(state_readings(lake.env), begins=True)
+        bound = agent.consequences(action)
+        foreseen[state, lake.env.actions[action]] = bool(bound[hole])
+        assert not bound[safe]
+    # What is sensed is a row or a column, in one of which there is ice as well; only
+    # the last column has no other tile above a hole that one can stand on.
+    assert {move for move, known in foreseen.items() if known} == {(3, "down")}
+    assert len(foreseen) == 9
+
+
+def test_walking_by_the_cliff_the_planner_reaches_the_goal_from_everywhere() -> None:
+    cliff = walker(cliff_walking)
+    at = cliff.at(["tile=goal"])
+    far = distances(cliff.table, at)
+    for start in (~cliff.table.over).nonzero()[0].tolist():
+        way = attempt(cliff, start, at, "planner", ["tile=goal"])
+        assert way[-1] == (47, True)
+        assert len(way) - 1 <= far[start] + 12
+        # And does not fall: none of its steps leads from the edge to the start.
+        edge = {(state, False) for state in range(25, 35)}
+        assert not any(a in edge and b == (36, False) for a, b in pairwise(way))
+
+
+def test_what_it_knows_of_the_cliff() -> None:
+    cliff = walker(cliff_walking)
+    # That the way down from the row above leads to the bottom, not to which end of it;
+    # that whoever starts to the right falls back to the start.
+    assert cliff.believes("down&~row<2", "row<3*")
+    assert not cliff.believes("down&~row<2", "tile=start")
+    assert cliff.believes("right&tile=start", "tile=start")
+    for column in range(1, 12):
+        left, right = f"column<{column}", f"column<{column}*"
+        # Going up or down keeps the column, but for those who fall.
+        for action in ("up", "down"):
+            assert cliff.believes(f"{action}&{left}", left)
+        assert cliff.believes(f"up&~{left}", right)
+        assert cliff.believes(f"down&~{left}", right) == (column == 11)
+    # What cannot be undone: ten ways down, and the one to the goal.
+    table = cliff.table
+    alive = ~table.over[table.before]
+    ways = set(zip(table.before[alive], table.after[alive], strict=True))
+    lost = [(b, a) for b, a in ways if (a, b) not in ways]
+    assert len(lost) == 11
+    # So time is not spent evenly, as prop. convergence has it for reversible moves.
+    shares = table.stationary()
+    assert shares.max() > 1000 * shares.min()
+
+
+def test_what_cannot_be_undone_keeps_the_planner_from_going_down() -> None:
+    cliff = walker(cliff_walking)
+    row, column = 1, 5
+    literals = tile(cliff.env, row, column)
+    at = cliff.at(literals)
+    start = int((cliff.table.states == column).argmax())
+    stuck = attempt(cliff, start, at, "planner", literals)
+    # One step down would do. But that is believed to lose the column, and up is not.
+    assert {state for state, _ in stuck} == {column}
+    assert len(stuck) == PATIENCE + 1
+    assert attempt(cliff, start, at, "planner", literals, 0.2)[-1] == (17, False)
+
+
+STOPS = {"red": (0, 0), "green": (0, 4), "yellow": (4, 0), "blue": (4, 3)}
+
+
+def cab_at(cab: Taught, row: int, column: int, passenger: int, destination: int) -> int:
+    inner: Any = cab.env.unwrapped
+    state = inner.encode(row, column, passenger, destination)
+    return int(((cab.table.states == state) & ~cab.table.over).argmax())
+
+
+def test_walls_stop_the_planner_but_in_the_row_that_has_none() -> None:
+    cab = walker(taxi)
+    found = Counter[tuple[int, bool]]()
+    for row, column in itertools.product(range(5), repeat=2):
+        goal = tile(cab.env, row, column)
+        at = cab.at(goal)
+        for stop in STOPS.values():
+            start = cab_at(cab, *stop, 0, 1)
+            if not at[start]:
+                way = attempt(cab, start, at, goal=goal)
+                there = cab.table.states[at].tolist()
+                found[row, way[-1][0] in there] += 1
+    # The middle row is open. To the others it goes straight, and stays at a wall.
+    assert [found[row, True] for row in range(5)] == [0, 0, 20, 0, 0]
+    assert found[2, False] == 0
+    # For of east and west it knows only how they lead from and to the last column.
+    for k in range(1, 5):
+        known = cab.believes(f"east&~column<{k}", f"column<{k}*")
+        assert known  # it is never pushed back
+    assert not cab.believes("west&column<2", "column<1")
+    assert not cab.believes("east&~column<2", "column<3*")
+    assert cab.believes("east&~column<3", "column<4*")
+
+
+def test_a_fare_ends_where_what_matters_is_two_things_at_once() -> None:
+    cab = walker(taxi)
+    # To be picked up, one must be where the taxi is: no single sensation says so.
+    assert not cab.believes("pickup&passenger=red", "passenger=taxi")
+    assert not cab.believes("dropoff&passenger=taxi", "passenger=taxi*")
+    assert cab.believes("pickup&passenger=taxi", "passenger=taxi")
+    assert cab.believes("dropoff&passenger=red", "passenger=red")
+    # At its stop it happens, since nothing else is better; the delivery does not:
+    # to keep the passenger guarantees more.
+    for number, (name, stop) in enumerate(STOPS.items()):
+        waiting = cab_at(cab, *stop, number, (number + 1) % 4)
+        way = attempt(cab, waiting, cab.at(["passenger=taxi"]), goal=["passenger=taxi"])
+        assert len(way) - 1 < PATIENCE
+        arrived = cab_at(cab, *stop, 4, number)
+        goal = (*tile(cab.env, *stop), f"passenger={name}")
+        at = cab.at(goal) & cab.table.over
+        assert len(attempt(cab, arrived, at, goal=goal)) - 1 == PATIENCE
+
+
+def drawn_to(bed: Callable[..., BinarySensors], goal: Situation) -> BinarySensors:
+    """A bed with `better` and `worse`, by the fewest actions to a place."""
+    bare = bed()
+    table = Table.of(bare)
+    at = np.array([place == goal for place in situations(table)])
+    far = {
+        bare.state_of(state, {}): distance
+        for state, distance in zip(
+            table.states.tolist(), distances(table, at), strict=True
+        )
+    }
+    scent = (decreased("better", far.__getitem__), increased("worse", far.__getitem__))
+    return BinarySensors(
+        bare.env,
+        (*bare.definitions, *scent),
+        lambda _, observation, info: bare.state_of(observation, info),
+        bare.actions,
+    )
+
+
+@pytest.mark.parametrize(
+    ("bed", "goal", "kind", "steps", "reached", "starts"),
+    [
+        (frozen_lake, (15, True), "walker", 8000, 0, 11),
+        (frozen_lake, (15, True), "excited", 8000, 0, 11),
+        (cliff_walking, (47, True), "walker", 40_000, 37, 37),
+        (cliff_walking, (47, True), "excited", 10_000, 37, 37),
+    ],
+)
+def test_an_excited_agent_goes_where_it_gets_better(
+    bed: Callable[..., BinarySensors],
+    goal: Situation,
+    kind: AgentKind,
+    steps: int,
+    reached: int,
+    starts: int,
+) -> None:
+    who = taught(drawn_to(bed, goal), THRESHOLDS[bed], steps, kind=kind)
+    # Only who went everywhere knows all, and nothing that is false.
+    learned = np.array_equal(who.snapshot.poc_graph().edges, who.truth)
+    assert learned == (kind == "walker")
+    at = np.array([place == goal for place in situations(who.table)])
+    alive = (~who.table.over).nonzero()[0].tolist()
+    ways = [attempt(who, start, at, "excited", explore=0.2) for start in alive]
+    assert len(alive) == starts
+    assert sum(way[-1] == goal for way in ways) == reached

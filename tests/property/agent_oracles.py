@@ -111,7 +111,12 @@ def bound(edges: Edges, switched_on: set[int]) -> set[int]:
 
 
 def possible(body: Body, edges: Edges, state: set[int]) -> set[int]:
-    """The choices from which no path leads against an action of theirs."""
+    """The choices from which no path leads against an action of theirs; every pure one.
+
+    A pure action can always be taken, whatever is believed of it.
+    """
+    if body.exclusive:
+        return set(range(len(choices(body))))
     found = {
         number
         for number, taken in enumerate(choices(body))
@@ -134,8 +139,10 @@ def plan(edges: Edges, state: set[int], target: set[int]) -> set[int]:
 
 
 def planned(body: Body, edges: Edges, state: set[int], target: set[int]) -> set[int]:
-    """The choices that guarantee most of the plan."""
-    wanted = plan(edges, state, target) & (position(body) | target)
+    """The choices that guarantee most of the plan, in the place and of the target."""
+    above = reach(edges, target)
+    sought = target - stars(above)
+    wanted = plan(edges, state, target) & (position(body) | sought)
     score = {
         number: len(bound(edges, signal(body, choices(body)[number], state)) & wanted)
         for number in possible(body, edges, state)

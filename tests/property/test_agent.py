@@ -65,6 +65,7 @@ def decided(policy: Policy, graph: PocGraph, state: set[int]) -> set[tuple[int, 
 
 
 class TestAnyBelief:
+    @pytest.mark.slow
     @given(st.data())
     def test_signals_consequences_and_what_can_be_done(
         self, data: st.DataObject
@@ -122,6 +123,7 @@ class TestAnyBelief:
         if graph.is_coherent(target):
             assert target <= as_set(plan)
 
+    @pytest.mark.slow
     @given(st.data())
     def test_the_planner_takes_what_guarantees_most_of_the_plan(
         self, data: st.DataObject
@@ -141,6 +143,7 @@ class TestAnyBelief:
         assert taken <= best
         assert len(best) > 3 or taken == best
 
+    @pytest.mark.slow
     @given(st.data())
     def test_the_excited_take_better_or_failing_that_not_worse(
         self, data: st.DataObject

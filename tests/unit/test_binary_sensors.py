@@ -1,4 +1,4 @@
-"""Environments seen through binary sensors, and episodes that are one trajectory."""
+"""Environments seen through binary sensors, and episodes that follow each other."""
 
 from typing import Any
 
@@ -8,8 +8,9 @@ import pytest
 from gymnasium.spaces import Box, Discrete, MultiBinary
 
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot, thresholds
-from neurosnap.binary_sensors import BinarySensors, Continuing
+from neurosnap.binary_sensors import BinarySensors
 from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.source import Continuing
 
 
 class Counter(gymnasium.Env[Any, Any]):
@@ -157,20 +158,21 @@ def test_the_step_after_an_end_resets_and_no_end_is_reported(truncates: bool) ->
     inner = Counter(truncates)
     env = Continuing(inner)
     start, info = env.reset(seed=5)
-    assert info == {"parity": start, "episode": 0}
+    assert info == {"parity": start, "episode": 0, "begins": True}
     assert env.step(0)[4]["episode"] == 0
     last = env.step(2)
     steps = [last] if start + 2 == 3 else [last, env.step(2)]
     for observation, reward, terminated, truncated, info in steps:
         assert (reward, terminated, truncated) == (1.0, False, False)
-        assert info == {"parity": observation % 2, "episode": 0}
+        assert info == {"parity": observation % 2, "episode": 0, "begins": False}
     taken = list(inner.taken)
     observation, reward, terminated, truncated, info = env.step(2)
     assert inner.taken == taken  # the action was not taken
     assert observation in (0, 1)
     assert (reward, terminated, truncated) == (0.0, False, False)
-    assert info == {"parity": observation, "episode": 1}
-    assert env.step(1)[4]["episode"] == 1
+    assert info == {"parity": observation, "episode": 1, "begins": True}
+    info = env.step(1)[4]
+    assert (info["episode"], info["begins"]) == (1, False)
     assert inner.resets == [5, None]  # its random numbers go on
 
 
@@ -186,17 +188,32 @@ def test_the_callers_reset_counts_episodes_anew() -> None:
     assert env.step(0)[4]["episode"] == 0  # and is no reset
 
 
-def test_a_trajectory_goes_on_through_a_reset() -> None:
-    env = BinarySensors(Continuing(Counter()), [increased("up"), decreased("down")])
-    assert env.reset(seed=0)[0].tolist() == [0, 0]
-    while env.step(1)[0].tolist() != [0, 1]:
-        pass
-    assert env.step(0)[0].tolist() == [0, 0]
+def test_every_episode_is_a_trajectory_whichever_wrapper_is_within() -> None:
+    sensors = [increased("up"), decreased("down")]
+    inside = Continuing(BinarySensors(Counter(), sensors))
+    outside = BinarySensors(Continuing(Counter()), sensors)
+    for env in (inside, outside):
+        env.reset(seed=0)
+        rollout = [env.step(1) for _ in range(30)]
+        assert rollout[-1][4]["episode"] >= 5
+        # It counts up by one at every step that is taken, and does nothing in others.
+        for observation, *_, info in rollout:
+            assert observation.tolist() == [not info["begins"], 0]
 
 
-def test_the_other_way_around_every_episode_begins_anew() -> None:
-    env = Continuing(BinarySensors(Counter(), [increased("up"), decreased("down")]))
+def test_a_beginning_that_the_environment_tells_of_is_passed_on() -> None:
+    class Restless(Counter):
+        """It begins again by itself, after every third step."""
+
+        def step(self, action: int) -> tuple[int, float, bool, bool, dict[str, Any]]:
+            _, reward, *_, info = super().step(action)
+            begins = len(self.taken) % 3 == 0
+            self._count = 0 if begins else self._count
+            return self._count, reward, False, False, {**info, "begins": begins}
+
+    env = Continuing(BinarySensors(Restless(), [decreased("down")]))
     env.reset(seed=0)
-    rollout = [env.step(1) for _ in range(30)]
-    assert rollout[-1][4]["episode"] >= 5
-    assert not any(observation[1] for observation, *_ in rollout)
+    rollout = [env.step(1) for _ in range(6)]
+    begun = [info["begins"] for *_, info in rollout]
+    assert begun == [False, False, True, False, False, True]
+    assert not any(observation[0] for observation, *_ in rollout)

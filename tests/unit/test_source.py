@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from neurosnap import source as source_module
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
-from neurosnap.source import CsvSource, GymnasiumSource, Source, open_source
+from neurosnap.source import (
+    Continuing,
+    CsvSource,
+    GymnasiumSource,
+    Source,
+    open_source,
+)
 
 IDS = [f"neurosnap/{name}-v0" for name in ("Path", "Cycle", "Grid", "RandomFields")]
 
@@ -80,6 +86,15 @@ class TestCsv:
     def test_actions_and_seeds_change_nothing(self, readings: Path) -> None:
         plain = everything(open_source(str(readings), seed=0))
         assert everything(open_source(str(readings), 9), iter([-1, 5, 7])) == plain
+
+    def test_only_the_first_row_begins_a_trajectory(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        for _ in range(2):
+            source.first()
+            begins = [source.begins]
+            while source.step(0) is not None:
+                begins.append(source.begins)
+            assert begins == [True, False, False]
 
     def test_first_starts_over(self, readings: Path) -> None:
         source = open_source(str(readings), seed=0)
@@ -494,19 +509,74 @@ class TestOtherEnvironments:
         assert Custom.made[0].actions == [-1, 0, 1]
 
     @pytest.mark.parametrize("ends", [(True, False), (False, True)])
-    def test_the_end_of_an_episode_is_the_end(self, ends: tuple[bool, bool]) -> None:
+    def test_after_the_end_of_an_episode_the_next_begins(
+        self, ends: tuple[bool, bool]
+    ) -> None:
         with custom(ends=ends) as name:
             source = open_source(name, seed=0)
         source.first()
-        assert source.step(0) is None
-        assert source.step(0) is None
-        assert Custom.made[0].actions == [0]  # an ended episode is not stepped on
+        assert source.begins
+        for action in (0, 1):
+            bits = source.step(action)
+            assert bits is not None
+            assert not source.begins  # what comes with the end is given out
+            assert source.step(1 - action) is not None
+            assert source.begins
+        # An ended episode is not stepped on: every other action was ignored.
+        assert Custom.made[0].actions == [0, 1]
 
-    def test_a_limit_of_steps_ends_it_too_and_first_starts_over(self) -> None:
+    def test_an_action_that_is_ignored_must_be_one_all_the_same(self) -> None:
+        with custom(ends=(True, False)) as name:
+            source = open_source(name, seed=0)
+        source.first()
+        source.step(0)
+        with pytest.raises(InvalidValueError, match=r"^action: must be a whole number"):
+            source.step(2)
+
+    def test_a_limit_of_steps_ends_an_episode_too_and_first_starts_over(self) -> None:
         with custom(limit=3) as name:
             source = open_source(name, seed=0)
-        assert len(everything(source)) == 3
-        assert len(everything(source)) == 3
+        for steps in (9, 6):
+            source.first()
+            begins = [source.begins]
+            for _ in range(steps):
+                source.step(0)
+                begins.append(source.begins)
+            assert [tick for tick, one in enumerate(begins) if one] == list(
+                range(0, steps + 1, 4)
+            )
+
+    def test_episodes_are_a_function_of_seed_and_actions(self) -> None:
+        class Drawn(Custom):
+            def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+                super().reset(seed=seed)
+                return self.np_random.integers(2, size=2), {}
+
+        gymnasium.register("Custom-v0", lambda **_: Drawn(ends=(True, False)))
+        try:
+            source, same, other = (open_source("Custom-v0", seed) for seed in (5, 5, 6))
+        finally:
+            del gymnasium.registry["Custom-v0"]
+        once = walked(source)
+        assert len(np.unique(once[::2], axis=0)) == 4
+        np.testing.assert_array_equal(walked(source), once)
+        np.testing.assert_array_equal(walked(same), once)
+        assert (walked(other) != once).any()
+
+    def test_an_environment_that_goes_on_by_itself_still_says_what_begins(self) -> None:
+        gymnasium.register(
+            "Custom-v0", lambda **_: Continuing(Custom(ends=(True, False)))
+        )
+        try:
+            source = open_source("Custom-v0", seed=0)
+        finally:
+            del gymnasium.registry["Custom-v0"]
+        source.first()
+        begins = []
+        for _ in range(4):
+            source.step(0)
+            begins.append(source.begins)
+        assert begins == [False, True, False, True]
 
     def test_a_buffer_used_again_does_not_change_what_was_given(self) -> None:
         with custom() as name:

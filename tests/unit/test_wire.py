@@ -124,6 +124,11 @@ def test_what_breaks_a_rule_is_a_message_error(payload: bytes) -> None:
         wire.decode("observe", payload)
 
 
+def test_a_recording_from_before_there_were_beginnings_is_readable() -> None:
+    payload = b'{"type":"observe","tick":3,"bits":"BQ=="}'
+    assert wire.decode("observe", payload) == wire.Observation(3, b"\x05", False)
+
+
 def test_an_unknown_field_is_ignored_so_that_later_schemas_stay_readable() -> None:
     payload = b'{"type":"leave","who":"world","since":7}'
     assert wire.decode("leave", payload) == wire.Leave("world")

@@ -111,13 +111,13 @@ class TestAdmissible:
         assert self.able(body, relation) == [0b00, 0b01, 0b10]
 
     def test_a_context_can_make_an_action_impossible_where_it_holds(self) -> None:
-        body = Body.full(["a"], ["x", "y"])
+        body = Body.full(["a"], ["x", "y"], exclusive=False)
         relation = graph(body, ("x&a", "x*"))
-        assert self.able(body, relation, "a") == [1]
-        assert self.able(body, relation, "a*") == [0, 1]
+        assert self.able(body, relation, "a") == [0b00, 0b10]
+        assert self.able(body, relation, "a*") == [0b00, 0b01, 0b10, 0b11]
 
     def test_contexts_that_contradict_each_other_forbid_nothing(self) -> None:
-        body = Body.full(["a", "b", "c"], ["x", "y"])
+        body = Body.full(["a", "b", "c"], ["x"], exclusive=False)
         relation = graph(body, ("x&a", "c"), ("x&b", "c*"))
         assert self.able(body, relation, "a", "b") == [0, 1]
 
@@ -125,13 +125,20 @@ class TestAdmissible:
         self,
     ) -> None:
         # x -> b -> (x&a)*, so x&a -> x* by contraposition.
-        body = Body.full(["a", "b"], ["x", "y"])
+        body = Body.full(["a", "b"], ["x"], exclusive=False)
         relation = graph(body, ("x", "b"), ("x&a", "b*"))
-        assert self.able(body, relation, "a") == [1]
+        assert self.able(body, relation, "a") == [0]
 
     def test_where_nothing_is_left_the_belief_is_dropped(self) -> None:
+        body = Body.full(["a"], ["x", "y"], exclusive=False)
+        one = [("x", "y*"), ("x*", "y")]
+        relation = graph(body, *one, ("x&a", "x*"), ("y&a", "y*"))
+        assert self.able(body, relation, "a*") == [0b01, 0b10]
+        assert self.able(body, relation, "a") == [0b00, 0b01, 0b10, 0b11]
+
+    def test_a_pure_action_can_always_be_taken(self) -> None:
         body = Body.full(["a"], ["x", "y"])
-        relation = graph(body, ("x", "x*"), ("y", "y*"))
+        relation = graph(body, ("x&a", "x*"), ("y", "y*"))
         assert self.able(body, relation, "a") == [0, 1]
 
     def test_that_actions_exclude_each_other_is_learned(self) -> None:

@@ -12,7 +12,7 @@ from neurosnap.record.writer import Writer
 NOW = 1_700_000_000_000_000_000
 
 EACH: dict[str, wire.Message] = {
-    "observe": wire.Observation(1, b"\x05\xff"),
+    "observe": wire.Observation(1, b"\x05\xff", True),
     "wiring": wire.Wiring(3, 2, 1, (4, 6), (9,), (), (2**31 - 1,)),
     "wave": wire.WaveStart(1, 1, "signal", 2, 1, (0, 7), 3),
     "excite": wire.Pulse(1, 7, 4, 1, 3),

@@ -1,0 +1,11 @@
+"""The command line: parses, calls, prints. What it prints last with --json is JSON.
+
+Exit codes: 0 all well, 1 failed, 2 wrong usage, 3 finished but something was lost.
+"""
+
+# Each module adds its verbs to the app; the order is that of the help.
+from neurosnap.cli import run as run  # isort: skip
+from neurosnap.cli import replay as replay  # isort: skip
+from neurosnap.cli import measure as measure  # isort: skip
+from neurosnap.cli import look as look  # isort: skip
+from neurosnap.cli.shared import app as app  # isort: skip

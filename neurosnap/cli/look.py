@@ -1,0 +1,107 @@
+"""Verbs that look: into a recording, at a model, at this machine."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from neurosnap.cli.shared import Json, Log, OptionalTick, app, errors, print_json, say
+from neurosnap.errors import InvalidValueError
+
+
+@app.command()
+def info(log: Log, as_json: Json = False) -> None:
+    """Say what is in a recording, cut short or not."""
+    from neurosnap.record.info import describe, render
+    from neurosnap.record.reader import Recording
+
+    with errors():
+        found = describe(Recording.open(log))
+        say(as_json).print(render(found), markup=False, soft_wrap=True)
+        if as_json:
+            print_json(msgspec.to_builtins(found))
+
+
+@app.command()
+def graph(
+    log: Log,
+    at: OptionalTick = None,
+    form: Annotated[
+        str, typer.Option("--format", help="json, dot or graphml.")
+    ] = "json",
+    as_json: Json = False,
+) -> None:
+    """Print the implications learned, by name."""
+    from neurosnap.diagram import diagram, parse_format, render
+    from neurosnap.record.history import snapshot_at
+    from neurosnap.record.reader import Recording
+
+    with errors():
+        wanted = parse_format("json" if as_json else form)
+        tick, snapshot = snapshot_at(Recording.open(log), at)
+        drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
+        if as_json:
+            print_json(msgspec.to_builtins(drawn))
+        else:
+            typer.echo(render(drawn, wanted))
+
+
+@app.command()
+def model(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME|LOG|EXPR",
+            help='A named model (--list), a recording, or "a, b : a < b*".',
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Where to draw. [default: NAME.png]"),
+    ] = None,
+    at: OptionalTick = None,
+    limit: Annotated[
+        int, typer.Option(help="The most vertices of a dual to draw.")
+    ] = 256,
+    names: Annotated[bool, typer.Option("--list", help="List the names.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Draw a poc set and its dual: of the paper, of a recording, or your own."""
+    from neurosnap.picture.find import find, listed
+    from neurosnap.picture.numbers import in_words, measure
+    from neurosnap.picture.page import draw_model
+
+    with errors():
+        if names:
+            for name, title in listed().items():
+                say(as_json).print(f"{name:24} {title}", markup=False, soft_wrap=True)
+            if as_json:
+                print_json({"models": listed()})
+            return
+        if what is None:
+            rule = "must be a name of --list, a recording or an expression"
+            raise InvalidValueError("model", rule, "nothing")
+        found = find(what, at, limit)
+        path = Path(f"{found.name}.png") if out is None else out
+        numbers = measure(found)
+        draw_model(found, numbers, path)
+        for line in (numbers.title, *in_words(numbers), f"wrote {path}"):
+            say(as_json).print(line, markup=False, soft_wrap=True)
+        if as_json:
+            print_json({"png": str(path), **msgspec.to_builtins(numbers)})
+
+
+@app.command()
+def doctor(as_json: Json = False) -> None:
+    """Look for what would keep a swarm from running here, and how to mend it."""
+    from neurosnap import show
+    from neurosnap.doctor import examine
+
+    with errors():
+        findings = examine()
+        show.findings(say(as_json), findings)
+        if as_json:
+            print_json({"findings": msgspec.to_builtins(findings)})
+        if not all(finding.ok for finding in findings):
+            raise typer.Exit(1)

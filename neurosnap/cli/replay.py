@@ -1,0 +1,175 @@
+"""``neurosnap replay``: verify a recording, play it back, go on with it."""
+
+import asyncio
+import os
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from neurosnap.cli.shared import (
+    LOST,
+    Json,
+    Log,
+    app,
+    at_most,
+    errors,
+    new_log,
+    print_json,
+    run_async,
+    say,
+    screen,
+)
+from neurosnap.errors import InvalidValueError
+
+
+@app.command()
+def replay(
+    log: Log,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Derive all again, and compare.")
+    ] = False,
+    rate: Annotated[
+        float, typer.Option(help="Play back at this many times the speed.")
+    ] = 1.0,
+    start: Annotated[
+        int, typer.Option(metavar="TICK", help="Play back from this tick on.")
+    ] = 1,
+    step: Annotated[
+        bool, typer.Option("--step", help="Play back a tick for each Enter.")
+    ] = False,
+    listen: Annotated[
+        str, typer.Option(metavar="ENDPOINT", help="Where to play back.")
+    ] = "tcp/127.0.0.1:7447",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the last whole tick.")
+    ] = False,
+    ticks: Annotated[
+        int | None, typer.Option(help="With --resume: ticks in all. [default: +300]")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="With --resume: where to record.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Verify a recording, play it back over Zenoh, or go on with its run."""
+    with errors():
+        if verify and resume:
+            raise InvalidValueError("replay", "must verify or resume", "both")
+        if verify:
+            _verify(log, as_json)
+        elif resume:
+            _resume(log, ticks, out, as_json)
+        else:
+            _play(log, rate, start, step, listen, as_json)
+
+
+def _verify(log: Path, as_json: bool) -> None:
+    from neurosnap import show
+    from neurosnap.record.replay import verify
+
+    verdict = verify(log)
+    show.verdict(say(as_json), verdict)
+    if as_json:
+        print_json(msgspec.structs.asdict(verdict))
+    if not verdict.same:
+        raise typer.Exit(1)
+    if not verdict.complete:
+        raise typer.Exit(LOST)
+
+
+def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> None:
+    from neurosnap import show
+    from neurosnap.record.resume import look_back
+    from neurosnap.source import open_source
+    from neurosnap.swarm.run import run as run_swarm
+
+    options, past = look_back(log)
+    source = open_source(options.source, options.seed, options.arguments)
+    source.close()
+    most = at_most(past.tick + 300 if ticks is None else ticks, source.length)
+    if most <= past.tick:
+        rule = f"must be more than the {past.tick} there are, and the source have them"
+        raise InvalidValueError("ticks", rule, most)
+    options = msgspec.structs.replace(options, ticks=most)
+    new = new_log(options.source, out)
+    with show.progress(screen, "ticks", options.ticks) as on_progress:
+        outcome = run_async(
+            lambda stop: run_swarm(options, new, stop, on_progress, past)
+        )
+    show.outcome(say(as_json), options, outcome, new)
+    if as_json:
+        facts = show.outcome_facts(options, outcome, new)
+        print_json({**facts, "resumed": str(log), "resumed_at": past.tick})
+    if outcome.completeness is not None and not outcome.completeness.whole:
+        raise typer.Exit(LOST)
+
+
+def _play(
+    log: Path, rate: float, start: int, step: bool, listen: str, as_json: bool
+) -> None:
+    from neurosnap import show
+    from neurosnap.record.playback import play_on
+    from neurosnap.record.reader import Recording
+
+    recording = Recording.open(log)
+    screen.print(f"playing on {listen} under neurosnap/{recording.swarm}/**")
+    with show.progress(screen, "tick", None) as on_progress:
+        played = run_async(
+            lambda stop: play_on(
+                recording,
+                listen,
+                stop,
+                rate=rate,
+                start=start,
+                step=_asking(stop) if step else None,
+                on_progress=on_progress,
+            )
+        )
+    say(as_json).print(
+        f"played {played.ticks} ticks, {played.messages} messages"
+        f" in {played.seconds:.1f} s"
+    )
+    if as_json:
+        print_json(msgspec.structs.asdict(played))
+    if not recording.finished:
+        raise typer.Exit(LOST)
+
+
+def _asking(stop: asyncio.Event) -> Callable[[int], Awaitable[bool]]:
+    """Return what asks for Enter before a tick."""
+
+    async def ask(tick: int) -> bool:
+        screen.print(f"tick {tick}: Enter plays it", end=" ")
+        return await _wait_enter(stop)
+
+    return ask
+
+
+async def _wait_enter(stop: asyncio.Event) -> bool:
+    """Wait for Enter; false at the end of the input, or once `stop` is set.
+
+    Not in a thread, since one that waits for a key cannot be told to stop.
+    """
+    loop, wake = asyncio.get_running_loop(), asyncio.Event()
+    try:
+        loop.add_reader(descriptor := sys.stdin.fileno(), wake.set)
+    except OSError:  # neither a terminal nor a pipe: it keeps nobody waiting
+        return bool(sys.stdin.readline())
+    stopping = asyncio.create_task(stop.wait(), name="cli/stop")
+    stopping.add_done_callback(lambda _: wake.set())
+    try:
+        while True:
+            await wake.wait()
+            wake.clear()
+            if stop.is_set():
+                return False
+            key = os.read(descriptor, 1)  # past any buffer, which would hide the rest
+            if key in (b"\n", b""):
+                return key == b"\n"
+    finally:
+        stopping.cancel()
+        loop.remove_reader(descriptor)
