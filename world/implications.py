@@ -1,15 +1,18 @@
-"""What is true of sensors: literal a implies b iff a's field lies within b's.
+"""What is true of sensors, and how far from it is what was learned of them.
 
-Literals are numbered as everywhere in neurosnap: sensor ``s`` is ``2s``, its complement
-``2s + 1``. A sensor that is never on has the empty field, so it implies everything and
-its complement is implied by everything; two sensors with the same field imply each
-other. Nothing is left out for being degenerate.
+Literal a implies b iff a's field lies within b's. Literals are numbered as everywhere
+in neurosnap: sensor ``s`` is ``2s``, its complement ``2s + 1``. A sensor that is never
+on has the empty field, so it implies everything and its complement is implied by
+everything; two sensors with the same field imply each other. Nothing is left out for
+being degenerate.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from neurosnap.poc.snapshot import EmpiricalSnapshot
 
 
 def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -94,3 +97,33 @@ def rarest_pair(fields: NDArray[np.bool_], shares: NDArray[np.float64]) -> float
     free = met.reshape(sensors, 2, sensors, 2).all(axis=(1, 3))
     least = weights.reshape(sensors, 2, sensors, 2).min(axis=(1, 3))
     return float(least[free].min(initial=1.0))
+
+
+def learn(
+    fields: NDArray[np.bool_], columns: NDArray[np.intp], threshold: float
+) -> NDArray[np.int64]:
+    """Return Err(t) of an empirical snapshot on a walk ([GK] eq. true dir matrix).
+
+    Err counts the ordered pairs of literals on which the derived graph, with
+    equivalences, and `recordable` differ.
+
+    Args:
+        fields: ``(sensors, columns)``: of places, or of transitions.
+        columns: ``(steps,)``: which of them is observed at t = 1, 2, ...
+        threshold: In (0, 1/4].
+
+    Returns:
+        ``(steps,)``. O(sensors²) time a step.
+
+    Raises:
+        InvalidValueError: The threshold is out of range.
+    """
+    truth = recordable(fields)
+    snapshot = EmpiricalSnapshot(len(fields), threshold)
+    wrong = int(truth.sum())
+    errors = np.empty(len(columns), np.int64)
+    for t, column in enumerate(columns.tolist()):
+        if snapshot.learn(fields[:, column]):
+            wrong = int((snapshot.poc_graph().edges != truth).sum())
+        errors[t] = wrong
+    return errors

@@ -8,7 +8,7 @@ transitions those that some walk makes.
 
 References:
     [GK] "Observation Model for DBAs": sensors as subsets of states and of transitions.
-    [GK] "Performance of Empirical Agents": truth, random walk, Err(t).
+    [GK] "Performance of Empirical Agents": the random walk, and its stationary shares.
 """
 
 from bisect import bisect_right
@@ -24,9 +24,7 @@ from neurosnap.agent.context import Body
 from neurosnap.agent.sensor import Sensor
 from neurosnap.binary_sensors import Environment
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.snapshot import EmpiricalSnapshot
 from neurosnap.sensorium import complete
-from world.implications import recordable
 
 _Place: TypeAlias = tuple[int, bool]
 _Move: TypeAlias = tuple[_Place, int, _Place]
@@ -137,16 +135,11 @@ class Table:
             places: ``(steps + 1,)``, as `walk` returns them, and so are the others.
             actions: ``(steps,)``.
         """
-        count = len(self.states)
-
-        def code(
-            before: NDArray[np.intp], action: NDArray[np.intp], after: NDArray[np.intp]
-        ) -> NDArray[np.intp]:
-            return (before * self.actions + action) * count + after
-
-        # Transitions are sorted, and so are their codes.
-        known = code(self.before, self.action, self.after)
-        return np.searchsorted(known, code(places[:-1], actions, places[1:]))
+        shape = len(self.states), self.actions, len(self.states)
+        # Transitions are sorted, and so are their numbers.
+        known = np.ravel_multi_index((self.before, self.action, self.after), shape)
+        made = np.ravel_multi_index((places[:-1], actions, places[1:]), shape)
+        return np.searchsorted(known, made)
 
     def stationary(self) -> NDArray[np.float64]:
         """Return the share of a random walk's time at each place: ``(places,)``.
@@ -231,36 +224,6 @@ def transition_fields(
     which, literals = np.array(body.context, np.intp).reshape(-1, 2).T
     contextual = taken[which] & held[literals][:, table.before]
     return np.concatenate([own, taken, contextual])
-
-
-def learn(
-    fields: NDArray[np.bool_], columns: NDArray[np.intp], threshold: float
-) -> NDArray[np.int64]:
-    """Return Err(t) of an empirical snapshot on a walk ([GK] eq. true dir matrix).
-
-    Err counts the ordered pairs of literals on which the derived graph, with
-    equivalences, and `recordable` differ.
-
-    Args:
-        fields: ``(sensors, columns)``: of places, or of transitions.
-        columns: ``(steps,)``: which of them is observed at t = 1, 2, ...
-        threshold: In (0, 1/4].
-
-    Returns:
-        ``(steps,)``. O(sensors²) time a step.
-
-    Raises:
-        InvalidValueError: The threshold is out of range.
-    """
-    truth = recordable(fields)
-    snapshot = EmpiricalSnapshot(len(fields), threshold)
-    wrong = int(truth.sum())
-    errors = np.empty(len(columns), np.int64)
-    for t, column in enumerate(columns.tolist()):
-        if snapshot.learn(fields[:, column]):
-            wrong = int((snapshot.poc_graph().edges != truth).sum())
-        errors[t] = wrong
-    return errors
 
 
 def _moves(P: _Outcomes, starts: dict[_Place, float]) -> dict[_Move, float]:

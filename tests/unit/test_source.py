@@ -515,14 +515,13 @@ class TestOtherEnvironments:
         with custom(ends=ends) as name:
             source = open_source(name, seed=0)
         source.first()
-        assert source.begins
-        for action in (0, 1):
-            bits = source.step(action)
-            assert bits is not None
-            assert not source.begins  # what comes with the end is given out
-            assert source.step(1 - action) is not None
-            assert source.begins
-        # An ended episode is not stepped on: every other action was ignored.
+        begins = [source.begins]
+        for action in (0, 1, 1, 0):
+            assert source.step(action) is not None
+            begins.append(source.begins)
+        # What comes with an end is given out, and then a beginning.
+        assert begins == [True, False, True, False, True]
+        # An ended episode is not stepped on: every other action is ignored.
         assert Custom.made[0].actions == [0, 1]
 
     def test_an_action_that_is_ignored_must_be_one_all_the_same(self) -> None:
