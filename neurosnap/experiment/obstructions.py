@@ -133,8 +133,8 @@ def _summary(cell: ObstacleCell, found: NDArray[np.int32]) -> dict[str, Any]:
         "world": cell.world,
         "agent": cell.agent,
         "arrived": float(there.mean()),
-        "mean_steps": float(steps[there].mean()) if there.any() else None,
-        "mean_shortest": float(shortest[there].mean()) if there.any() else None,
+        "mean_steps": float(steps[there].mean()) if there.any() else np.nan,
+        "mean_shortest": float(shortest[there].mean()) if there.any() else np.nan,
         "blocked": float(found[:, :, BLOCKED].sum(axis=1).mean()),
     }
 
@@ -151,7 +151,7 @@ def _shortest(cell: ObstacleCell) -> NDArray[np.float64]:
 def _line(cell: ObstacleCell, found: NDArray[np.int32]) -> str:
     facts = _summary(cell, found)
     name = cell.world.removeprefix("neurosnap/").removesuffix("-v0")
-    if facts["mean_steps"] is None:
+    if np.isnan(facts["mean_steps"]):
         return f"{name}, {cell.agent}: none arrive"
     return (
         f"{name}, {cell.agent}: {facts['arrived']:.0%} of the starts arrive, in"
