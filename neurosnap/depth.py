@@ -20,8 +20,10 @@ from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from neurosnap.swarm.launch import Plan, run_processes
-from neurosnap.swarm.options import WiringKind
+from neurosnap.swarm.options import HostKind, WiringKind
+from neurosnap.swarm.orders import check_layers
 from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
+from neurosnap.swarm.shares import shares
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,11 +49,16 @@ async def measure(
     waves: int,
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
+    *,
+    cells: HostKind = "process",
+    workers: int = 2,
+    edges: int = 0,
+    seed: int = 0,
 ) -> list[Measured]:
-    """Time waves through swarms of process cells wired to chains of given heights.
+    """Time waves through swarms wired to orders of given heights.
 
-    One swarm for each of `sensors`; in each the order is a chain of one height after
-    the other, on the first cells, and the wave starts at its bottom.
+    One swarm for each of `sensors`; in each the order has one height after the other,
+    and the wave starts at its bottom.
 
     Args:
         heights: Each at least 0.
@@ -60,20 +67,42 @@ async def measure(
         waves: Waves timed at each height.
         stop: Ends it; what was measured by then is returned.
         on_progress: Told how many waves are timed.
+        cells: Every cell is a process, or shares one with many.
+        workers: How many processes share the cells, where they do.
+        edges: 0: the order is a chain, on the first cells. Else a random one on all of
+            them, of so many covering edges, contrapositives counted.
+        seed: Draws random orders.
 
     Raises:
         InvalidValueError: A number is out of range.
         SwarmError: A part failed.
     """
     _check(heights, sensors, waves)
+    if edges and wiring != "hasse":
+        raise InvalidValueError("wiring", 'must be "hasse" for a random order', wiring)
+    for count in sensors:
+        if cells == "worker":
+            shares(count, workers)
+        for height in heights if edges else ():
+            check_layers(count, height, edges)
     rows: list[Measured] = []
     for count in sensors:
         if stop.is_set():
             break
+        probe = ProbePlan(
+            count,
+            tuple(heights),
+            wiring,
+            waves,
+            workers=workers if cells == "worker" else 0,
+            edges=edges,
+            seed=seed,
+        )
         plan = Plan(
             cells=count,
+            workers=probe.workers,
             conductor=be_probe,
-            conductor_arguments=(ProbePlan(count, tuple(heights), wiring, waves),),
+            conductor_arguments=(probe,),
         )
         ending = await run_processes(plan, stop, _from_there(on_progress, len(rows)))
         rows += msgspec.json.decode(ending.result, type=list[Measured])

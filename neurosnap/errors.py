@@ -68,6 +68,10 @@ class SwarmError(NeurosnapError):
     """A run could not be carried out; the text names the part and the cause."""
 
 
+class PartDiedError(SwarmError):
+    """A part was killed, or vanished without a word; it might live if started anew."""
+
+
 class WaveLostError(SwarmError):
     """A wave did not settle within its deadline, and neither did its repeats."""
 

@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from neurosnap.doctor import Finding
     from neurosnap.experiment.run import FigureResults
     from neurosnap.record.replay import Verdict
+    from neurosnap.swarm.endure import Restart
     from neurosnap.swarm.options import RunOptions
     from neurosnap.swarm.probe import Measured
+    from neurosnap.swarm.registry import Note, Part
     from neurosnap.swarm.run import Outcome
 
 _MOST = 24  # implications shown; all of them are in `neurosnap graph`
@@ -93,10 +95,41 @@ def outcome_facts(
         **msgspec.structs.asdict(outcome.totals),
         "seconds": outcome.seconds,
         "startup": outcome.startup,
+        "restarts": outcome.restarts,
         "stopped": outcome.stopped,
         "complete": outcome.completeness is not None and outcome.completeness.whole,
         "implications": outcome.implications,
     }
+
+
+def restart(console: Console, event: Restart) -> None:
+    """Say that a run goes on, and what it had to do again."""
+    again = f"; {event.lost} ticks are done again" if event.lost else ""
+    console.print(
+        f"[yellow]going on[/yellow] from tick {event.tick}: {escape(event.why)}{again}",
+        soft_wrap=True,
+    )
+
+
+def swarms(console: Console, notes: Sequence[Note]) -> None:
+    """List the swarms that run."""
+    if not notes:
+        console.print("no swarm runs here")
+        return
+    table = Table("swarm", "pid", "source", "recording", box=None, pad_edge=False)
+    for note in notes:
+        table.add_row(note.swarm, str(note.pid), escape(note.source), escape(note.log))
+    console.print(table)
+
+
+def parts(console: Console, note: Note, there: Sequence[Part]) -> None:
+    """List the processes of one swarm."""
+    console.print(f"swarm {note.swarm}: {note.source}, hub at {note.endpoint}")
+    table = Table("part", "pid", "memory", "processor", box=None, pad_edge=False)
+    for part in there:
+        memory = f"{part.memory / 2**20:.0f} MB"
+        table.add_row(part.who, str(part.pid), memory, f"{part.seconds:.2f} s")
+    console.print(table)
 
 
 def outcome(
@@ -105,7 +138,7 @@ def outcome(
     """Print a run's summary."""
     totals = outcome_.totals
     rate = totals.ticks / outcome_.seconds if outcome_.seconds > 0 else 0.0
-    kind = "process" if options.cells == "process" else "inline"
+    kind = f"{options.workers} workers" if options.sharing else options.cells
     rows = {
         "cells": f"{len(options.sensors)} ({kind}, {options.wiring} wiring)",
         "ticks": f"{totals.ticks} in {outcome_.seconds:.1f} s ({rate:.0f} a second)",
@@ -118,6 +151,8 @@ def outcome(
     }
     if totals.faults:
         rows["faults"] = f"{totals.faults} messages dropped as bad or unexpected"
+    if outcome_.restarts:
+        rows["restarts"] = f"{outcome_.restarts}, after a part had died"
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, value in rows.items():
         table.add_row(f"[bold]{name}[/bold]", value)

@@ -11,6 +11,7 @@ running number and clock travel beside the payload (`Delivery`), so that complet
 can be proved without a word about it in the messages.
 """
 
+import struct
 from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import msgspec
@@ -168,6 +169,90 @@ class Settled(_Message, frozen=True, tag="settled"):
         return f"cell/{self.cell}"
 
 
+class Loom(_Message, frozen=True, tag="loom"):
+    """Out-edges of the cells of one worker: whole, or as changes to an epoch.
+
+    What is too much for one frame goes on in the next, as a change to this one.
+    """
+
+    worker: Natural
+    """The worker this is for."""
+    epoch: Numbered
+    """The number of this frame; grows with every message to the same worker."""
+    after: Natural
+    """The epoch these changes build on; 0: forget all edges first."""
+    add: bytes = b""
+    """Edges gained, as `numbers`: source and target of each, ascending."""
+    drop: bytes = b""
+    """Edges lost, likewise."""
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"loom/{self.worker}"
+
+
+class Burst(_Message, frozen=True, tag="burst"):
+    """Pulses of one wave from the cells of one worker to those of another.
+
+    Every wave is announced to every worker, so a wave is its own fence here.
+    """
+
+    wave: Numbered
+    """The wave they belong to."""
+    worker: Natural
+    """The sending worker."""
+    to: Natural
+    """The worker it is for."""
+    part: Natural
+    """How many bursts of this wave the one sent the other before this one."""
+    sources: bytes
+    """The literals that fired, as `numbers`, one a pulse."""
+    targets: bytes
+    """The literals they make fire, likewise."""
+    hops: bytes
+    """Edges from the signal to the target along the way the pulse came, likewise."""
+    credit: bytes
+    """Exponents, likewise: each pulse carries the share ``2^-e`` of the wave."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return f"worker/{self.worker}"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"burst/{self.to}"
+
+
+class Tally(_Message, frozen=True, tag="tally"):
+    """A worker's report on one wave, for all its cells; see `Settled`."""
+
+    _key: ClassVar[str] = "tally"
+
+    wave: Numbered
+    """The wave it belongs to."""
+    worker: Natural
+    """The reporting worker."""
+    part: Natural
+    """How many reports on this wave the worker sent before this one."""
+    literals: bytes
+    """Literals that fired, as `numbers`."""
+    hops: bytes
+    """For each of `literals`, the hops of the pulse that made it fire, likewise."""
+    credit: Naturals
+    """Exponents, ascending: the shares ``2^-e`` that end here, added up until each
+    came once."""
+    pulses: Natural
+    """Pulses along edges of its cells, those to cells of its own included."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return f"worker/{self.worker}"
+
+
 class State(_Message, frozen=True, tag="state"):
     """The state that the settled wave of one tick gave."""
 
@@ -282,6 +367,9 @@ Message: TypeAlias = (
     | KeyFrame
     | Fault
     | Leave
+    | Loom
+    | Burst
+    | Tally
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -297,6 +385,9 @@ TOPICS: dict[str, type[Message]] = {
     "keyframe": KeyFrame,
     "fault": Fault,
     "leave": Leave,
+    "loom": Loom,
+    "burst": Burst,
+    "tally": Tally,
 }
 """The first chunk of every key, and what travels there."""
 
@@ -355,6 +446,38 @@ def cell_keys(cell: int) -> tuple[str, ...]:
         f"excite/{cell}",
         f"inhibit/{cell}",
     )
+
+
+def worker_keys(worker: int) -> tuple[str, ...]:
+    """Return the key expressions a worker listens to."""
+    return ("observe", f"loom/{worker}", "wave", f"burst/{worker}")
+
+
+def numbers(name: str, data: bytes) -> tuple[int, ...]:
+    """Return the whole numbers in a field that holds many of them.
+
+    Args:
+        name: The field, for the error.
+        data: Four bytes each, signed, the lowest byte first.
+
+    Raises:
+        MessageError: There is a part of a number in it.
+    """
+    count, rest = divmod(len(data), 4)
+    if rest:
+        raise MessageError(f"{name}: must be four bytes a number, got {len(data)}")
+    return struct.unpack(f"<{count}i", data)
+
+
+def fired(report: Settled | Tally) -> Naturals:
+    """Return the literals that fired, by a cell's report or a worker's.
+
+    Raises:
+        MessageError: There is a part of a literal in it.
+    """
+    if isinstance(report, Settled):
+        return report.literals
+    return numbers("tally: literals", report.literals)
 
 
 def split_evenly(credit: int, parts: int) -> list[int]:

@@ -18,7 +18,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from rich.console import Console
 
-from tools import bench_agent, bench_learn, bench_observe, bench_run, bench_swarm
+from tools import (
+    bench_agent,
+    bench_learn,
+    bench_observe,
+    bench_run,
+    bench_swarm,
+    bench_tick,
+    bench_worker,
+)
 from tools.bench_report import QUICK, Line, Sizes, as_json, markdown, table
 
 ROWS: dict[str, Callable[[Sizes], list[Line]]] = {
@@ -29,6 +37,8 @@ ROWS: dict[str, Callable[[Sizes], list[Line]]] = {
     "observe": bench_observe.observe,
     "learn": bench_learn.learn,
     "cycle": bench_agent.cycle,
+    "tick": bench_tick.tick,
+    "worker": bench_worker.worker,
     "verify": bench_run.verify,
 }
 

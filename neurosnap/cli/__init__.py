@@ -8,4 +8,6 @@ from neurosnap.cli import run as run  # isort: skip
 from neurosnap.cli import replay as replay  # isort: skip
 from neurosnap.cli import measure as measure  # isort: skip
 from neurosnap.cli import look as look  # isort: skip
+from neurosnap.cli import parts as parts  # isort: skip
+from neurosnap.cli import keys as keys  # isort: skip
 from neurosnap.cli.shared import app as app  # isort: skip

@@ -19,7 +19,7 @@ from neurosnap.cli.shared import (
 )
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.experiment.learning import TruthKind
-from neurosnap.swarm.options import WiringKind
+from neurosnap.swarm.options import HostKind, WiringKind
 
 
 @app.command()
@@ -38,6 +38,15 @@ def depth(
         str, typer.Option(help="Cells in each swarm. [default: 1 and 2 × the tallest]")
     ] = "",
     waves: Annotated[int, typer.Option(help="Waves at each height.")] = 10,
+    cells: Annotated[
+        HostKind, typer.Option(help="One OS process a cell, or one for many.")
+    ] = "process",
+    workers: Annotated[int, typer.Option(help="Processes that have many cells.")] = 2,
+    edges: Annotated[
+        int,
+        typer.Option(help="Covers of a random order, both ways. [default: a chain]"),
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Draws random orders.")] = 0,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write.")] = Path(),
     as_json: Json = False,
 ) -> None:
@@ -55,7 +64,18 @@ def depth(
             total = len(sizes) * len(tall) * waves
             with show.progress(screen, "waves", total) as on_progress:
                 rows = run_async(
-                    lambda stop: measure(tall, wiring, sizes, waves, stop, on_progress)
+                    lambda stop: measure(
+                        tall,
+                        wiring,
+                        sizes,
+                        waves,
+                        stop,
+                        on_progress,
+                        cells=cells,
+                        workers=workers,
+                        edges=edges,
+                        seed=seed,
+                    )
                 )
         if not rows:
             raise NeurosnapError("depth: must have a wave to measure, got none")

@@ -10,19 +10,25 @@ import typer
 from neurosnap.agent.policy import EXPLORE, AgentKind
 from neurosnap.cli.shared import (
     LOST,
+    Insecure,
     Json,
+    Tls,
     app,
     at_most,
+    convert,
     errors,
     new_log,
     print_json,
+    ranges,
     run_async,
     say,
     screen,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.source import Argument
+from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind, WiringKind
+from neurosnap.swarm.supervision import RestartKind, Supervision
 
 
 @app.command()
@@ -63,19 +69,52 @@ def run(
         WiringKind, typer.Option(help="Which edges carry pulses.")
     ] = "hasse",
     cells: Annotated[
-        CellKind, typer.Option(help="One OS process a cell, or all in this one.")
+        CellKind,
+        typer.Option(help="One OS process a cell, one for many, or all in this one."),
     ] = "process",
+    workers: Annotated[int, typer.Option(help="Processes that have many cells.")] = 2,
     out: Annotated[
         Path | None, typer.Option(help="Where to record. [default: logs/…]")
     ] = None,
     record: Annotated[bool, typer.Option(help="Record at all.")] = True,
     deadline: Annotated[float, typer.Option(help="Seconds a wave may take.")] = 10.0,
+    restart: Annotated[
+        RestartKind, typer.Option(help="Go on when a part of the swarm dies.")
+    ] = "on-failure",
+    max_restarts: Annotated[
+        int, typer.Option(help="How often, before the run is given up.")
+    ] = 10,
+    backoff: Annotated[
+        float, typer.Option(help="Seconds before going on; doubles without progress.")
+    ] = 0.1,
+    listen: Annotated[
+        str,
+        typer.Option(
+            metavar="ENDPOINT", help="Where the hub listens. [default: on a socket]"
+        ),
+    ] = "",
+    connect: Annotated[
+        str, typer.Option(metavar="ENDPOINT", help="A hub that is there already.")
+    ] = "",
+    swarm: Annotated[
+        str, typer.Option(metavar="ID", help="Its id. [default: a random one]")
+    ] = "",
+    elsewhere: Annotated[
+        str,
+        typer.Option(metavar="RANGES", help="Cells that `neurosnap join` starts."),
+    ] = "",
+    tls: Tls = "",
+    insecure: Insecure = False,
+    audit: Annotated[
+        bool, typer.Option("--audit", help="Log every refused message; slow.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a source through a swarm of cells and record everything."""
     from neurosnap import show
     from neurosnap.source import open_source
     from neurosnap.swarm.embody import body_of, drawn_to
+    from neurosnap.swarm.endure import run_on
     from neurosnap.swarm.run import run as run_swarm
 
     with errors():
@@ -101,11 +140,51 @@ def run(
             decay=decay,
             wiring=wiring,
             cells=cells,
+            workers=workers,
             deadline=deadline,
         )
+        supervision = convert(
+            Supervision,
+            restart=restart,
+            max_restarts=max_restarts,
+            backoff=backoff,
+        )
+        network = convert(
+            Network,
+            listen=listen,
+            connect=connect,
+            tls=tls,
+            insecure=insecure,
+            audit=audit,
+        )
+        network.check()
+        away = _away(elsewhere, swarm, network, options)
         log = new_log(source, out) if record else None
         with show.progress(screen, "ticks", options.ticks) as on_progress:
-            outcome = run_async(lambda stop: run_swarm(options, log, stop, on_progress))
+            outcome = run_async(
+                lambda stop: (
+                    run_swarm(
+                        options,
+                        log,
+                        stop,
+                        on_progress,
+                        network=network,
+                        swarm=swarm,
+                        elsewhere=away,
+                    )
+                    # Cells elsewhere cannot be told to begin anew.
+                    if log is None or options.cells == "inline" or away
+                    else run_on(
+                        options,
+                        log,
+                        stop,
+                        supervision,
+                        on_progress=on_progress,
+                        on_restart=lambda event: show.restart(screen, event),
+                        network=network,
+                    )
+                )
+            )
         show.outcome(say(as_json), options, outcome, log)
         if as_json:
             print_json(show.outcome_facts(options, outcome, log))
@@ -113,18 +192,35 @@ def run(
             raise typer.Exit(LOST)
 
 
+def _away(
+    elsewhere: str, swarm: str, network: Network, options: RunOptions
+) -> frozenset[str]:
+    """Return the parts that somebody else starts."""
+    if swarm and not swarm.isalnum():
+        raise InvalidValueError("swarm", "must be letters and digits", swarm)
+    if not elsewhere:
+        return frozenset()
+    if options.cells != "process":
+        rule = "must go with cells that are processes"
+        raise InvalidValueError("elsewhere", rule, elsewhere)
+    if not swarm or not (network.listen or network.connect):
+        rule = "must come with --swarm ID, and --listen or --connect"
+        raise InvalidValueError("elsewhere", rule, elsewhere)
+    numbers = ranges("elsewhere", elsewhere)
+    if numbers[-1] >= len(options.sensors):
+        rule = f"must be cells of the swarm, 0 to {len(options.sensors) - 1}"
+        raise InvalidValueError("elsewhere", rule, elsewhere)
+    return frozenset(f"cell/{number}" for number in numbers)
+
+
 def _options(**given: object) -> RunOptions:
     """Return the options, checked: a wrong one is refused before anything starts."""
-    try:
-        options = msgspec.convert(given, RunOptions)
-    except msgspec.ValidationError as error:
-        reason, _, place = str(error).partition(" - at ")
-        name = place.strip("`$.") or "options"
-        raise InvalidValueError(name, reason, given.get(name)) from error
+    options = convert(RunOptions, **given)
     if math.isinf(options.deadline):  # JSON has no word for it
         raise InvalidValueError("deadline", "must be finite", options.deadline)
     options.new_snapshot()
     options.new_policy()
+    options.host_names()
     return options
 
 

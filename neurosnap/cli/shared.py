@@ -29,6 +29,12 @@ screen = Console(stderr=True, highlight=False)
 
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object last.")]
+Tls = Annotated[
+    str, typer.Option(metavar="DIR", help="Keys, made by `neurosnap keys DIR`.")
+]
+Insecure = Annotated[
+    bool, typer.Option("--insecure", help="Go over a network without keys.")
+]
 OptionalTick = Annotated[
     int | None, typer.Option(metavar="TICK", help="As it was after this tick.")
 ]
@@ -56,6 +62,37 @@ def fail(text: str, code: int) -> NoReturn:
 def _plain(text: str) -> str:
     """Keep rich from reading brackets in somebody's text as its own."""
     return text.replace("[", r"\[")
+
+
+def ranges(name: str, text: str) -> list[int]:
+    """Return the numbers in ``0-3,7``, ascending.
+
+    Raises:
+        InvalidValueError: It holds something else, or a number twice.
+    """
+    numbers: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise InvalidValueError(name, "must be like 0-499 or 3,7,9-12", text)
+        numbers += range(int(first), int(last if dash else first) + 1)
+    if not numbers or len(set(numbers)) < len(numbers):
+        raise InvalidValueError(name, "must name each once", text)
+    return sorted(numbers)
+
+
+def convert(kind: type[T], **given: object) -> T:
+    """Return a struct of what was given, checked.
+
+    Raises:
+        InvalidValueError: Something breaks its rule.
+    """
+    try:
+        return msgspec.convert(given, kind)
+    except msgspec.ValidationError as error:
+        reason, _, place = str(error).partition(" - at ")
+        name = place.strip("`$.") or "options"
+        raise InvalidValueError(name, reason, given.get(name)) from error
 
 
 def say(as_json: bool) -> Console:

@@ -1,10 +1,13 @@
-"""The fabric over Zenoh: one session a process, loopback only, nothing found by chance.
+"""The fabric over Zenoh: one session a process, nothing found by chance.
 
 What keeps the promises of `neurosnap.fabric.protocol`: one session and one priority a
 process; no callback that blocks, so that no receiver ever stalls the hub; every put
 with BLOCK; callbacks run on Zenoh's own receiving thread (``indirect=False``), which
 keeps the order across several subscriptions. A running number and the sender's clock
 travel as the attachment.
+
+Without credentials it stays on this machine; with them every link is mutual TLS, and
+the hub passes on only what `neurosnap.fabric.access` allows.
 """
 
 import asyncio
@@ -21,6 +24,9 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
+from neurosnap.fabric.access import FLUSHED, access_list
+from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.inbox import Courier, Door, Inbox
 from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
 
@@ -57,16 +63,33 @@ def configuration(mode: str, **settings: object) -> zenoh.Config:
     return config
 
 
-def open_hub(endpoints: Sequence[str], sessions: int) -> zenoh.Session:
+def open_hub(
+    endpoints: Sequence[str],
+    sessions: int,
+    *,
+    credentials: Credentials | None = None,
+    insecure: bool = False,
+) -> zenoh.Session:
     """Open the router all parts of a swarm connect to. Blocks; close it when done.
 
     Args:
         endpoints: What it listens on.
         sessions: How many parts will connect.
+        credentials: The hub's; turns on mutual TLS and the access list.
+        insecure: May listen beyond this machine without credentials.
 
     Raises:
+        InvalidValueError: An endpoint breaks the rule of `check_endpoint`.
         FabricError: An endpoint is in use or cannot be listened on.
     """
+    for endpoint in endpoints:
+        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
+    guard: dict[str, object] = {}
+    if credentials is not None:
+        guard = {
+            "transport__link__tls": credentials.to_listen(),
+            "access_control": access_list(),
+        }
     try:
         return zenoh.open(
             configuration(
@@ -76,6 +99,7 @@ def open_hub(endpoints: Sequence[str], sessions: int) -> zenoh.Session:
                 transport__unicast__accept_pending=sessions + 100,
                 # A stalled part must not get its link closed and lose what waits.
                 transport__link__tx__queue__congestion_control__block__wait_before_close=60_000_000,
+                **guard,
             )
         )
     except zenoh.ZError as error:
@@ -95,6 +119,11 @@ class ZenohFabric:
         patience: Seconds to go on trying until the hub answers.
         swift: Handlers run on a thread of their own, not on the event loop: a third
             off the time of a hop. For parts that share nothing with their loop.
+        credentials: The part's, where the hub has some.
+        insecure: May connect beyond this machine without credentials.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
     """
 
     def __init__(
@@ -106,13 +135,17 @@ class ZenohFabric:
         first: int = 0,
         patience: float = 60.0,
         swift: bool = False,
+        credentials: Credentials | None = None,
+        insecure: bool = False,
     ) -> None:
+        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
         self.who = who
         self.sent = first
         self._prefix = f"{wire.ROOT}/{swarm}/"
         self._endpoint = endpoint
         self._patience = patience
         self._swift = swift
+        self._credentials = credentials
         # A courier and the loop may publish at once; a number must not be used twice.
         self._publishing = threading.Lock()
         self._declared: list[Any] = []
@@ -147,6 +180,9 @@ class ZenohFabric:
         return await asyncio.to_thread(call, *args, **kwargs)
 
     def _config(self) -> zenoh.Config:
+        guard: dict[str, object] = {}
+        if self._credentials is not None:
+            guard["transport__link__tls"] = self._credentials.to_connect()
         return configuration(
             "client",
             connect__endpoints=[self._endpoint],
@@ -157,6 +193,7 @@ class ZenohFabric:
                 "period_increase_factor": 1.5,
             },
             transport__link__tx__queue__congestion_control__block__wait_before_close=60_000_000,
+            **guard,
         )
 
     async def __aexit__(
@@ -190,7 +227,7 @@ class ZenohFabric:
         hub answers this one itself.
         """
         replies = self._session.get(
-            f"{self._prefix}flushed", congestion_control=_BLOCK, timeout=_FLUSH
+            f"{self._prefix}{FLUSHED}", congestion_control=_BLOCK, timeout=_FLUSH
         )
         for _ in replies:
             pass

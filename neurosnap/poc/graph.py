@@ -22,6 +22,7 @@ from neurosnap.poc.literals import (
     from_words,
     to_words,
 )
+from neurosnap.poc.order import Order, order_of, wired
 from neurosnap.sensorium import Sensorium, complement
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
@@ -168,11 +169,11 @@ class PocGraph:
         return not (self.up(chosen) & complement(chosen)).any()
 
     def leq(self, a: int, b: int) -> bool:
-        """Return whether ``a <= b``. The first call computes the closure."""
+        """Return whether ``a <= b``. The first call works out the order."""
         low = as_literal("a", a, len(self))
         high = as_literal("b", b, len(self))
         return bool(
-            self._closure[low, high >> 6] >> np.uint64(high & 63) & np.uint64(1)
+            self._order.closed[low, high >> 6] >> np.uint64(high & 63) & np.uint64(1)
         )
 
     def classes(self) -> list[tuple[int, ...]]:
@@ -193,7 +194,7 @@ class PocGraph:
 
         Commutes with the complement: ``representative[a ^ 1] = representative[a] ^ 1``.
         """
-        return self._condensed[0]
+        return self._order.representative
 
     def heights(self) -> NDArray[np.int64]:
         """Return the edges on the longest chain going up from each literal.
@@ -203,7 +204,7 @@ class PocGraph:
         Returns:
             ``(2N,)``, read-only.
         """
-        return self._condensed[2]
+        return self._order.heights
 
     def height(self) -> int:
         """Return the edges on the longest chain; 0 without literals."""
@@ -241,7 +242,40 @@ class PocGraph:
             >>> int(g.edges.sum()), int(g.hasse().sum())
             (6, 4)
         """
-        return self._wiring(kind)[0]
+        return _frozen(from_words(self.wires(kind), len(self)))
+
+    def wires(self, kind: WiringKind = "hasse") -> Words:
+        """Return `wiring`, packed: a 64th of the work where few edges are looked at.
+
+        Args:
+            kind: ``"hasse"`` or ``"derived"``.
+
+        Returns:
+            ``(2N, w)``, read-only, as in `neurosnap.poc.literals`; the same array every
+            time. The first call takes O(N²/16) time, if the order is known.
+
+        Raises:
+            InvalidValueError: Another `kind`.
+        """
+        if kind not in ("hasse", "derived"):
+            raise InvalidValueError("kind", 'must be "hasse" or "derived"', kind)
+        if kind not in self._wires:
+            edges = self._order.covers if kind == "hasse" else self._rows
+            head = self.representative
+            wires = wired(edges, head)
+            if (head[1::2] != head[::2] ^ 1).any():
+                plain = from_words(wires, len(self))
+                wires = to_words(plain | contraposed(plain))
+            self._wires[kind] = _frozen(wires)
+        return self._wires[kind]
+
+    def wire_count(self, kind: WiringKind = "hasse") -> int:
+        """Return how many edges `wiring` has, contrapositives counted.
+
+        Raises:
+            InvalidValueError: Another `kind`.
+        """
+        return int(np.bitwise_count(self.wires(kind)).sum())
 
     def depth(self, signal: Literals, kind: WiringKind = "hasse") -> int:
         """Return the hops over a wiring until the last of ``up(signal)`` is reached.
@@ -262,7 +296,7 @@ class PocGraph:
             (2, 1)
         """
         reached = to_words(as_literals("signal", signal, len(self)))
-        return int(kernels.spread(self._wiring(kind)[1], reached))
+        return int(kernels.spread(self.wires(kind), reached))
 
     def implications(self, sensorium: Sensorium) -> list[tuple[str, str]]:
         """Return the edges of `hasse` by name, one of each contrapositive pair.
@@ -285,48 +319,18 @@ class PocGraph:
         return [(sensorium.name(a), sensorium.name(b)) for a, b in pairs if a <= b ^ 1]
 
     @cached_property
-    def _closure(self) -> Words:
-        """``(2N, w)``: bit ``b`` of row ``a`` iff ``a <= b``. O(N³/16) time."""
-        closed: Words = kernels.close(self._rows)
-        return closed
+    def _order(self) -> Order:
+        """What follows from the edges."""
+        return order_of(self._rows)
 
     @cached_property
-    def _condensed(self) -> tuple[NDArray[np.int64], Words, NDArray[np.int64]]:
-        """Representatives, covering relation and heights."""
-        representative = np.empty(len(self), np.int64)
-        heights = np.empty(len(self), np.int64)
-        covers = np.zeros_like(self._rows)
-        kernels.condense(self._closure, representative, covers, heights)
-        return _frozen(representative), covers, _frozen(heights)
-
-    @cached_property
-    def _wirings(self) -> dict[str, tuple[NDArray[np.bool_], Words]]:
-        """The wirings asked for so far, plain and packed."""
+    def _wires(self) -> dict[str, Words]:
+        """The wirings asked for so far."""
         return {}
-
-    def _wiring(self, kind: str) -> tuple[NDArray[np.bool_], Words]:
-        """Return a wiring, plain and packed."""
-        if kind not in ("hasse", "derived"):
-            raise InvalidValueError("kind", 'must be "hasse" or "derived"', kind)
-        if kind not in self._wirings:
-            head = self.representative
-            if kind == "hasse":
-                wired = from_words(self._condensed[1], len(self))
-            else:
-                sources, targets = self.edges.nonzero()
-                wired = np.zeros_like(self.edges)
-                wired[head[sources], head[targets]] = True
-            member = (head != np.arange(len(self))).nonzero()[0]
-            wired[head[member], member] = wired[member, head[member]] = True
-            np.fill_diagonal(wired, False)
-            if (head[1::2] != head[::2] ^ 1).any():
-                wired |= contraposed(wired)
-            self._wirings[kind] = _frozen(wired), to_words(wired)
-        return self._wirings[kind]
 
     def _refuse_contradiction(self) -> None:
         """Raise if a literal and its complement are below each other."""
-        closed = from_words(self._closure, len(self))
+        closed = from_words(self._order.closed, len(self))
         literals = np.arange(len(self))
         negligible = closed[literals, literals ^ 1]
         both = (negligible[::2] & negligible[1::2]).nonzero()[0]

@@ -13,6 +13,8 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.endpoint import nearest
 from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
 from neurosnap.record.history import last_tick, snapshot_at
 from neurosnap.record.reader import Recorded, Recording
@@ -39,15 +41,29 @@ async def play_on(
     start: int = 1,
     step: Callable[[int], Awaitable[bool]] | None = None,
     on_progress: Callable[[int], None] = lambda _: None,
+    credentials: Credentials | None = None,
+    insecure: bool = False,
 ) -> Played:
     """Open a hub on `endpoint` and play to whoever connects; see `play`.
 
+    With `credentials`, the hub's, whoever connects needs some of the same authority;
+    without, the endpoint must be on this machine unless `insecure` says otherwise.
+
     Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
         FabricError: The endpoint is in use, or cannot be listened on.
     """
-    hub = await asyncio.to_thread(open_hub, [endpoint], _WATCHERS)
+    hub = await asyncio.to_thread(
+        open_hub, [endpoint], _WATCHERS, credentials=credentials, insecure=insecure
+    )
     try:
-        async with ZenohFabric("player", recording.swarm, endpoint) as fabric:
+        async with ZenohFabric(
+            "player",
+            recording.swarm,
+            nearest(endpoint),
+            credentials=credentials,
+            insecure=insecure,
+        ) as fabric:
             return await play(
                 recording,
                 fabric,

@@ -33,6 +33,9 @@ from neurosnap.record.layout import (
 from neurosnap.record.scan import scan
 from neurosnap.record.sequences import Completeness, Sequences
 
+_UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+"""What decoding raises; deep nesting is the last."""
+
 
 class Recorded(NamedTuple):
     """A message as it was recorded."""
@@ -93,9 +96,10 @@ class Recording:
                 )
             return
         schema = self.metadata.get("schema", "")
-        if not schema.isdecimal() or not 1 <= int(schema) <= wire.SCHEMA:
+        # Not as numbers: Python refuses to read one of thousands of digits.
+        if schema not in map(str, range(1, wire.SCHEMA + 1)):
             rule = f"must be in [1, {wire.SCHEMA}]"
-            raise RecordingError(f"{self.path}: schema: {rule}, got {schema!r}")
+            raise RecordingError(f"{self.path}: schema: {rule}, got {schema[:40]!r}")
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -217,7 +221,7 @@ class Recording:
                 msgspec.json.decode(self.totals["completeness"], type=Completeness),
                 msgspec.json.decode(self.totals["expected"], type=dict[str, int]),
             )
-        except (KeyError, msgspec.MsgspecError) as error:
+        except (KeyError, *_UNREADABLE) as error:
             rule = "must hold completeness and expected"
             raise RecordingError(
                 f"{self.path}: {TOTALS}: {rule}, got {error}"
@@ -233,7 +237,7 @@ class Recording:
             for topic, sequence, log_time, sent, payload in raws:
                 try:
                     message = decoders[topic](payload)
-                except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+                except _UNREADABLE as error:
                     raise self._wrong(chunk, topic, error) from error
                 # The type fits the topic, and yet a pulse that excites is not one
                 # that inhibits.

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.context import Senses
-from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
+from neurosnap.errors import MessageError, NeurosnapError, RecordingError, ShapeError
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.sensorium import complete, unpack
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
 
-_INPUTS = ("observe", "settle")
-_OUTPUTS = ("wiring", "wave", "state", "reach", "decide", "keyframe")
+_INPUTS = ("observe", "settle", "tally")
+_OUTPUTS = ("wiring", "loom", "wave", "state", "reach", "decide", "keyframe")
 _SHOWN = 300  # characters of a message shown in a difference
 
 
@@ -108,7 +108,7 @@ def verify(path: Path) -> Verdict:
         complete=replay.complete,
         difference=difference,
         ticks=replay.core.tick,
-        wirings=count["wiring"],
+        wirings=count["wiring"] + count["loom"],
         waves=count["wave"],
         states=count["state"],
         decisions=count["decide"],
@@ -137,7 +137,7 @@ class Replay:
         # Read ahead: senders overtake each other in a recording, too.
         self._outputs: deque[Recorded] = deque()
         self._observations: dict[int, wire.Observation] = {}
-        self._reports: dict[int, list[wire.Settled]] = {}
+        self._reports: dict[int, list[wire.Settled | wire.Tally]] = {}
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
         self._said: deque[wire.Message] = deque(self.core.begin())
@@ -233,9 +233,9 @@ class Replay:
         match recorded.message:
             case wire.State(wave=wave) | wire.Reached(wave=wave):
                 return self._feed_reports(wave)
-            case wire.Wiring() | wire.WaveStart() if self.core.in_flight:
+            case wire.Wiring() | wire.Loom() | wire.WaveStart() if self.core.in_flight:
                 return self._feed_deadline(recorded)
-            case wire.Wiring() | wire.WaveStart():
+            case wire.Wiring() | wire.Loom() | wire.WaveStart():
                 return self._feed_observation()
             case _:
                 return []
@@ -272,9 +272,9 @@ class Replay:
         while wave in self.core.in_flight:
             if not self._read_until(lambda: wave in self._reports):
                 break
-            for settled in self._reports.pop(wave):
-                reached.update(settled.literals)
-                said = self.core.receive(settled)
+            for report in self._reports.pop(wave):
+                reached.update(_fired(report))
+                said = self.core.receive(report)
                 if said:
                     return said
         return []
@@ -302,8 +302,16 @@ class Replay:
             match recorded.message:
                 case wire.Observation() as observation:
                     self._observations.setdefault(observation.tick, observation)
-                case wire.Settled() as settled:
-                    self._reports.setdefault(settled.wave, []).append(settled)
+                case wire.Settled() | wire.Tally() as report:
+                    self._reports.setdefault(report.wave, []).append(report)
                 case _:
                     self._outputs.append(recorded)
         return True
+
+
+def _fired(report: wire.Settled | wire.Tally) -> wire.Naturals:
+    """Return the literals that fired; none by a report that the core will refuse."""
+    try:
+        return wire.fired(report)
+    except MessageError:
+        return ()

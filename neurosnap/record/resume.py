@@ -92,12 +92,15 @@ def _counts(recording: Recording, tick: int) -> dict[str, int]:
         if isinstance(message, wire.State | wire.Reached) and message.tick <= tick:
             last_wave = max(last_wave, message.wave)
             counts["coordinator"] = recorded.sequence + 1
-    for recorded in recording.messages(("observe", "excite", "inhibit", "settle")):
+    topics = ("observe", "excite", "inhibit", "settle", "burst", "tally")
+    for recorded in recording.messages(topics):
         message = recorded.message
         belongs = (
             message.tick <= tick
             if isinstance(message, wire.Observation)
-            else isinstance(message, wire.Pulse | wire.Settled)
+            else isinstance(
+                message, wire.Pulse | wire.Settled | wire.Burst | wire.Tally
+            )
             and message.wave <= last_wave
         )
         if belongs:

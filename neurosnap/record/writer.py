@@ -130,8 +130,8 @@ class Writer:
             log_time: When it arrived, nanoseconds since the epoch.
 
         Raises:
-            RecordingError: The recording is not open, a sender has run out of numbers,
-                or the disk does not take what it is given.
+            RecordingError: The recording is not open, or the disk does not take what it
+                is given.
             InvalidValueError: `log_time` is no time.
         """
         if not (self._started and self._open):
@@ -142,17 +142,17 @@ class Writer:
         except (MessageError, RecursionError):  # deep nesting is foreign as well
             self.foreign += 1
             return
-        if sequence < 0 or not 0 <= sent < _TIMES or len(payload) > _LARGEST_PAYLOAD:
+        if (
+            not 0 <= sequence < _SEQUENCES
+            or not 0 <= sent < _TIMES
+            or len(payload) > _LARGEST_PAYLOAD
+        ):
             self.foreign += 1
             return
         # The library counts a message before it packs it, and leaves half a record
         # behind if a number does not fit: nothing may fail in there.
         if not 0 <= log_time < _TIMES:
             raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
-        if sequence >= _SEQUENCES:
-            raise RecordingError(
-                f"sequence: must be below 2^32, got {sequence} from {message.sender}"
-            )
         if not self.sequences.receive(message.sender, sequence):
             return
         if type(message) is wire.KeyFrame:

@@ -11,6 +11,9 @@ Its invariants:
   tick). The coordinator sends wirings before the fence, so what fires is always the
   wiring the wave was meant for.
 - A message that came before changes nothing when it comes again.
+- A message that cannot be right is a fault and changes nothing; what is kept of those
+  that may be right is bounded. What a stranger says just as the coordinator, the world
+  or a neighbour would say it cannot be told from the truth here.
 
 A process imports this file a thousand times over: neither numpy nor numba is needed.
 """
@@ -18,11 +21,19 @@ A process imports this file a thousand times over: neither numpy nor numba is ne
 import asyncio
 from collections.abc import Iterable
 
+import msgspec
+
 from neurosnap import wire
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.swarm.part import decoded
+from neurosnap.swarm.wave import DEEPEST
 
-_READINGS = 8  # ticks a cell remembers; a wave is never further behind
+_READINGS = 8  # ticks a cell remembers; a wave is never further behind, or ahead
+# How far the waves in flight reach beyond the last that was announced to all: what the
+# coordinator says comes in order, so only pulses can be ahead of what a cell has heard.
+_AHEAD = 1 << 12
+_WAVES = 2 * _AHEAD  # a cell knows of at once
+_PULSES = 1 << 17  # a cell remembers of all these together
 
 
 class _Wave:
@@ -73,9 +84,12 @@ class Cell:
         self._wired = True
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
         self._readings: dict[int, int] = {}  # tick -> the literal that was on
+        self._bytes = 0  # in every observation; 0: none has come
+        self._tick = 0  # the last it took part in
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
         self._fence = 0  # the last wave announced to all that has come
+        self._remembered = 0  # pulses, in all waves
 
     def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
         """Take in `burst` and return what the cell sends for it, in order.
@@ -86,6 +100,10 @@ class Cell:
         out: list[wire.Message] = []
         touched: dict[int, _Wave] = {}  # waves that owe a report
         for message in burst:
+            wrong = self._wrong(message)
+            if wrong is not None:
+                out.append(wire.Fault(self._who, wrong))
+                continue
             match message:
                 case wire.Pulse():
                     self._pulse(message, touched, out)
@@ -95,13 +113,84 @@ class Cell:
                     self._latch(message, touched, out)
                 case wire.Wiring():
                     self._rewire(message, out)
-                case _:
-                    out.append(self._fault(f"{message.key}: is not for a cell"))
         out.extend(self._report(wave) for wave in touched.values())
         return out
 
-    def _fault(self, what: str) -> wire.Fault:
-        return wire.Fault(self._who, what)
+    # What cannot be right ------------------------------------------------------------
+
+    def _wrong(self, message: wire.Message) -> str | None:
+        """Return what is wrong with a message that cannot be right; None: it may be."""
+        match message:
+            case wire.Pulse():
+                if message.target not in self._targets:
+                    return f"pulse: must be for this cell, got {message.target}"
+                if (most := max(message.hops, message.credit)) > DEEPEST:
+                    return f"pulse: must have hops, credit up to {DEEPEST}, got {most}"
+                return self._wrong_wave("pulse", message)
+            case wire.WaveStart():
+                return self._wrong_start(message)
+            case wire.Observation():
+                return self._wrong_observation(message)
+            case wire.Wiring():
+                if message.cell != self.cell:
+                    return f"wiring: must be for this cell, got {message.cell}"
+                # A wave fences every wiring, so its numbers grow no faster.
+                if self._is_far(message.epoch):
+                    rule = f"must be at most {_AHEAD} beyond {self._fence}"
+                    return f"wiring: epoch {rule}, got {message.epoch}"
+                most = max(len(message.add), len(message.add_complement))
+                if most > DEEPEST:
+                    return f"wiring: must have up to {DEEPEST} targets, got {most}"
+                return None
+            case _:
+                return f"{message.key}: is not for a cell"
+
+    def _wrong_start(self, start: wire.WaveStart) -> str | None:
+        if start.cell not in (-1, self.cell):
+            return f"wave: must be for this cell, got {start.cell}"
+        if start.credit > DEEPEST:
+            return f"wave: must have credit up to {DEEPEST}, got {start.credit}"
+        if start.settled_below > start.wave + _AHEAD:
+            rule = f"must not settle what is to come after wave {start.wave}"
+            return f"wave: {rule}, got {start.settled_below}"
+        return self._wrong_tick("wave", start.tick) or self._wrong_wave("wave", start)
+
+    def _wrong_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> str | None:
+        if self._is_far(number := max(of.wave, of.fence)):
+            rule = f"must be at most {_AHEAD} beyond {self._fence}"
+            return f"{name}: wave {rule}, got {number}"
+        if of.wave < self._settled_below:
+            return None  # nothing will be kept of it
+        # The first fence makes room.
+        first = not self._fence and isinstance(of, wire.WaveStart) and of.cell < 0
+        known = of.wave in self._waves or first
+        if not known and len(self._waves) >= _WAVES:
+            return f"{name}: must be of {_WAVES} waves in all, got wave {of.wave} too"
+        if isinstance(of, wire.Pulse) and self._remembered >= _PULSES:
+            return f"{name}: must be one of {_PULSES} in flight, got one more"
+        return None
+
+    def _is_far(self, number: int) -> bool:
+        """Tell whether a number is too far ahead to have come about.
+
+        Before the first fence there is no telling: a run that is resumed goes on with
+        the numbers it had.
+        """
+        return 0 < self._fence < number - _AHEAD
+
+    def _wrong_observation(self, observation: wire.Observation) -> str | None:
+        size = len(observation.bits)
+        if size <= self.cell // 8:
+            return f"observe: must hold sensor {self.cell}, got {size} bytes"
+        if self._bytes and size != self._bytes:
+            return f"observe: must hold {self._bytes} bytes as before, got {size}"
+        return self._wrong_tick("observe", observation.tick)
+
+    def _wrong_tick(self, name: str, tick: int) -> str | None:
+        if 0 < self._tick < tick - _READINGS:
+            rule = f"must be at most {_READINGS} ticks after {self._tick}"
+            return f"{name}: tick {rule}, got {tick}"
+        return None
 
     # Waves -------------------------------------------------------------------------
 
@@ -111,9 +200,6 @@ class Cell:
         touched: dict[int, _Wave],
         out: list[wire.Message],
     ) -> None:
-        if pulse.target not in self._targets:
-            out.append(self._fault(f"pulse: must be for this cell, got {pulse.target}"))
-            return
         if pulse.wave < self._settled_below:
             return
         wave = self._wave(pulse.wave, pulse.fence)
@@ -121,6 +207,7 @@ class Cell:
         if way in wave.seen:
             return
         wave.seen.add(way)
+        self._remembered += 1
         if self._is_open(wave):
             self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
             touched[wave.number] = wave
@@ -142,19 +229,33 @@ class Cell:
     ) -> None:
         if start.settled_below > self._settled_below:
             self._settled_below = start.settled_below
-            self._waves = {
-                number: wave
-                for number, wave in self._waves.items()
-                if number >= start.settled_below
-            }
+            self._forget()
         if start.wave >= self._settled_below:
             wave = self._wave(start.wave, start.fence)
-            wave.start = wave.start or start
+            wave.start = wave.start or self._narrowed(start)
             self._open(wave, touched, out)
         if start.cell < 0 and start.wave > self._fence:
-            self._fence = start.wave
+            first, self._fence = not self._fence, start.wave
+            if first:
+                self._forget()
             for wave in self._waves.values():
                 self._open(wave, touched, out)
+
+    def _forget(self) -> None:
+        """Forget the waves that have settled, and those that cannot come about."""
+        self._waves = {
+            number: wave
+            for number, wave in self._waves.items()
+            if number >= self._settled_below and not self._is_far(number)
+        }
+        self._remembered = sum(len(wave.seen) for wave in self._waves.values())
+
+    def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
+        """Return `start` with no more of its signal than is kept: this cell's."""
+        if not start.signal:
+            return start
+        own = tuple(literal for literal in self._targets if literal in start.signal)
+        return msgspec.structs.replace(start, kind="signal", signal=own)
 
     def _is_open(self, wave: _Wave) -> bool:
         """Tell whether the cell may act: it has the fence, and the reading it needs."""
@@ -163,10 +264,7 @@ class Cell:
             self._wired
             and wave.fence <= self._fence
             and (
-                start is None
-                or start.kind == "signal"
-                or bool(start.signal)
-                or start.tick in self._readings
+                start is None or start.kind == "signal" or start.tick in self._readings
             )
         )
 
@@ -183,6 +281,7 @@ class Cell:
         start = wave.start
         if start is not None and not wave.asked:
             wave.asked = True
+            self._join(start.tick)
             for literal in self._asked(start):
                 self._reach(literal, 0, start.credit, wave, out)
                 touched[wave.number] = wave
@@ -191,11 +290,21 @@ class Cell:
             self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
             touched[wave.number] = wave
 
-    def _asked(self, start: wire.WaveStart) -> list[int]:
+    def _join(self, tick: int) -> None:
+        """Take note of the tick, and forget readings that were too far ahead of it."""
+        if tick > self._tick:
+            self._tick = tick
+            self._readings = {
+                read: literal
+                for read, literal in self._readings.items()
+                if read <= tick + _READINGS
+            }
+
+    def _asked(self, start: wire.WaveStart) -> tuple[int, ...]:
         """Return the literals of this cell that a wave's signal holds."""
-        if start.kind == "signal" or start.signal:
-            return [literal for literal in self._targets if literal in start.signal]
-        return [self._readings[start.tick]]
+        if start.kind == "signal":
+            return start.signal
+        return (self._readings[start.tick],)
 
     def _reach(
         self, literal: int, hops: int, credit: int, wave: _Wave, out: list[wire.Message]
@@ -238,13 +347,10 @@ class Cell:
         touched: dict[int, _Wave],
         out: list[wire.Message],
     ) -> None:
-        byte, bit = divmod(self.cell, 8)
-        if byte >= len(observation.bits):
-            what = f"observe: must hold sensor {self.cell}, got {len(observation.bits)}"
-            out.append(self._fault(f"{what} bytes"))
-            return
         if observation.tick in self._readings:
             return
+        self._bytes = len(observation.bits)
+        byte, bit = divmod(self.cell, 8)
         on = observation.bits[byte] >> bit & 1
         self._readings[observation.tick] = 2 * self.cell + (1 - on)
         if len(self._readings) > _READINGS:
@@ -254,9 +360,6 @@ class Cell:
                 self._open(wave, touched, out)
 
     def _rewire(self, wiring: wire.Wiring, out: list[wire.Message]) -> None:
-        if wiring.cell != self.cell:
-            out.append(self._fault(f"wiring: must be for this cell, got {wiring.cell}"))
-            return
         if wiring.epoch <= self._epoch:
             return
         if wiring.after not in (0, self._epoch):
@@ -264,7 +367,7 @@ class Cell:
             # state; staying silent makes the wave's deadline name this cell.
             self._wired = False
             missed = f"must build on epoch {self._epoch}, got {wiring.after}"
-            out.append(self._fault(f"wiring: {missed}"))
+            out.append(wire.Fault(self._who, f"wiring: {missed}"))
             return
         own, complement = 2 * self.cell, 2 * self.cell + 1
         for literal, add, drop in (

@@ -6,12 +6,17 @@ every cell has got its whole wiring again, because a change that was lost must n
 on.
 """
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError, WaveLostError
+from neurosnap.errors import InvalidValueError, MessageError, WaveLostError
+from neurosnap.poc.literals import Words, to_words
+from neurosnap.swarm.looms import WorkerWires
 from neurosnap.swarm.wave import Wave
+from neurosnap.swarm.wires import CellWires, Wires
 
 _UNANNOUNCED = 64  # waves that only concern a few, before all cells hear of one again
 
@@ -22,14 +27,15 @@ class Conductor:
     Args:
         sensors: How many cells there are.
         repeats: How often a wave that does not settle is sent again.
+        workers: How many workers share the cells; 0: every cell is a part of its own.
     """
 
-    def __init__(self, sensors: int, repeats: int = 2) -> None:
+    def __init__(self, sensors: int, repeats: int = 2, workers: int = 0) -> None:
         self._sensors = sensors
         self._repeats = repeats
-        self._edges = np.zeros((2 * sensors, 2 * sensors), dtype=np.bool_)
-        self._epoch = 0
-        self._told = [0] * sensors  # epoch of each cell's last wiring
+        self._wires: Wires = (
+            WorkerWires(sensors, workers) if workers else CellWires(sensors)
+        )
         self._fence = 0  # the last wave announced to all
         self._stale = True  # a wiring went out since, or many waves
         self._next = 1
@@ -46,52 +52,34 @@ class Conductor:
         """The numbers of the waves that have not settled, oldest first."""
         return tuple(self._flying)
 
-    def rewire(self, edges: NDArray[np.bool_]) -> list[wire.Message]:
+    def rewire(self, edges: NDArray[np.bool_] | Words) -> list[wire.Message]:
         """Return the messages that turn the cells' wiring into `edges`.
 
         Args:
-            edges: ``(2N, 2N)``; ``edges[a, b]`` iff ``a`` pulses ``b``.
+            edges: ``(2N, w)``, packed, or ``(2N, 2N)`` bool: ``edges[a, b]`` iff ``a``
+                pulses ``b``. Packed they are compared 64 at a time.
         """
-        changed = np.flatnonzero((edges != self._edges).any(axis=1))
-        cells = sorted({int(literal) >> 1 for literal in changed})
-        if not cells:
-            return []
-        self._epoch += 1
-        self._stale = True
-        messages: list[wire.Message] = [
-            self._wiring(cell, edges, self._told[cell]) for cell in cells
-        ]
-        self._edges = edges.copy()
-        return messages
+        if edges.dtype == np.bool_:
+            edges = to_words(cast("NDArray[np.bool_]", edges))
+        return self._fenced(self._wires.rewire(cast("Words", edges)))
+
+    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return the messages that turn the cells' wiring into `edges`.
+
+        Args:
+            edges: ``(e,)``, as in `Wires.rewire_to`: for orders of few edges.
+        """
+        return self._fenced(self._wires.rewire_to(edges))
 
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of every cell that has or had out-edges."""
-        self._epoch += 1
         self._stale = True
-        return [
-            self._wiring(cell, self._edges, 0)
-            for cell in range(self._sensors)
-            if self._told[cell]
-        ]
+        return self._wires.rewire_whole()
 
-    def _wiring(self, cell: int, edges: NDArray[np.bool_], after: int) -> wire.Wiring:
-        def literals(row: NDArray[np.bool_]) -> tuple[int, ...]:
-            return tuple(np.flatnonzero(row).tolist())
-
-        own, complement = 2 * cell, 2 * cell + 1
-        old, new = self._edges[[own, complement]], edges[[own, complement]]
-        if not after:
-            old = np.zeros_like(old)
-        self._told[cell] = self._epoch
-        return wire.Wiring(
-            cell=cell,
-            epoch=self._epoch,
-            after=after,
-            add=literals(new[0] & ~old[0]),
-            drop=literals(old[0] & ~new[0]),
-            add_complement=literals(new[1] & ~old[1]),
-            drop_complement=literals(old[1] & ~new[1]),
-        )
+    def _fenced(self, wirings: list[wire.Message]) -> list[wire.Message]:
+        """Let the next wave be a fence, if there are any wirings."""
+        self._stale = self._stale or bool(wirings)
+        return wirings
 
     def start(
         self,
@@ -123,12 +111,13 @@ class Conductor:
         cells = sorted({literal >> 1 for literal in signal})
         # Cells learn from announcements alone which waves they may forget.
         late = number - self._fence > _UNANNOUNCED
-        if kind == "state" or self._stale or late or 2 * len(cells) > self._sensors:
+        many = self._wires.all_hear or 2 * len(cells) > self._sensors
+        if kind == "state" or self._stale or late or many:
             self._fence, self._stale = number, False
             return [wave.start(below, number)]
         return [wave.start(below, self._fence, cell) for cell in cells]
 
-    def report(self, settled: wire.Settled) -> Wave | None:
+    def report(self, report: wire.Settled | wire.Tally) -> Wave | None:
         """Take in a report; return its wave if that has settled now.
 
         A report on a wave that was given up is dropped.
@@ -136,10 +125,17 @@ class Conductor:
         Raises:
             MessageError: The report cannot be right.
         """
-        wave = self._flying.get(settled.wave)
+        cells = self._wires.cells_of(report)
+        wave = self._flying.get(report.wave)
         if wave is None:
+            if report.wave >= self._next:
+                rule = f"must be on a wave up to {self._next - 1}"
+                raise MessageError(f"{report.key}: {rule}, got {report.wave}")
             return None
-        wave.report(settled)
+        if isinstance(report, wire.Tally):
+            wave.tally(report, cells)
+        else:
+            wave.report(report)
         if not wave.is_settled:
             return None
         del self._flying[wave.number]
@@ -167,11 +163,8 @@ class Conductor:
         return [*whole, *self.start(wave.kind, wave.tick, signal, number)]
 
     def _loss(self, wave: Wave, signal: tuple[int, ...]) -> str:
-        def targets(literal: int) -> list[int]:
-            return [int(b) for b in np.flatnonzero(self._edges[literal])]
-
-        silent = wave.silent(signal, targets)
-        named = ", ".join(f"cell/{cell}" for cell in silent[:10]) or "none"
+        silent = self._wires.named(wave.silent(signal, self._wires.targets))
+        named = ", ".join(silent[:10]) or "none"
         more = f" and {len(silent) - 10} more" if len(silent) > 10 else ""
         return (
             f"wave {wave.number} (tick {wave.tick}): must settle within its deadline,"

@@ -63,6 +63,7 @@ class Coordinator:
         ticks: Observations after which the run is over.
         keyframe_every: Ticks between two whole snapshots on the wire.
         repeats: How often a wave that does not settle is sent again.
+        workers: How many workers share the cells; 0: every cell is a part of its own.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class Coordinator:
         ticks: int,
         keyframe_every: int = 1000,
         repeats: int = 2,
+        workers: int = 0,
     ) -> None:
         self.totals = Totals()
         self.finished = False
@@ -82,7 +84,7 @@ class Coordinator:
         self._wiring: WiringKind = wiring
         self._ticks = ticks
         self._keyframe_every = keyframe_every
-        self._conductor = Conductor(len(snapshot.sensorium), repeats)
+        self._conductor = Conductor(len(snapshot.sensorium), repeats, workers)
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
@@ -100,6 +102,7 @@ class Coordinator:
             wiring=options.wiring,
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
+            workers=options.sharing,
         )
 
     @property
@@ -146,7 +149,7 @@ class Coordinator:
         match message:
             case wire.Observation():
                 return self._observe(message)
-            case wire.Settled():
+            case wire.Settled() | wire.Tally():
                 return self._settle(message)
             case wire.Fault():  # anybody's: its own come back to it, too
                 self.totals.faults += 1
@@ -186,15 +189,13 @@ class Coordinator:
         messages: list[wire.Message] = []
         if self._snapshot.learn(bits):
             self._graph = self._snapshot.poc_graph()
-            messages = self._conductor.rewire(self._graph.wiring(self._wiring))
+            messages = self._conductor.rewire(self._graph.wires(self._wiring))
         self._signal = tuple(np.flatnonzero(complete(bits)).tolist())
         return [*messages, *self._conductor.start("state", observation.tick)]
 
-    def _settle(self, settled: wire.Settled) -> list[wire.Message]:
-        if settled.cell >= len(self._snapshot.sensorium):
-            return [_fault(f"settle: must be a cell's, got cell {settled.cell}")]
+    def _settle(self, report: wire.Settled | wire.Tally) -> list[wire.Message]:
         try:
-            wave = self._conductor.report(settled)
+            wave = self._conductor.report(report)
         except MessageError as error:
             return [_fault(str(error))]
         if wave is None:
@@ -263,7 +264,7 @@ class Coordinator:
             depth=wave.depth,
             longest=self._longest(self._signal),
             height=self._graph.height(),
-            edges=int(self._graph.hasse().sum() + 1) // 2,
+            edges=(self._graph.wire_count() + 1) // 2,
             pulses=wave.pulses,
         )
 

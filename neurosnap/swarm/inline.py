@@ -23,7 +23,9 @@ from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.launch import new_swarm_id
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.part import take_part
+from neurosnap.swarm.shares import shares
 from neurosnap.swarm.shell import conduct
+from neurosnap.swarm.worker import run_worker
 from neurosnap.swarm.world import run_world
 
 T = TypeVar("T")
@@ -101,8 +103,8 @@ class _Inline:
         on_progress: Callable[[int], None],
     ) -> tuple[float, Completeness | None]:
         """Start all parts in `group`; return seconds and the recording's balance."""
-        cells = self._options.cell_names()
-        heard = ["world", *cells]
+        hosts = self._options.host_names()
+        heard = ["world", *hosts]
         ending = asyncio.Event()
         recording = None
         if self._writer is not None:
@@ -110,8 +112,8 @@ class _Inline:
                 self._record(self._writer, ("coordinator", *heard)), name="recorder"
             )
             heard.append("recorder")
-        for number, who in enumerate(cells):
-            work = self._cell(number)
+        for number, who in enumerate(hosts):
+            work = self._host(number)
             group.create_task(self._play(who, work), name=who)
         world = group.create_task(self._play("world", self._world), name="world")
         world.add_done_callback(lambda _: ending.set())
@@ -144,8 +146,12 @@ class _Inline:
                 kind = type(error).__name__
                 raise SwarmError(f"{who}: must not fail: {kind}: {error}") from error
 
-    def _cell(self, number: int) -> Work[None]:
-        return lambda fabric: run_cell(number, fabric, self._leave)
+    def _host(self, number: int) -> Work[None]:
+        workers = self._options.sharing
+        if not workers:
+            return lambda fabric: run_cell(number, fabric, self._leave)
+        hosted = shares(len(self._options.sensors), workers)
+        return lambda fabric: run_worker(number, hosted, fabric, self._leave)
 
     async def _world(self, fabric: MemoryFabric) -> None:
         await run_world(

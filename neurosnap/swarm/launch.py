@@ -11,15 +11,24 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from neurosnap.errors import SwarmError
+from neurosnap.fabric.access import Role, role_of
 from neurosnap.record.past import Past
 from neurosnap.record.recorder import be_recorder
 from neurosnap.record.sequences import Completeness
+from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.process import Job, Seat, be_cell, be_hub
+from neurosnap.swarm.registry import noted
+from neurosnap.swarm.shares import hosts
 from neurosnap.swarm.supervisor import Child, Supervisor, allow_files
+from neurosnap.swarm.worker import be_worker
+
+if TYPE_CHECKING:
+    from neurosnap.fabric.credentials import Credentials
 
 _SERVICES = 4  # hub, recorder, coordinator, world
 _GRACE = 10.0  # seconds a part may take to end
@@ -34,6 +43,8 @@ class Plan:
     conductor: Job
     """The coordinator's job; gets `conductor_arguments`, then the parts to wait for."""
     conductor_arguments: tuple[object, ...]
+    workers: int = 0
+    """How many processes share the cells; 0: every cell is one."""
     world: Job | None = None
     """The world's job, where there is one."""
     world_arguments: tuple[object, ...] = ()
@@ -45,6 +56,12 @@ class Plan:
     """Where to go on from, for a run that is resumed."""
     patience: float = 30.0
     """Seconds the coordinator may take to end once asked."""
+    network: Network = PRIVATE
+    """Where its hub listens, and who may connect."""
+    swarm: str = ""
+    """Its id; empty: a random one."""
+    elsewhere: frozenset[str] = frozenset()
+    """The cells that somebody else starts, by the names of their parts."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +103,17 @@ async def run_processes(
         # A socket in a folder of one's own: nobody else can connect, and no port is
         # taken.
         endpoint = f"unixsock-stream/{folder}/hub"
+        plan.network.check()
         async with Supervisor() as supervisor:
-            launch = _Launch(plan, supervisor, endpoint)
+            launch = _Launch(plan, supervisor, endpoint, folder)
             reporting = asyncio.create_task(
                 _report(supervisor, on_progress), name="launch/progress"
             )
+            source = plan.metadata.get("source", "")
             try:
-                return await launch.run(stop)
+                shown = plan.network.endpoint("hub", endpoint)
+                with noted(launch.swarm, source, shown, plan.log):
+                    return await launch.run(stop)
             finally:
                 reporting.cancel()
 
@@ -100,17 +121,31 @@ async def run_processes(
 class _Launch:
     """One run of a plan."""
 
-    def __init__(self, plan: Plan, supervisor: Supervisor, endpoint: str) -> None:
+    def __init__(
+        self, plan: Plan, supervisor: Supervisor, endpoint: str, folder: str
+    ) -> None:
         self._plan = plan
         self._supervisor = supervisor
         self._endpoint = endpoint
-        self._swarm = new_swarm_id()
-        self._cells = [f"cell/{cell}" for cell in range(plan.cells)]
+        self._folder = folder
+        self._credentials: dict[Role, Credentials | None] = {}
+        self.swarm = plan.swarm or new_swarm_id()
+        self._hosts = hosts(plan.cells, plan.workers)
 
     def _seat(self, who: str) -> Seat:
         past = self._plan.past
         first = 0 if past is None else past.counts.get(who, 0)
-        return Seat(who, self._swarm, self._endpoint, first)
+        network, role = self._plan.network, role_of(who)
+        if role not in self._credentials:  # read once, and not for every cell
+            self._credentials[role] = network.credentials(role)
+        return Seat(
+            who,
+            self.swarm,
+            network.endpoint(role, self._endpoint),
+            first,
+            self._credentials[role],
+            network.insecure,
+        )
 
     async def run(self, stop: asyncio.Event) -> Ending:
         """Start everything, wait for the end, end everything."""
@@ -136,23 +171,31 @@ class _Launch:
         return Ending(_result(conductor), completeness, ended - began, stopped)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
-        sessions = len(self._cells) + _SERVICES
+        sessions = len(self._hosts) + _SERVICES
         allow_files(sessions)
-        hub = await self._supervisor.start(be_hub, self._seat("hub"), sessions)
+        if self._plan.network.connect:
+            return
+        hub = await self._supervisor.start(
+            be_hub,
+            self._seat("hub"),
+            sessions,
+            self._folder,
+            self._plan.network.audit,
+        )
         await _first((self._supervisor.failed, stop, hub.ready))
         if self._supervisor.error is not None:
             raise self._supervisor.error
 
     async def _start_parts(self) -> tuple[Child, Child | None, Child | None]:
         start, plan = self._supervisor.start, self._plan
-        heard = self._cells if plan.world is None else ["world", *self._cells]
+        heard = self._hosts if plan.world is None else ["world", *self._hosts]
         recorder = world = None
         if plan.log is not None:
             recorder = await start(
                 be_recorder,
                 self._seat("recorder"),
                 str(plan.log),
-                {**plan.metadata, "swarm": self._swarm},
+                {**plan.metadata, "swarm": self.swarm},
                 plan.past,
                 ("coordinator", *heard),
             )
@@ -165,17 +208,34 @@ class _Launch:
         )
         if plan.world is not None:
             world = await start(plan.world, self._seat("world"), *plan.world_arguments)
+        job, more = (
+            (be_cell, ())
+            if not plan.workers
+            else (be_worker, (plan.cells, plan.workers))
+        )
         await self._supervisor.start_many(
-            be_cell,
-            [(self._seat(who), (cell,)) for cell, who in enumerate(self._cells)],
+            job,
+            [
+                (self._seat(who), (number, *more))
+                for number, who in enumerate(self._hosts)
+                if who not in plan.elsewhere
+            ],
         )
         return conductor, world, recorder
 
     async def _end(self) -> list[str]:
-        """End everything in order; return who had to be killed."""
+        """End everything in order; return who had to be killed.
+
+        Once a part has failed no wave settles, and nobody is waited for but the
+        recorder, who writes down what there is; without the hub, there is nothing.
+        """
         end = self._supervisor.end
+        if self._supervisor.error is not None:
+            await self._supervisor.kill(["coordinator", "world", *self._hosts])
+            if self._supervisor.has_ended("hub"):
+                await self._supervisor.kill(["recorder"])
         late = await end(["coordinator"], self._plan.patience)
-        late += await end(["world", *self._cells], _GRACE + 0.02 * len(self._cells))
+        late += await end(["world", *self._hosts], _GRACE + 0.02 * len(self._hosts))
         late += await end(["recorder"], 2 * _GRACE)
         late += await end(["hub"], _GRACE)
         return late

@@ -10,10 +10,12 @@ from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
+from neurosnap.swarm.shares import hosts, shares
 
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 WiringKind: TypeAlias = Literal["hasse", "derived"]
-CellKind: TypeAlias = Literal["process", "inline"]
+HostKind: TypeAlias = Literal["process", "worker"]
+CellKind: TypeAlias = Literal["process", "worker", "inline"]
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +46,10 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     wiring: WiringKind = "hasse"
     """Which edges carry the pulses."""
     cells: CellKind = "process"
-    """One OS process a cell over Zenoh, or all in this one over memory."""
+    """One OS process a cell over Zenoh, or one for many, or all in this one over
+    memory."""
+    workers: Annotated[int, msgspec.Meta(ge=1)] = 2
+    """How many processes share the cells, where one has many."""
     keyframe_every: Annotated[int, msgspec.Meta(ge=1)] = 1000
     """Ticks between two whole snapshots in the recording."""
     deadline: Annotated[float, msgspec.Meta(gt=0)] = 10.0
@@ -65,9 +70,20 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             self.agent, self.body, self.seed, target=self.target, explore=self.explore
         )
 
-    def cell_names(self) -> list[str]:
-        """Return the names of the cells' parts, sensor 0 first."""
-        return [f"cell/{cell}" for cell in range(len(self.sensors))]
+    @property
+    def sharing(self) -> int:
+        """How many workers share the cells; 0: every cell is a part of its own.
+
+        Raises:
+            InvalidValueError: There are more workers than cells.
+        """
+        if self.cells != "worker":
+            return 0
+        return len(shares(len(self.sensors), self.workers))
+
+    def host_names(self) -> list[str]:
+        """Return the names of the parts that cells are, or are hosted by, in order."""
+        return hosts(len(self.sensors), self.sharing)
 
     def new_snapshot(self) -> Snapshot:
         """Return the snapshot the run starts with.

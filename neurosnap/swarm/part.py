@@ -9,6 +9,8 @@ from neurosnap.fabric.protocol import Fabric
 
 T = TypeVar("T")
 
+_SHOWN = 400  # characters of a fault; what is wrong with a message may quote all of it
+
 
 async def take_part(fabric: Fabric, work: Awaitable[T]) -> T:
     """Await `work` inside an entered fabric, then say the part's last word.
@@ -33,5 +35,5 @@ def decoded(fabric: Fabric, deliveries: Iterable[wire.Delivery]) -> list[wire.Me
         try:
             messages.append(wire.decode(delivery.key, delivery.payload))
         except MessageError as error:
-            fabric.publish(wire.Fault(fabric.who, str(error)))
+            fabric.publish(wire.Fault(fabric.who, f"{error!s:.{_SHOWN}}"))
     return messages

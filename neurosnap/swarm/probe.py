@@ -13,9 +13,9 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.errors import MessageError, SwarmError
-from neurosnap.poc.graph import PocGraph
 from neurosnap.swarm.conductor import Conductor
 from neurosnap.swarm.options import WiringKind
+from neurosnap.swarm.orders import Order, chain, layered
 from neurosnap.swarm.part import take_part
 from neurosnap.swarm.process import Reporter, Seat
 from neurosnap.swarm.shell import conduct
@@ -49,13 +49,26 @@ class ProbePlan(msgspec.Struct, frozen=True):
     sensors: int
     """Cells in the swarm."""
     heights: tuple[int, ...]
-    """One after the other, the order is a chain of this height, on the first cells."""
+    """One after the other, the order has this height."""
     wiring: WiringKind
     """Which edges carry the pulses."""
     waves: int
     """Waves timed at each height."""
     warmup: int = 1
     """Waves before those, not timed: the first pays for routes being made."""
+    workers: int = 0
+    """How many workers share the cells; 0: every cell is a part of its own."""
+    edges: int = 0
+    """0: the order is a chain on the first cells. Else a random one on all of them, of
+    so many covering edges, contrapositives counted."""
+    seed: int = 0
+    """Draws random orders."""
+
+    def order(self, height: int) -> Order:
+        """Return the order of one height."""
+        if self.edges:
+            return layered(self.sensors, height, self.edges, self.seed)
+        return chain(self.sensors, height, self.wiring)
 
 
 class Probe:
@@ -73,9 +86,10 @@ class Probe:
         self.rows: list[Measured] = []
         self._plan = plan
         self._clock = clock
-        self._conductor = Conductor(plan.sensors)
+        self._conductor = Conductor(plan.sensors, workers=plan.workers)
         self._waves = self._schedule()
-        self._graph = PocGraph.from_implications(plan.sensors, [])
+        self._order = Order(plan.sensors, np.empty(0, np.int64), (), 0)
+        self._above = self._order.reach()
         self._timed = False
         self._began = 0.0
 
@@ -89,12 +103,12 @@ class Probe:
         """The numbers of the waves that have not settled."""
         return self._conductor.in_flight
 
-    def _schedule(self) -> Iterator[tuple[PocGraph, bool]]:
+    def _schedule(self) -> Iterator[tuple[Order, bool]]:
         """Yield the order of each wave to send, and whether it is timed."""
         for height in self._plan.heights:
-            graph = chain(self._plan.sensors, height)
+            order = self._plan.order(height)
             for number in range(self._plan.warmup + self._plan.waves):
-                yield graph, number >= self._plan.warmup
+                yield order, number >= self._plan.warmup
 
     def begin(self) -> list[wire.Message]:
         """Wire the first order and send the first wave."""
@@ -105,9 +119,12 @@ class Probe:
         if following is None:
             self.finished = True
             return []
-        self._graph, self._timed = following
-        messages = self._conductor.rewire(self._graph.wiring(self._plan.wiring))
-        messages += self._conductor.start("signal", signal=(0,))
+        order, self._timed = following
+        messages: list[wire.Message] = []
+        if order is not self._order:
+            self._order, self._above = order, order.reach()
+            messages = self._conductor.rewire_to(order.edges)
+        messages += self._conductor.start("signal", signal=order.signal)
         self._began = self._clock()
         return messages
 
@@ -117,7 +134,7 @@ class Probe:
         Raises:
             SwarmError: The wave did not reach what the order says it must.
         """
-        if not isinstance(message, wire.Settled):
+        if not isinstance(message, wire.Settled | wire.Tally):
             return []
         try:
             wave = self._conductor.report(message)
@@ -132,9 +149,9 @@ class Probe:
                 Measured(
                     sensors=self._plan.sensors,
                     wiring=self._plan.wiring,
-                    height=self._graph.height(),
+                    height=self._order.height,
                     depth=wave.depth,
-                    longest=int(self._graph.heights()[0]),
+                    longest=self._order.height,
                     pulses=wave.pulses,
                     seconds=seconds,
                 )
@@ -142,37 +159,23 @@ class Probe:
         return self._next()
 
     def _check(self, wave: Wave) -> None:
-        reached = np.zeros(len(self._graph), dtype=np.bool_)
+        reached = np.zeros_like(self._above)
         reached[list(wave.hops)] = True
-        if not np.array_equal(reached, self._graph.up([0])):
+        if not np.array_equal(reached, self._above):
             raise SwarmError(
                 f"wave {wave.number}: must reach all above its signal, got"
-                f" {int(reached.sum())} of {int(self._graph.up([0]).sum())} literals"
+                f" {int(reached.sum())} of {int(self._above.sum())} literals"
             )
 
     def overdue(self, number: int) -> list[wire.Message]:
         """Send a late wave again; its time then counts from the repeat."""
         self._began = self._clock()
-        return self._conductor.repeat(number, (0,))
+        return self._conductor.repeat(number, ())
 
     def stop(self) -> list[wire.Message]:
         """End at once: a wave in flight is not worth waiting for."""
         self.finished = True
         return []
-
-
-def chain(sensors: int, height: int) -> PocGraph:
-    """Return the order ``0 < 2 < 4 < …`` of `height` edges on the first sensors.
-
-    It has an edge for every pair, as a graph derived from weights has: what that
-    means for the depth is the wiring's matter.
-    """
-    edges = np.zeros((2 * sensors, 2 * sensors), dtype=np.bool_)
-    above = np.triu(np.ones((height + 1, height + 1), dtype=np.bool_), 1)
-    end = 2 * (height + 1)
-    edges[0:end:2, 0:end:2] = above
-    edges[1:end:2, 1:end:2] = above.T
-    return PocGraph(edges)
 
 
 async def be_probe(

@@ -19,17 +19,19 @@ import traceback
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import msgspec
 
 from neurosnap.errors import NeurosnapError
+from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.fabric.refusals import telling_refusals
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.part import take_part
 
 _PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
 # A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one.
 _LONGEST = 3000
 # Seconds each part goes on once the launcher is dead: time for the coordinator to end
@@ -91,11 +93,21 @@ class Seat(msgspec.Struct, frozen=True):
     """Where the hub listens."""
     first: int = 0
     """The number of its first message."""
+    credentials: Credentials | None = None
+    """What it proves itself with."""
+    insecure: bool = False
+    """It may go over a network without proof."""
 
     def fabric(self, *, swift: bool = False) -> ZenohFabric:
         """Return the part's end of the network, to be entered; see `ZenohFabric`."""
         return ZenohFabric(
-            self.who, self.swarm, self.endpoint, first=self.first, swift=swift
+            self.who,
+            self.swarm,
+            self.endpoint,
+            first=self.first,
+            swift=swift,
+            credentials=self.credentials,
+            insecure=self.insecure,
         )
 
 
@@ -144,19 +156,32 @@ async def be_cell(
 
 
 async def be_hub(
-    seat: Seat, stop: asyncio.Event, reporter: Reporter, sessions: int
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    sessions: int,
+    folder: str,
+    audit: bool,
 ) -> None:
     """Be the router all others connect to.
 
-    The socket's folder goes with the hub: a launcher that was killed cannot remove it.
+    `folder` is the swarm's own and goes with the hub: a launcher that was killed cannot
+    remove it.
     """
-    session = await asyncio.to_thread(open_hub, [seat.endpoint], sessions)
-    try:
-        reporter.ready()
-        await stop.wait()
-    finally:
-        await asyncio.to_thread(session.close)
-        shutil.rmtree(Path(seat.endpoint.partition("/")[2]).parent, ignore_errors=True)
+    with telling_refusals(audit=audit):
+        session = await asyncio.to_thread(
+            open_hub,
+            [seat.endpoint],
+            sessions,
+            credentials=seat.credentials,
+            insecure=seat.insecure,
+        )
+        try:
+            reporter.ready()
+            await stop.wait()
+        finally:
+            await asyncio.to_thread(session.close)
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def child(
@@ -167,6 +192,7 @@ def child(
     Exit code 0: ended in order. 1: failed, and the parent was told why.
     """
     _end_with_server()
+    _call_itself(seat.who)
     # Ctrl-C reaches the whole process group; the parent decides what ends when.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reporter = Reporter(seat.who, connection)
@@ -209,6 +235,12 @@ def _orphanage(who: str, stop: asyncio.Event) -> Iterator[None]:
         yield
     finally:
         loop.remove_reader(sentinel)
+
+
+def _call_itself(who: str) -> None:
+    """Let the part be found by its name among the system's processes."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_NAME, who.encode()[:15])
 
 
 def _end_with_server() -> None:

@@ -14,6 +14,7 @@ from neurosnap.swarm import jobs
 from neurosnap.swarm.coordinator import Totals
 from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.launch import Plan, run_processes
+from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.world import be_world
 
@@ -34,6 +35,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     """From the call until every part was up."""
     stopped: bool
     """It was asked to stop before it was done."""
+    restarts: int = 0
+    """How often it went on after a part had died."""
 
 
 async def run(
@@ -42,6 +45,9 @@ async def run(
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
     past: Past | None = None,
+    network: Network = PRIVATE,
+    swarm: str = "",
+    elsewhere: frozenset[str] = frozenset(),
 ) -> Outcome:
     """Run a swarm to its end, or until `stop` is set.
 
@@ -51,6 +57,9 @@ async def run(
         stop: Ends the run in order.
         on_progress: Told the tick as it grows.
         past: Where to go on from, for a run that is resumed.
+        network: Where the hub of a swarm of processes listens, and to whom.
+        swarm: Its id; empty: a random one.
+        elsewhere: The cells that somebody else starts, as `join` does.
 
     Raises:
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
@@ -64,6 +73,7 @@ async def run(
     else:
         plan = Plan(
             cells=len(options.sensors),
+            workers=options.sharing,
             conductor=jobs.be_coordinator,
             conductor_arguments=(options, past),
             world=be_world,
@@ -72,6 +82,9 @@ async def run(
             metadata=metadata,
             past=past,
             patience=options.deadline + 10.0,
+            network=network,
+            swarm=swarm,
+            elsewhere=elsewhere,
         )
         ending = await run_processes(plan, stop, on_progress)
         result = msgspec.json.decode(ending.result, type=jobs.Result)

@@ -62,9 +62,9 @@ async def conduct(
 ) -> float:
     """Let `core` conduct the swarm until it has finished or `stop` is set.
 
-    Reads ``observe``, ``settle``, ``fault``, ``leave`` and the presence of `parts`;
-    publishes what the core says. On `stop`, and when a part leaves in order because it
-    is done, the tick under way is brought to its end first.
+    Reads ``observe``, ``settle``, ``tally``, ``fault``, ``leave`` and the presence of
+    `parts`; publishes what the core says. On `stop`, and when a part leaves in order
+    because it is done, the tick under way is brought to its end first.
 
     Args:
         core: Decides what is sent.
@@ -82,9 +82,11 @@ async def conduct(
         SwarmError: A part did not come up, or went away; it is named.
         WaveLostError: A wave did not settle, and neither did its repeats.
     """
-    shell = _Shell(core, fabric, deadline, on_progress)
+    shell = _Shell(core, fabric, deadline, on_progress, parts)
     presence = _Presence(parts, fabric, shell)
-    await fabric.subscribe(("observe", "settle", "fault", "leave"), shell.handle)
+    await fabric.subscribe(
+        ("observe", "settle", "tally", "fault", "leave"), shell.handle
+    )
     await fabric.watch(presence.change)
     await fabric.announce()
     serving = asyncio.create_task(fabric.serve(shell.over), name="conduct/serve")
@@ -122,7 +124,9 @@ class _Shell:
         fabric: Fabric,
         deadline: float,
         on_progress: Callable[[int], None],
+        parts: Collection[str],
     ) -> None:
+        self._parts = frozenset(parts)
         self.over = asyncio.Event()
         self.left: set[str] = set()  # who said a last word
         self._core = core
@@ -137,7 +141,14 @@ class _Shell:
         """Hand a burst to the core. Called on the fabric's thread."""
         with self._lock:
             for message in decoded(self._fabric, deliveries):
-                if isinstance(message, wire.Leave):
+                if isinstance(message, wire.Leave) and message.who == self._fabric.who:
+                    continue  # its own last word comes back to it
+                if isinstance(message, wire.Leave) and message.who not in self._parts:
+                    what = (
+                        f"leave: must be of a part of this run, got {message.who:.40}"
+                    )
+                    self._publish([wire.Fault("coordinator", what)])
+                elif isinstance(message, wire.Leave):
                     self.left.add(message.who)
                     self._publish(self._core.stop())
                 else:

@@ -17,7 +17,7 @@ from multiprocessing.context import ForkServerProcess
 from types import TracebackType
 from typing import Self
 
-from neurosnap.errors import SwarmError
+from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.swarm.process import (
     Done,
     Failed,
@@ -181,9 +181,27 @@ class Supervisor:
         code = child_.process.exitcode
         if (code != 0 or who not in self._expected) and self.error is None:
             how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
-            silent = f"must not end before it is asked to, ended with {how}"
-            self.error = SwarmError(f"{who}: {self._reasons.get(who, silent)}")
+            reason = self._reasons.get(who)
+            if reason is None:
+                rule = "must not end before it is asked to"
+                self.error = PartDiedError(f"{who}: {rule}, ended with {how}")
+            else:
+                self.error = SwarmError(f"{who}: {reason}")
             self.failed.set()
+
+    def has_ended(self, who: str) -> bool:
+        """Return whether a part was started and is no more."""
+        return who in self._children and self._children[who].ended.is_set()
+
+    async def kill(self, parts: Collection[str]) -> None:
+        """End `parts` at once."""
+        self._expected.update(parts)
+        children = [self._children[who] for who in parts if who in self._children]
+        for child_ in children:
+            if not child_.ended.is_set():
+                child_.process.kill()
+        for child_ in children:
+            await child_.ended.wait()
 
     async def end(self, parts: Collection[str], grace: float) -> list[str]:
         """Ask `parts` to end and wait for it; return who had to be killed."""

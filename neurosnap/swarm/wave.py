@@ -12,6 +12,15 @@ from fractions import Fraction
 from neurosnap import wire
 from neurosnap.errors import MessageError
 
+DEEPEST = 1 << 17
+"""The most hops of a wave, bits of a share of its credit, and things in a report.
+
+Each literal fires once a wave, so a wave over ``N`` sensors has at most ``2N`` hops and
+its shares, split among at most ``2N`` each time, less than ``2N·log2(2N + 1)`` bits:
+this does for 5,000 sensors in the worst order there is, and for a chain of 65,000. What
+claims more would have to be computed with numbers of that many bits."""
+_SHOWN = 200  # characters of a report in an error
+
 
 class Wave:
     """A wave under way or settled.
@@ -42,7 +51,7 @@ class Wave:
         self.repeats = repeats
         self.hops: dict[int, int] = {}
         self.pulses = 0
-        self._reports: dict[int, set[int]] = {}  # cell -> parts seen
+        self._reports: dict[int, set[int]] = {}  # cell or worker -> parts seen
         # Every seed gets 2^-credit; what that leaves of 1 is never given out. Missing
         # is counted in units of 2^-scale: shares are as small as the wave is deep.
         self.credit = max(seeds - 1, 0).bit_length()
@@ -74,38 +83,79 @@ class Wave:
 
         Raises:
             MessageError: The report cannot be right: it is of another wave, names
-                literals of another cell, a literal twice, or gives back more credit
-                than there is. The wave is left as it was.
+                literals of another cell, a literal twice, gives back no credit or
+                more than there is, or is larger than `DEEPEST`. The wave is left as
+                it was.
         """
-        parts = self._reports.get(settled.cell, set())
-        if settled.part in parts:
+        cells = range(settled.cell, settled.cell + 1)
+        self._take(settled, settled.cell, cells, settled.literals, settled.hops)
+
+    def tally(self, tally: wire.Tally, cells: range) -> None:
+        """Take in a worker's report; see `report`.
+
+        Args:
+            tally: The report.
+            cells: The worker's cells.
+
+        Raises:
+            MessageError: The report cannot be right.
+        """
+        hops = wire.numbers("tally: hops", tally.hops)
+        self._take(tally, tally.worker, cells, wire.fired(tally), hops)
+
+    def _take(
+        self,
+        report: wire.Settled | wire.Tally,
+        who: int,
+        cells: range,
+        literals: wire.Naturals,
+        hops: wire.Naturals,
+    ) -> None:
+        """Take in a report of whoever has `cells`."""
+        if report.part in self._reports.get(who, ()):
             return
-        self._check(settled)
-        scale = max((self._scale, *settled.credit))
+        self._check(report, cells, literals, hops)
+        scale = max((self._scale, *report.credit))
         missing = self._missing << (scale - self._scale)
-        missing -= sum(1 << (scale - exponent) for exponent in settled.credit)
+        missing -= sum(1 << (scale - exponent) for exponent in report.credit)
         if missing < 0:
             raise MessageError(
-                f"settle: must give back at most the credit given out, got cell"
-                f" {settled.cell}, credit {list(settled.credit)}"
+                f"{report.key}: must give back at most the credit given out, got"
+                f" {_named(report)}, credit {list(report.credit)!r:.{_SHOWN}}"
             )
         self._scale, self._missing = scale, missing
-        self._reports.setdefault(settled.cell, set()).add(settled.part)
-        self.hops.update(zip(settled.literals, settled.hops, strict=True))
-        self.pulses += settled.pulses
+        self._reports.setdefault(who, set()).add(report.part)
+        self.hops.update(zip(literals, hops, strict=True))
+        self.pulses += report.pulses
 
-    def _check(self, settled: wire.Settled) -> None:
-        literals = settled.literals
+    def _check(
+        self,
+        report: wire.Settled | wire.Tally,
+        cells: range,
+        literals: wire.Naturals,
+        hops: wire.Naturals,
+    ) -> None:
+        credit = report.credit
+        each = -(-report.pulses // len(cells))
+        most = max(report.part, each, *hops, *credit, len(credit))
+        if not credit or most > DEEPEST:
+            raise MessageError(
+                f"{report.key}: must give back credit, and hold numbers up to {DEEPEST},"
+                f" got {_named(report)}, {len(credit)} shares, largest {most}"
+            )
+        # Without a loop of its own: a worker reports a hundred thousand at once.
         if (
-            settled.wave != self.number
-            or len(literals) != len(settled.hops)
+            report.wave != self.number
+            or len(literals) != len(hops)
             or len(set(literals)) != len(literals)
-            or any(literal >> 1 != settled.cell for literal in literals)
-            or any(literal in self.hops for literal in literals)
+            or min(literals, default=2 * cells.start) < 2 * cells.start
+            or max(literals, default=0) >= 2 * cells.stop
+            or min(hops, default=0) < 0
+            or not self.hops.keys().isdisjoint(literals)
         ):
             raise MessageError(
-                f"settle: must report on wave {self.number}, own literals, each once,"
-                f" got {settled}"
+                f"{report.key}: must report on wave {self.number}, own literals, each"
+                f" once, got {report!r:.{_SHOWN}}"
             )
 
     @property
@@ -137,3 +187,8 @@ class Wave:
             expected.update(targets(literal))
         # By literal, not by cell: a cell may have reported its other literal only.
         return sorted({literal >> 1 for literal in expected - self.hops.keys()})
+
+
+def _named(report: wire.Settled | wire.Tally) -> str:
+    """Return whose report it is, as in ``cell 3``."""
+    return report.sender.replace("/", " ")

@@ -44,6 +44,7 @@ async def run_world(
             publishing anything.
     """
     senses = Senses(body)
+    choices = len(body.choices)
     literals = 2 * len(body.sensors)
     tick = 0
     state: NDArray[np.bool_] | None = None
@@ -63,7 +64,12 @@ async def run_world(
                     state = unpack(message.literals, literals)
                 except ShapeError as error:
                     fabric.publish(wire.Fault("world", f"state: {error}"))
-            if not isinstance(message, wire.Decision) or message.tick != tick:
+            if not isinstance(message, wire.Decision) or message.tick < tick:
+                continue  # it came before
+            fits = tick == 0 or not choices or 0 <= message.action < choices
+            if message.tick > tick or not fits:
+                what = f"must be for tick {tick}, of {choices} choices, got {message}"
+                fabric.publish(wire.Fault("world", f"decide: {what:.200}"))
                 continue
             bits = source.first() if tick == 0 else source.step(message.action)
             if bits is None:

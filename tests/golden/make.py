@@ -32,6 +32,9 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (7, wire.Decision(1, -1, "ünïcode: nothing to do")),
     (8, wire.KeyFrame(1, b"PK not quite a snapshot")),
     (0, wire.Fault("cell/2", "wiring/0: must hold its own messages")),
+    (9, wire.Loom(1, 3, 2, bytes((0, 0, 0, 0, 2, 0, 0, 0)), b"")),
+    (0, wire.Burst(2, 0, 1, 0, bytes(4), b"\2\0\0\0", b"\1\0\0\0", b"\4\0\0\0")),
+    (0, wire.Tally(2, 1, 0, b"\2\0\0\0", b"\1\0\0\0", (2, 4), 0)),
     # The world's number 1 is lost, and number 2 is its last word.
     (2, wire.Leave("world")),
 )
@@ -70,7 +73,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 9})
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 10})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

@@ -35,6 +35,8 @@ def bench(*arguments: str) -> str:
         "observe",
         "learn",
         "cycle",
+        "tick",
+        "worker",
         "verify",
     ],
 )

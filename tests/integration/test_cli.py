@@ -26,7 +26,21 @@ from neurosnap.record.writer import Writer
 
 pytestmark = pytest.mark.slow
 
-VERBS = ("run", "replay", "depth", "figures", "info", "graph", "model", "doctor")
+VERBS = (
+    "run",
+    "replay",
+    "depth",
+    "figures",
+    "info",
+    "graph",
+    "model",
+    "doctor",
+    "hub",
+    "join",
+    "ps",
+    "stop",
+    "keys",
+)
 RUN_KEYS = {
     "log",
     "ticks",
@@ -776,7 +790,7 @@ def test_a_run_that_is_interrupted_ends_in_order(
 @pytest.mark.zenoh
 def test_a_cell_that_is_killed_is_named(tmp_path: Path, endless: Path) -> None:
     log = tmp_path / "out.mcap"
-    with going(endless, log) as (process, family):
+    with going(endless, log, "--restart", "never") as (process, family):
         *_, last = parts_of(family)
         last.kill()
         code, stdout, stderr = finish(process)
@@ -799,6 +813,7 @@ def test_a_launcher_that_is_killed_leaves_nothing(
         pytest.MonkeyPatch.context() as patch,
     ):
         patch.setenv("TMPDIR", folder)
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         with going(endless, log) as (process, family):
             assert len(family) >= 7  # hub, recorder, coordinator, world, cells
             process.kill()

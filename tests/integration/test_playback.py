@@ -291,12 +291,17 @@ async def test_a_socket_in_use_is_named(recording: Recording, endpoint: str) -> 
         await asyncio.to_thread(hub.close)
 
 
-@pytest.mark.parametrize("listen", ["", "nonsense", "tcp/127.0.0.1:99999", "warp/x:1"])
+@pytest.mark.parametrize("listen", ["", "nonsense", "warp/x:1", "tcp/0.0.0.0:7447"])
 async def test_what_is_no_endpoint_is_refused(
     recording: Recording, listen: str
 ) -> None:
-    with pytest.raises(FabricError, match=r"^hub: must be able to listen on "):
+    with pytest.raises(InvalidValueError, match=r"^endpoint: must be "):
         await play_on(recording, listen, asyncio.Event())
+
+
+async def test_a_port_that_cannot_be_is_refused(recording: Recording) -> None:
+    with pytest.raises(FabricError, match=r"^hub: must be able to listen on "):
+        await play_on(recording, "tcp/127.0.0.1:99999", asyncio.Event())
 
 
 async def test_a_recording_cut_short_plays_as_far_as_it_goes(

@@ -340,7 +340,7 @@ async def by_hand(
     """Run a swarm part by part; `heard` gets what the coordinator said."""
     hub, leave = MemoryHub(), asyncio.Event()
     source = open_source(options.source, options.seed)
-    cells = options.cell_names()
+    cells = options.host_names()
 
     def listen(deliveries: list[wire.Delivery]) -> None:
         heard.extend(wire.decode(d.key, d.payload) for d in deliveries)
@@ -611,7 +611,7 @@ async def test_asked_to_stop_it_ends_in_order(
     assert {leave.who for leave in played.of(wire.Leave)} == {
         "coordinator",
         "world",
-        *options.cell_names(),
+        *options.host_names(),
     }
 
 

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import pytest
@@ -25,7 +25,9 @@ from neurosnap.sensorium import pack, unpack
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.conductor import Conductor
 from neurosnap.swarm.coordinator import Coordinator
+from neurosnap.swarm.shares import shares
 from neurosnap.swarm.wave import Wave
+from neurosnap.swarm.worker import Worker
 
 pytestmark = pytest.mark.slow
 
@@ -118,51 +120,72 @@ def random_pairs(chance: random.Random, sensors: int) -> Pairs:
 
 # A conductor and its cells, without a loop ------------------------------------------
 
+Host: TypeAlias = Cell | Worker
+
+
+def hosting(sensors: int, workers: int) -> dict[str, Host]:
+    """Return the parts that cells are, or are hosted by, by name."""
+    if not workers:
+        return {f"cell/{number}": Cell(number) for number in range(sensors)}
+    hosted = shares(sensors, workers)
+    return {f"worker/{number}": Worker(number, hosted) for number in range(workers)}
+
+
+def keys_of(host: Host) -> tuple[str, ...]:
+    if isinstance(host, Cell):
+        return wire.cell_keys(host.cell)
+    return wire.worker_keys(host.worker)
+
 
 class Network:
     """Cells on a hub that delivers as its seed says, and a conductor that starts waves.
 
     It also sees what no part sees, every pulse and all credit, and holds the conductor
     to that: a wave has settled exactly when its credit is whole and no pulse of it is
-    under way.
+    under way. The cells are parts of their own, or shared by workers.
     """
 
-    def __init__(self, sensors: int, hub: MemoryHub) -> None:
+    def __init__(self, sensors: int, hub: MemoryHub, workers: int = 0) -> None:
         self.hub = hub
-        self.conductor = Conductor(sensors)
-        self.cells = [Cell(number) for number in range(sensors)]
+        self.sensors = sensors
+        self.conductor = Conductor(sensors, workers=workers)
+        self.hosts = hosting(sensors, workers)
         self.settled: dict[int, Wave] = {}
         self.faults: list[wire.Fault] = []
         self.withheld: Callable[[wire.Message], bool] = lambda _: False
         self.given: dict[int, Fraction] = {}  # credit, by wave
         self.back: dict[int, Fraction] = {}
         self.addressed = 0  # starts that went to one cell
-        self._under_way: Counter[int] = Counter()  # pulses of each wave
+        self._under_way: Counter[int] = Counter()  # messages with pulses of each wave
         self._seen: set[tuple[object, ...]] = set()
-        for number in range(sensors):
-            self._join(number)
+        for who, host in self.hosts.items():
+            self._join(who, host)
         self._coordinator = hub.fabric("coordinator")
-        self._coordinator.listen(("settle", "fault"), self._hear)
+        self._coordinator.listen(("settle", "tally", "fault"), self._hear)
         self._world = hub.fabric("world")
 
-    def _join(self, number: int) -> None:
-        end = self.hub.fabric(f"cell/{number}")
-        core = self.cells[number]
+    def _join(self, who: str, host: Host) -> None:
+        end = self.hub.fabric(who)
 
         def handle(deliveries: list[wire.Delivery]) -> None:
             burst = [wire.decode(d.key, d.payload) for d in deliveries]
             for message in burst:
-                if isinstance(message, wire.Pulse) and self._is_new(
-                    message.wave, message.source, message.target
-                ):
+                match message:
+                    case wire.Pulse():
+                        way: tuple[int, ...] = (message.source, message.target)
+                    case wire.Burst():
+                        way = (message.worker, message.to, message.part)
+                    case _:
+                        continue
+                if self._is_new(message.wave, *way):
                     self._under_way[message.wave] -= 1
-            for message in core.receive(burst):
-                if isinstance(message, wire.Pulse):
+            for message in host.receive(burst):
+                if isinstance(message, wire.Pulse | wire.Burst):
                     self._under_way[message.wave] += 1
                 if not self.withheld(message):
                     end.publish(message)
 
-        end.listen(wire.cell_keys(number), handle)
+        end.listen(keys_of(host), handle)
 
     def _is_new(self, *what: object) -> bool:
         new = what not in self._seen
@@ -172,14 +195,14 @@ class Network:
     def _hear(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
             message = wire.decode(delivery.key, delivery.payload)
-            if isinstance(message, wire.Settled):
+            if isinstance(message, wire.Settled | wire.Tally):
                 self._report(message)
             elif isinstance(message, wire.Fault):
                 self.faults.append(message)
 
-    def _report(self, report: wire.Settled) -> None:
+    def _report(self, report: wire.Settled | wire.Tally) -> None:
         number = report.wave
-        if self._is_new("report", number, report.cell, report.part):
+        if self._is_new("report", number, report.sender, report.part):
             self.back[number] += sum(Fraction(1, 2**e) for e in report.credit)
         wave = self.conductor.report(report)
         if wave is not None:
@@ -195,14 +218,14 @@ class Network:
     def rewire_at_once(self, edges: NDArray[np.bool_]) -> None:
         """Wire the cells without the hub, where it is one that loses messages."""
         for message in self.conductor.rewire(edges):
-            assert isinstance(message, wire.Wiring)
-            assert self.cells[message.cell].receive([message]) == []
+            host = next(h for h in self.hosts.values() if message.key in keys_of(h))
+            assert host.receive([message]) == []
 
     def start(self, tick: int, signal: tuple[int, ...]) -> int:
         """Begin a wave, a state wave if `tick` is not 0; return its number."""
         starts = self.conductor.start("state" if tick else "signal", tick, signal)
         number = self.conductor.waves
-        seeds = len(self.cells) if tick else len(signal)
+        seeds = self.sensors if tick else len(signal)
         self.given[number] = Fraction(seeds, 2 ** max(seeds - 1, 0).bit_length())
         self.back[number] = Fraction(0)
         for message in starts:
@@ -250,12 +273,14 @@ def launch(
 # Nothing is lost ----------------------------------------------------------------------
 
 
-def undisturbed(seed: int) -> int:
+def undisturbed(seed: int, *, shared: bool = False) -> int:
     """Send waves over two orders; return how many starts went to single cells."""
     chance = random.Random(seed)
     sensors = chance.randint(1, 7)
+    workers = chance.randint(1, sensors) if shared else 0
     duplicate = chance.choice([0.0, 0.1, 0.3])
-    network = Network(sensors, MemoryHub(seed, Faults(duplicate=duplicate)))
+    hub = MemoryHub(seed, Faults(duplicate=duplicate))
+    network = Network(sensors, hub, workers)
     ticks = iter(range(1, 100))
     for _ in range(2):
         pairs = random_pairs(chance, sensors)
@@ -288,17 +313,24 @@ def test_waves_reach_all_above_their_signal_and_settle_exactly_then(batch: int) 
     assert addressed > BATCH
 
 
+def test_waves_among_workers_do_the_same_however_cells_are_shared() -> None:
+    for seed in range(BATCH):
+        with repeatable(seed):
+            assert undisturbed(seed, shared=True) == 0
+
+
 # Something is lost --------------------------------------------------------------------
 
 
-def disturbed(seed: int) -> Counter[bool]:
+def disturbed(seed: int, *, shared: bool = False) -> Counter[bool]:
     """Lose messages; return how many waves settled and how many did not."""
     chance = random.Random(seed)
     sensors = chance.randint(2, 7)
+    workers = chance.randint(2, sensors) if shared else 0
     faults = Faults(
         duplicate=chance.choice([0.0, 0.2]), drop=chance.choice([0.003, 0.02, 0.1])
     )
-    network = Network(sensors, MemoryHub(seed, faults))
+    network = Network(sensors, MemoryHub(seed, faults), workers)
     pairs = random_pairs(chance, sensors)
     kind: WiringKind = chance.choice(["hasse", "derived"])
     network.rewire_at_once(PocGraph.from_implications(sensors, pairs).wiring(kind))
@@ -315,11 +347,12 @@ def disturbed(seed: int) -> Counter[bool]:
     return Counter(number in network.settled for number in signals)
 
 
-def test_waves_that_lost_messages_settle_rightly_or_not_at_all() -> None:
+@pytest.mark.parametrize("shared", [False, True])
+def test_waves_that_lost_messages_settle_rightly_or_not_at_all(shared: bool) -> None:
     settled: Counter[bool] = Counter()
     for seed in range(DISTURBED):
         with repeatable(seed):
-            settled += disturbed(seed)
+            settled += disturbed(seed, shared=shared)
     assert min(settled[True], settled[False]) > DISTURBED / 4
 
 
@@ -408,6 +441,7 @@ class Simulation:
         rows: list[list[bool]],
         hub: MemoryHub,
         deaf: Callable[[str, wire.Message], bool] = lambda _who, _message: False,
+        workers: int = 0,
     ) -> None:
         self.core = core
         self.rows = rows
@@ -416,25 +450,24 @@ class Simulation:
         self.rewired: set[int] = set()
         self.repeats = 0
         self._deaf = deaf
-        self._cells = [Cell(number) for number in range(len(rows[0]))]
         self._world = hub.fabric("world")
         self._world.listen(("decide",), self._decided)
         self._end = hub.fabric("coordinator")
-        self._end.listen(("observe", "settle", "fault"), self._hear)
-        for cell in self._cells:
-            self._join(cell)
+        self._end.listen(("observe", "settle", "tally", "fault"), self._hear)
+        for who, host in hosting(len(rows[0]), workers).items():
+            self._join(who, host)
 
-    def _join(self, cell: Cell) -> None:
-        end = self.hub.fabric(f"cell/{cell.cell}")
+    def _join(self, who: str, host: Host) -> None:
+        end = self.hub.fabric(who)
 
         def handle(deliveries: list[wire.Delivery]) -> None:
             for delivery in deliveries:
                 message = wire.decode(delivery.key, delivery.payload)
                 if not self._deaf(end.who, message):
-                    for answer in cell.receive([message]):
+                    for answer in host.receive([message]):
                         end.publish(answer)
 
-        end.listen(wire.cell_keys(cell.cell), handle)
+        end.listen(keys_of(host), handle)
 
     def _decided(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
@@ -451,7 +484,7 @@ class Simulation:
 
     def _say(self, messages: list[wire.Message]) -> None:
         for message in messages:
-            if isinstance(message, wire.Wiring) and message.after:
+            if isinstance(message, wire.Wiring | wire.Loom) and message.after:
                 self.rewired.add(self.core.tick)
             self.said.append(message)
             self._end.publish(message)
@@ -497,13 +530,18 @@ def new_snapshot(chance: random.Random, sensors: int) -> Snapshot:
 
 
 def simulate(
-    seed: int, rows: list[list[bool]], wiring: WiringKind, schedule: int
+    seed: int, rows: list[list[bool]], wiring: WiringKind, schedule: int, workers: int
 ) -> tuple[Simulation, Run]:
     """Run one case undisturbed, apart from order and duplicates."""
-    snapshot = new_snapshot(random.Random(seed), len(rows[0]))
-    core = Coordinator(snapshot, Walker(3, seed), wiring=wiring, ticks=len(rows))
+    core = Coordinator(
+        new_snapshot(random.Random(seed), len(rows[0])),
+        Walker(3, seed),
+        wiring=wiring,
+        ticks=len(rows),
+        workers=workers,
+    )
     hub = MemoryHub(schedule, Faults(duplicate=0.1))
-    simulation = Simulation(core, rows, hub)
+    simulation = Simulation(core, rows, hub, workers=workers)
     return simulation, simulation.run()
 
 
@@ -517,11 +555,14 @@ def test_a_run_is_what_the_snapshot_says_whatever_order_messages_come_in() -> No
     for seed in range(RUNS):
         with repeatable(seed):
             rows = random_rows(random.Random(seed))
-            first, run = simulate(seed, rows, "hasse", seed)
+            first, run = simulate(seed, rows, "hasse", seed, workers=0)
             assert run.states == expected_states(seed, rows)
             assert [tick for tick, _ in run.decisions] == list(range(len(rows)))
-            _, again = simulate(seed, rows, "derived", seed + 1)
+            _, again = simulate(seed, rows, "derived", seed + 1, workers=0)
             assert again == run
+            workers = 1 + seed % len(rows[0])
+            _, shared = simulate(seed, rows, "hasse", seed, workers)
+            assert shared == run
             assert first.repeats == 0
             rewired += bool(first.rewired)
             incoherent += any(run.incoherent)
@@ -529,7 +570,9 @@ def test_a_run_is_what_the_snapshot_says_whatever_order_messages_come_in() -> No
     assert incoherent > RUNS / 8
 
 
-def recovered(seed: int, rows: list[list[bool]]) -> tuple[Simulation, Run]:
+def recovered(
+    seed: int, rows: list[list[bool]], workers: int
+) -> tuple[Simulation, Run]:
     """Run one case with messages lost on every way that a late wave mends."""
     chance = random.Random(seed)
     drop = chance.choice([0.01, 0.05])
@@ -540,6 +583,7 @@ def recovered(seed: int, rows: list[list[bool]]) -> tuple[Simulation, Run]:
         wiring=chance.choice(["hasse", "derived"]),
         ticks=len(rows),
         repeats=1000,
+        workers=workers,
     )
     hub = MemoryHub(seed, Faults(duplicate=0.1))
     cut: set[str] = set()
@@ -557,21 +601,23 @@ def recovered(seed: int, rows: list[list[bool]]) -> tuple[Simulation, Run]:
             return False
         if chance.random() >= drop:
             return False
-        if isinstance(message, wire.Wiring):
+        if isinstance(message, wire.Wiring | wire.Loom):
             cut.add(who)
         return True
 
-    simulation = Simulation(core, rows, hub, deaf)
+    simulation = Simulation(core, rows, hub, deaf, workers)
     return simulation, simulation.run(on_silence=cut.clear)
 
 
-def test_a_run_that_loses_messages_comes_to_the_same() -> None:
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_run_that_loses_messages_comes_to_the_same(shared: bool) -> None:
     repeats = 0
     for seed in range(RUNS):
         with repeatable(seed):
             rows = random_rows(random.Random(seed))
-            _, run = simulate(seed, rows, "hasse", seed)
-            simulation, again = recovered(seed, rows)
+            workers = 2 + seed % (len(rows[0]) - 1) if shared else 0
+            _, run = simulate(seed, rows, "hasse", seed, workers=0)
+            simulation, again = recovered(seed, rows, workers)
             assert again.states == run.states
             assert again.incoherent == run.incoherent
             assert again.decisions == run.decisions

@@ -3,18 +3,22 @@
 import asyncio
 import csv
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
 
 from neurosnap import wire
 from neurosnap.depth import COLUMNS, draw, fit, measure, write_csv
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.memory import MemoryHub
+from neurosnap.fabric.memory import MemoryFabric, MemoryHub
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.options import WiringKind
-from neurosnap.swarm.probe import Measured, Probe, ProbePlan, chain
+from neurosnap.swarm.probe import Measured, Probe, ProbePlan
+from neurosnap.swarm.shares import hosts, shares
+from neurosnap.swarm.worker import Worker
 
 
 def row(
@@ -147,6 +151,22 @@ def test_numbers_out_of_range_are_refused(
     assert str(caught.value).startswith(text)
 
 
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"cells": "worker", "workers": 0}, "workers: must be at least 1 and at most"),
+        ({"cells": "worker", "workers": 4}, "workers: must be at least 1 and at most"),
+        ({"edges": 3}, "edges: must be even, 4 to 4, got 3"),
+        ({"edges": 4, "wiring": "derived"}, 'wiring: must be "hasse" for a random'),
+    ],
+)
+def test_what_does_not_go_together_is_refused(given: dict[str, Any], text: str) -> None:
+    wiring = given.pop("wiring", "hasse")
+    with pytest.raises(InvalidValueError) as caught:
+        asyncio.run(measure([2], wiring, [3], 1, asyncio.Event(), **given))
+    assert str(caught.value).startswith(text)
+
+
 def test_a_stop_before_the_first_swarm_measures_nothing() -> None:
     async def work() -> list[Measured]:
         stop = asyncio.Event()
@@ -164,7 +184,7 @@ Lost = Callable[[wire.Message], bool]
 def probed(
     plan: ProbePlan, seed: int | None = None, lost: Lost = lambda _: False
 ) -> Probe:
-    """Let a probe conduct cells over a hub without a loop, to its end.
+    """Let a probe conduct cells or workers over a hub without a loop, to its end.
 
     Its clock goes on by one second each time it is read. A wave that is stuck since
     `lost` took a message from it is declared late.
@@ -182,19 +202,21 @@ def probed(
         for delivery in deliveries:
             say(probe.receive(wire.decode(delivery.key, delivery.payload)))
 
-    def join(number: int) -> None:
-        core, end = Cell(number), hub.fabric(f"cell/{number}")
-
+    def join(core: Cell | Worker, end: MemoryFabric, keys: Sequence[str]) -> None:
         def handle(deliveries: list[wire.Delivery]) -> None:
             burst = [wire.decode(d.key, d.payload) for d in deliveries]
             for message in core.receive([m for m in burst if not lost(m)]):
                 end.publish(message)
 
-        end.listen(wire.cell_keys(number), handle)
+        end.listen(keys, handle)
 
-    conducting.listen(("settle",), hear)
-    for number in range(plan.sensors):
-        join(number)
+    conducting.listen(("settle", "tally"), hear)
+    for number, who in enumerate(hosts(plan.sensors, plan.workers)):
+        if plan.workers:
+            worker = Worker(number, shares(plan.sensors, plan.workers))
+            join(worker, hub.fabric(who), wire.worker_keys(number))
+        else:
+            join(Cell(number), hub.fabric(who), wire.cell_keys(number))
     say(probe.begin())
     while hub.run() or not probe.finished:
         for number in probe.in_flight:
@@ -304,8 +326,42 @@ def test_asked_to_stop_it_ends_at_once() -> None:
     assert probe.finished
 
 
-def test_a_chain_is_as_high_as_asked_on_the_first_sensors() -> None:
-    order = chain(6, 3)
-    assert order.height() == 3
-    assert order.up([0]).nonzero()[0].tolist() == [0, 2, 4, 6]
-    assert order.up([8]).nonzero()[0].tolist() == [8]
+@pytest.mark.parametrize("seed", [None, 0, 1])
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_in_workers_a_wave_is_as_deep_as_among_cells(
+    workers: int, seed: int | None
+) -> None:
+    plan = ProbePlan(12, HEIGHTS, "hasse", waves=2)
+    shared = msgspec.structs.replace(plan, workers=workers)
+    seconds = [msgspec.structs.replace(row, seconds=0) for row in probed(plan).rows]
+    rows = probed(shared, seed).rows
+    assert [msgspec.structs.replace(row, seconds=0) for row in rows] == seconds
+
+
+def test_one_worker_goes_the_shortest_way_over_derived_edges() -> None:
+    plan = ProbePlan(12, (11,), "derived", waves=2, workers=1)
+    assert [(row.depth, row.pulses) for row in probed(plan).rows] == [(1, 66)] * 2
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3])
+def test_a_wave_through_a_random_order_fires_every_cell(workers: int) -> None:
+    plan = ProbePlan(30, (4, 9), "hasse", 2, workers=workers, edges=90, seed=3)
+    rows = probed(plan, seed=8).rows
+    assert [row.depth for row in rows] == [row.longest for row in rows] == [4, 4, 9, 9]
+    assert {row.pulses for row in rows} == {45}  # along half of the edges
+
+
+def test_workers_that_were_cut_off_get_their_wiring_whole() -> None:
+    cut = []
+
+    def lost(message: wire.Message) -> bool:
+        match message:
+            case wire.Loom(worker=0, epoch=1) | wire.WaveStart(wave=1):
+                cut.append(message)
+                return True
+        return False
+
+    plan = ProbePlan(6, (2, 5), "hasse", waves=2, workers=2)
+    rows = probed(plan, lost=lost).rows
+    assert len(cut) == 1 + 2
+    assert [(row.depth, row.pulses) for row in rows] == [(2, 2)] * 2 + [(5, 5)] * 2

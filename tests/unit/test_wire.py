@@ -143,6 +143,8 @@ def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
             assert message.sender == f"cell/{message.source // 2}"
         case wire.Settled():
             assert message.sender == f"cell/{message.cell}"
+        case wire.Burst() | wire.Tally():
+            assert message.sender == f"worker/{message.worker}"
         case wire.Fault() | wire.Leave():
             assert message.sender == message.who
         case _:
@@ -172,3 +174,29 @@ def test_a_cell_listens_to_what_is_for_it_and_to_nothing_else() -> None:
     assert wire.Pulse(1, 0, 8, 1, 0).key not in keys
     assert wire.Wiring(2, 1, 0).key not in keys
     assert wire.WaveStart(2, 0, "signal", 0, 1, fence=1, cell=2).key not in keys
+
+
+def test_a_worker_listens_to_what_is_for_it_and_to_nothing_else() -> None:
+    keys = set(wire.worker_keys(1))
+    for_it: list[wire.Message] = [
+        wire.Observation(1, b""),
+        wire.Loom(1, 1, 0),
+        wire.WaveStart(1, 0, "signal", 0, 1),
+        wire.Burst(1, 0, 1, 0, b"", b"", b"", b""),
+    ]
+    assert {message.key for message in for_it} == keys
+    assert wire.Loom(0, 1, 0).key not in keys
+    assert wire.Burst(1, 1, 0, 0, b"", b"", b"", b"").key not in keys
+
+
+@given(st.lists(st.integers(-(2**31), 2**31 - 1), max_size=20))
+def test_numbers_come_out_of_a_field_as_they_went_in(given_: list[int]) -> None:
+    data = b"".join(n.to_bytes(4, "little", signed=True) for n in given_)
+    assert wire.numbers("hops", data) == tuple(given_)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_a_part_of_a_number_is_refused(size: int) -> None:
+    expected = rf"^hops: must be four bytes a number, got {size}$"
+    with pytest.raises(MessageError, match=expected):
+        wire.numbers("hops", bytes(size))

@@ -24,6 +24,9 @@ EACH: dict[str, wire.Message] = {
     "keyframe": wire.KeyFrame(1, bytes(range(256))),
     "fault": wire.Fault("cell/3", "what was wrong"),
     "leave": wire.Leave("world"),
+    "loom": wire.Loom(1, 2, 1, bytes(8), bytes(range(16))),
+    "burst": wire.Burst(1, 0, 1, 2, bytes(4), b"\x08\0\0\0", b"\1\0\0\0", bytes(4)),
+    "tally": wire.Tally(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
 }
 """One message for each topic."""
 

@@ -165,8 +165,9 @@ def test_cells_are_told_which_waves_they_can_forget() -> None:
     assert begin(conductor, "signal", 0, (0,)).settled_below == 3
 
 
-def test_a_report_on_a_wave_that_never_was_is_dropped() -> None:
-    assert Conductor(SENSORS).report(settled(9, 0, 0)) is None
+def test_a_report_on_a_wave_that_never_was_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"^settle: must be on a wave up to 0, got"):
+        Conductor(SENSORS).report(settled(9, 0, 0))
 
 
 def test_a_report_that_cannot_be_right_is_refused() -> None:

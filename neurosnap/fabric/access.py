@@ -1,0 +1,139 @@
+"""Who may say and hear what in a swarm: one table, and the hub's access list from it.
+
+Whatever the table does not allow is denied, to known roles and to strangers. A role is
+the common name of a certificate, so the list means something under mutual TLS only. It
+tells roles apart and not the parts of one role: a cell cannot rewire anybody, but it
+can send what any other cell may send, and say any part's last word (``leave``).
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError
+
+Role: TypeAlias = Literal[
+    "hub", "coordinator", "world", "recorder", "cell", "worker", "watcher"
+]
+ROLES: tuple[Role, ...] = get_args(Role)
+
+ALL = tuple(wire.TOPICS)
+"""Every topic."""
+
+
+class Rights(NamedTuple):
+    """What one role may do."""
+
+    publishes: tuple[str, ...] = ()
+    """Topics it may send to."""
+    reads: tuple[str, ...] = ()
+    """Topics it may listen to; `ALL` also allows one subscription to everything."""
+    announces: tuple[str, ...] = ()
+    """Names it may show as alive, as key expressions."""
+    watches: bool = False
+    """It may follow who is alive."""
+
+
+def _topics(keys: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(wire.topic(key) for key in keys))
+
+
+RIGHTS: dict[Role, Rights] = {
+    # Plays recordings back, over a session beside the router's own.
+    "hub": Rights(publishes=ALL),
+    "coordinator": Rights(
+        publishes=(
+            *("wiring", "loom", "wave", "state", "reach", "decide", "keyframe"),
+            *("fault", "leave"),
+        ),
+        reads=("observe", "settle", "tally", "fault", "leave"),
+        announces=("coordinator",),
+        watches=True,
+    ),
+    "world": Rights(
+        publishes=("observe", "fault", "leave"),
+        reads=("state", "decide"),
+        announces=("world",),
+    ),
+    "recorder": Rights(reads=ALL, announces=("recorder",), watches=True),
+    "cell": Rights(
+        publishes=("excite", "inhibit", "settle", "fault", "leave"),
+        reads=_topics(wire.cell_keys(0)),
+        announces=("cell/*",),
+    ),
+    "worker": Rights(
+        publishes=("burst", "tally", "fault", "leave"),
+        reads=_topics(wire.worker_keys(0)),
+        announces=("worker/*",),
+    ),
+    # Looks on, and leaves no trace.
+    "watcher": Rights(reads=ALL, watches=True),
+}
+
+FLUSHED = "flushed"
+"""What every part asks for at its end; the hub itself answers that nobody has it."""
+
+_EVERY = f"{wire.ROOT}/*/"  # below any swarm's prefix
+
+
+def role_of(who: str) -> Role:
+    """Return the role of the part `who`, as in ``cell/3``.
+
+    Raises:
+        InvalidValueError: There is no such role.
+    """
+    kind = who.partition("/")[0]
+    for role in ROLES:
+        if role == kind:
+            return role
+    raise InvalidValueError("part", f"must be of {', '.join(ROLES)}", who)
+
+
+def access_list() -> dict[str, object]:
+    """Return Zenoh's ``access_control``: `RIGHTS`, and nothing else.
+
+    A flow is seen from the hub: what comes in was sent or asked for by the role, what
+    goes out is what the role gets. A rule's key has to include the key in question.
+    """
+    rules: list[dict[str, object]] = []
+    policies: list[dict[str, object]] = []
+    for role, rights in RIGHTS.items():
+        own = list(_rules(role, rights))
+        rules += own
+        policies.append({"rules": [rule["id"] for rule in own], "subjects": [role]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": role, "cert_common_names": [role]} for role in RIGHTS],
+        "policies": policies,
+    }
+
+
+def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
+    """Yield the rules of one role."""
+    reads = ("**",) if rights.reads == ALL else _below(rights.reads)
+    alive = tuple(f"alive/{who}" for who in rights.announces)
+    everybody = ("alive/**",) if rights.watches else ()
+    for message, flow, keys in (
+        ("put", "ingress", _below(rights.publishes)),
+        ("declare_subscriber", "ingress", reads),
+        ("put", "egress", reads),
+        ("liveliness_token", "ingress", alive),
+        ("declare_liveliness_subscriber", "ingress", everybody),
+        ("liveliness_token", "egress", everybody),
+        ("query", "ingress", (FLUSHED,)),
+    ):
+        if keys:
+            yield {
+                "id": f"{role} {message} {flow}",
+                "permission": "allow",
+                "messages": [message],
+                "flows": [flow],
+                "key_exprs": [_EVERY + key for key in keys],
+            }
+
+
+def _below(topics: Sequence[str]) -> tuple[str, ...]:
+    """Return key expressions for `topics`: the topic itself, and what is below it."""
+    return tuple(f"{topic}/**" for topic in topics)

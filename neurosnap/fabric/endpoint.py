@@ -1,0 +1,69 @@
+"""Where a swarm may listen and connect: without TLS, on this machine alone.
+
+What is not known to stay on this machine is taken to leave it. Options in an endpoint
+(after ``?`` or ``#``) are refused: they could undo what the configuration says.
+"""
+
+import ipaddress
+
+from neurosnap.errors import InvalidValueError
+
+_WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+
+
+def check_endpoint(endpoint: str, *, tls: bool, insecure: bool = False) -> None:
+    """Refuse to listen or connect where somebody else could listen in.
+
+    Args:
+        endpoint: As Zenoh writes it, ``tls/HOST:PORT``.
+        tls: There are keys. Then nothing but ``tls/`` is accepted: on any other link
+            they would go unused. Not with an IPv6 address, which none could connect to.
+        insecure: Any ``tcp/`` endpoint is accepted without keys.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule.
+    """
+    protocol, _, rest = endpoint.partition("/")
+    if not rest or "?" in rest or "#" in rest:
+        raise InvalidValueError("endpoint", "must be PROTOCOL/ADDRESS", endpoint)
+    if tls:
+        # Zenoh's TLS takes the brackets of an IPv6 address for a part of the name.
+        allowed = protocol == "tls" and not rest.startswith("[")
+        rule = "must be tls/NAME:PORT or tls/IPV4:PORT where there are keys"
+    elif protocol == "tls":
+        allowed, rule = False, "must come with keys (--tls)"
+    else:
+        allowed = protocol == "unixsock-stream" or (
+            protocol == "tcp" and (insecure or _is_loopback(rest))
+        )
+        rule = "must be tcp/ on loopback or unixsock-stream/ without TLS (--insecure)"
+        if insecure:
+            rule = "must be tcp/HOST:PORT or unixsock-stream/PATH without TLS"
+    if not allowed:
+        raise InvalidValueError("endpoint", rule, endpoint)
+
+
+def _is_loopback(address: str) -> bool:
+    """Tell whether ``HOST:PORT`` cannot be reached from outside this machine."""
+    host, _, _ = address.rpartition(":")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(
+            host.removeprefix("[").removesuffix("]")
+        ).is_loopback
+    except ValueError:
+        return False
+
+
+def nearest(endpoint: str) -> str:
+    """Return how a part on the hub's own machine reaches a hub on `endpoint`.
+
+    No certificate is for "every address", and TLS looks at the name: who listens on
+    all of them is reached over loopback.
+    """
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if host in _WILDCARDS:
+        return f"{protocol}/{_WILDCARDS[host]}:{port}"
+    return endpoint

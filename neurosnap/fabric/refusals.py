@@ -1,0 +1,177 @@
+"""What the hub refused, told to this package's log.
+
+Zenoh says whom it refused in its own log alone, and that goes to the standard output
+of the process. Here that output is read, refusals are told apart and told on, in
+bounded number whatever intruders do, and all else passes on.
+
+A refused *session* always shows. A refused *message* (a certificate that may connect
+but not publish that) is dropped without a word, unless the hub traces every decision
+it takes (`audit`): one or two lines of its log a message, which multiplies what a
+message costs it. Without that, such an attempt shows as a gap in its sender's running
+numbers, if it bothers with them.
+"""
+
+import logging
+import os
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import zenoh
+
+_LOG = logging.getLogger(__name__)
+_WINDOW = 10.0  # seconds
+_MOST = 20  # different refusals told in one window
+_LONGEST = 300  # characters of one
+_CHUNK = 1 << 16
+
+_ACCESS = "zenoh::net::routing::interceptor::access_control"
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+_LINE = re.compile(
+    r"\S+Z\s+(?P<level>[A-Z]+)\s+(?:\S+ )?(?P<thread>ThreadId\(\d+\)) "
+    r"(?P<target>[\w:]+): (?P<text>.*)"
+)
+_LINKS = re.compile(r"zenoh_(link|transport)")
+_HINT = " Hint: increase the system open file limit."  # said whatever the reason is
+_CACHING = re.compile(r"ACL \((?P<flow>\w+)\): caching permissions for `(?P<key>.*)`.*")
+_DECISION = re.compile(
+    r"(?P<cached>Using cached result: )?(?P<zid>[0-9a-f]+)"
+    r"( on \S*CertCommonName\((?P<role>[^)]*)\)\S*)?"
+    r" is (?P<not>un)?authorized to (?P<what>.+?) \(ingress\) on (?P<key>.*)"
+)
+
+
+class Refusals:
+    """Finds refusals in the lines of Zenoh's log, and tells of them.
+
+    In each window of some seconds a refusal is told once and at most a few different
+    ones are; how many were left out is said when the next window begins.
+
+    Args:
+        tell: Gets a line for people. Control characters in it are escaped.
+        clock: Seconds.
+    """
+
+    def __init__(
+        self,
+        tell: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.count = 0
+        self._tell = tell
+        self._clock = clock
+        self._until = 0.0
+        self._told: set[str] = set()
+        self._untold = 0
+        self._roles: dict[str, str] = {}  # by session
+        self._caching: dict[str, tuple[str, str | None]] = {}  # by thread: key, session
+
+    def take(self, line: str) -> bool:
+        """Take in one line; false if it is not from Zenoh's log."""
+        found = _LINE.fullmatch(_COLOURS.sub("", line))
+        if found is None:
+            return False
+        if found["target"] == _ACCESS:
+            self._decided(found["thread"], found["text"])
+        elif found["level"] == "WARN" and _LINKS.match(found["target"]):
+            self._refuse(f"session refused: {found['text'].removesuffix(_HINT)}")
+        return True
+
+    def _decided(self, thread: str, text: str) -> None:
+        """Take in a decision about a message, unless it is one made in advance.
+
+        For a key declared to it the hub decides in advance about whatever may come;
+        it says so, and its thread then lists all of it for one session.
+        """
+        caching = _CACHING.fullmatch(text)
+        if caching is not None:
+            # What goes out is nobody's attempt, and is not read below.
+            key = caching["key"] if caching["flow"] == "ingress" else ""
+            self._caching[thread] = (key, None)
+            return
+        made = _DECISION.fullmatch(text)
+        if made is None:
+            return
+        if made["role"] is not None:
+            self._roles[made["zid"]] = made["role"]
+        key, session = self._caching.get(thread, ("", None))
+        if not made["cached"] and key == made["key"] and session in (None, made["zid"]):
+            self._caching[thread] = (key, made["zid"])
+            return
+        self._caching.pop(thread, None)
+        if made["not"]:
+            role = self._roles.get(made["zid"], "stranger")
+            self._refuse(f"{role} refused: {made['what']} on {made['key']}")
+
+    def _refuse(self, what: str) -> None:
+        self.count += 1
+        now = self._clock()
+        if now >= self._until:
+            self.close()
+            self._told.clear()
+            self._until = now + _WINDOW
+        kind = re.sub(r"\d+", "0", what)
+        if kind in self._told or len(self._told) == _MOST:
+            self._untold += 1
+            return
+        self._told.add(kind)
+        self._tell(_plain(what))
+
+    def close(self) -> None:
+        """Say how many were left out."""
+        if self._untold:
+            self._tell(f"and {self._untold} more refusals like these")
+            self._untold = 0
+
+
+def _plain(text: str) -> str:
+    """Return `text` cut, and with nothing in it that a terminal would act on."""
+    return text[:_LONGEST].encode("unicode_escape").decode()
+
+
+@contextmanager
+def telling_refusals(*, audit: bool = False) -> Iterator[Refusals]:
+    """Log what a hub in this process refuses, as warnings, until the end.
+
+    To be entered before the hub opens. Takes the process's standard output meanwhile,
+    and passes on what is not Zenoh's. Once in a process counts: Zenoh's log cannot be
+    set up again.
+
+    Args:
+        audit: Refused messages too; see the module.
+    """
+    refusals = Refusals(lambda text: _LOG.warning("%s", text))
+    sys.stdout.flush()
+    read, write = os.pipe()
+    own = os.dup(1)
+    os.dup2(write, 1)
+    os.close(write)
+    reader = threading.Thread(
+        target=_read, args=(read, own, refusals), name="fabric/refusals"
+    )
+    reader.start()
+    try:
+        zenoh.init_log_from_env_or(f"warn,{_ACCESS}=trace" if audit else "warn")
+        yield refusals
+    finally:
+        sys.stdout.flush()
+        os.dup2(own, 1)  # nobody writes into the pipe any more: the reader ends
+        reader.join()
+        os.close(read)
+        os.close(own)
+
+
+def _read(pipe: int, own: int, refusals: Refusals) -> None:
+    """Take in all that comes through `pipe`; pass on what is not Zenoh's."""
+    rest = b""
+    while chunk := os.read(pipe, _CHUNK):
+        *lines, rest = (rest + chunk).split(b"\n")
+        for line in lines:
+            if not refusals.take(line.decode(errors="replace")):
+                os.write(own, line + b"\n")
+    if rest:
+        os.write(own, rest)
+    refusals.close()

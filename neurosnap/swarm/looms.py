@@ -1,0 +1,120 @@
+"""What the cells of workers are wired to, and how the workers are told.
+
+The edges are a list and not a matrix: a hundred thousand cells have a million of them,
+out of 40 thousand million pairs.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+from neurosnap.poc.literals import Words
+from neurosnap.swarm.mesh import parted
+from neurosnap.swarm.shares import shares
+from neurosnap.swarm.wires import members
+
+FRAME = 1 << 16
+"""The most edges a message adds, and the most it drops: half a megabyte each."""
+
+
+class WorkerWires:
+    """Every worker is told of the edges of all its cells; see `Wires`.
+
+    Args:
+        sensors: How many cells there are.
+        workers: How many workers share them.
+        frame: The most edges a message adds, and the most it drops.
+    """
+
+    all_hear = True
+
+    def __init__(self, sensors: int, workers: int, frame: int = FRAME) -> None:
+        self._hosted = shares(sensors, workers)
+        self._frame = frame
+        self._edges = np.empty(0, np.int64)
+        self._told = [0] * workers  # epoch of each worker's last frame
+
+    def rewire(self, wires: Words) -> list[wire.Message]:
+        """Return what the workers whose cells change are told."""
+        sources, targets = members(wires)
+        return self.rewire_to(sources << 32 | targets)
+
+    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return what the workers whose cells change are told. O(e) time."""
+        gained = np.setdiff1d(edges, self._edges, assume_unique=True)
+        lost = np.setdiff1d(self._edges, edges, assume_unique=True)
+        self._edges = edges.copy()
+        return [
+            loom
+            for worker in range(len(self._hosted))
+            for loom in self._looms(
+                worker,
+                self._own(worker, gained),
+                self._own(worker, lost),
+                self._told[worker],
+            )
+        ]
+
+    def rewire_whole(self) -> list[wire.Message]:
+        """Return the whole wiring of every worker whose cells have or had out-edges."""
+        nothing = self._edges[:0]
+        return [
+            loom
+            for worker, told in enumerate(self._told)
+            if told
+            for loom in self._looms(worker, self._own(worker, self._edges), nothing, 0)
+        ]
+
+    def targets(self, literal: int) -> Sequence[int]:
+        """Return the targets of a literal, ascending."""
+        start, stop = np.searchsorted(self._edges, (literal << 32, literal + 1 << 32))
+        found: list[int] = (self._edges[start:stop] & 0xFFFFFFFF).tolist()
+        return found
+
+    def cells_of(self, report: wire.Settled | wire.Tally) -> range:
+        """Return the cells of the worker whose report it is."""
+        if isinstance(report, wire.Settled) or report.worker >= len(self._hosted):
+            got = report.sender.replace("/", " ")
+            raise MessageError(f"{report.key}: must be a worker's, got {got}")
+        return self._hosted[report.worker]
+
+    def named(self, cells: Sequence[int]) -> list[str]:
+        """Return the names of the workers, and how many of `cells` each has."""
+        ends = [hosted.stop for hosted in self._hosted]
+        owners = np.searchsorted(ends, np.array(cells, np.int64), side="right")
+        workers, counts = np.unique(owners, return_counts=True)
+        return [
+            f"{count} of worker/{worker}"
+            for worker, count in zip(workers.tolist(), counts.tolist(), strict=True)
+        ]
+
+    def _own(self, worker: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return those of `edges` that lead from a worker's cells."""
+        cells = self._hosted[worker]
+        ends = (2 * cells.start << 32, 2 * cells.stop << 32)
+        start, stop = np.searchsorted(edges, ends)
+        return edges[start:stop]
+
+    def _looms(
+        self,
+        worker: int,
+        gained: NDArray[np.int64],
+        lost: NDArray[np.int64],
+        after: int,
+    ) -> Iterator[wire.Message]:
+        """Yield frames, each built on the one before; one at least if it is whole."""
+        most = max(len(gained), len(lost), int(not after and self._told[worker] > 0))
+        for start in range(0, most, self._frame):
+            frame = slice(start, start + self._frame)
+            self._told[worker] += 1
+            yield wire.Loom(
+                worker=worker,
+                epoch=self._told[worker],
+                after=after,
+                add=parted(gained[frame]).astype("<i4").tobytes(),
+                drop=parted(lost[frame]).astype("<i4").tobytes(),
+            )
+            after = self._told[worker]

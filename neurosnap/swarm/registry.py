@@ -1,0 +1,172 @@
+"""Which swarms run on this machine, for whoever wants to see or to stop one.
+
+A launcher leaves a note in a folder that only its user can enter, and takes it away
+when it ends. A note whose launcher is gone (killed, or the machine restarted) counts
+for nothing and is removed by whoever comes across it.
+"""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import msgspec
+import psutil
+
+from neurosnap.errors import InvalidValueError, SwarmError
+
+_ENTRY = ".json"
+
+
+class Note(msgspec.Struct, frozen=True, kw_only=True):
+    """What a launcher says of its swarm."""
+
+    swarm: str
+    """Its id."""
+    pid: int
+    """The launcher's process."""
+    born: float
+    """When that process began: its number may be another's by now."""
+    source: str
+    """What runs through it."""
+    endpoint: str
+    """Where its hub listens."""
+    log: str
+    """Where it is recorded; empty: nowhere."""
+
+
+class Part(msgspec.Struct, frozen=True, kw_only=True):
+    """A process of a swarm."""
+
+    who: str
+    """The part's name, as in `Message.sender`."""
+    pid: int
+    memory: int
+    """Resident, in bytes; what it shares with others is counted for each."""
+    seconds: float
+    """Processor time so far."""
+
+
+@contextmanager
+def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[None]:
+    """Let a swarm of this process be found while the context is entered."""
+    process = psutil.Process()
+    note = Note(
+        swarm=swarm,
+        pid=process.pid,
+        born=process.create_time(),
+        source=source,
+        endpoint=endpoint,
+        log="" if log is None else str(log.absolute()),
+    )
+    path = _folder() / f"{swarm}{_ENTRY}"
+    draft = path.with_suffix(".part")
+    draft.write_bytes(msgspec.json.encode(note))
+    draft.replace(path)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def swarms() -> list[Note]:
+    """Return the swarms whose launchers are alive, by id."""
+    found = []
+    for path in sorted(_folder().glob(f"*{_ENTRY}")):
+        with suppress(OSError, msgspec.MsgspecError):
+            note = msgspec.json.decode(path.read_bytes(), type=Note)
+            if _launcher(note) is None:
+                path.unlink(missing_ok=True)
+            else:
+                found.append(note)
+    return found
+
+
+def find(swarm: str) -> Note:
+    """Return the swarm with an id.
+
+    Raises:
+        InvalidValueError: There is none, or its launcher has ended.
+    """
+    there = {note.swarm: note for note in swarms()}
+    if swarm not in there:
+        rule = f"must be one of {', '.join(there) or 'none: no swarm runs here'}"
+        raise InvalidValueError("swarm", rule, swarm)
+    return there[swarm]
+
+
+def parts(note: Note) -> list[Part]:
+    """Return the processes of a swarm on this machine, cells last and in order."""
+    launcher = _launcher(note)
+    if launcher is None:
+        return []
+    found = []
+    for process in launcher.children(recursive=True):
+        with suppress(psutil.NoSuchProcess, psutil.AccessDenied):
+            name = process.name()
+            if name.partition("/")[0] in _KINDS:
+                times = process.cpu_times()
+                part = Part(
+                    who=name,
+                    pid=process.pid,
+                    memory=process.memory_info().rss,
+                    seconds=times.user + times.system,
+                )
+                found.append(part)
+    return sorted(found, key=_place)
+
+
+def stop(note: Note, patience: float) -> None:
+    """Ask a swarm to end in order, as Ctrl-C would, and wait for it.
+
+    Args:
+        note: From `find`.
+        patience: Seconds to wait.
+
+    Raises:
+        SwarmError: It has not ended by then; it is left alone.
+    """
+    launcher = _launcher(note)
+    if launcher is None:
+        return
+    launcher.terminate()
+    try:
+        launcher.wait(patience)
+    except psutil.TimeoutExpired as error:
+        rule = f"must end within {patience:g} s of being asked to"
+        raise SwarmError(f"swarm {note.swarm}: {rule}, goes on") from error
+
+
+_KINDS = ("hub", "recorder", "coordinator", "world", "worker", "cell")
+
+
+def _place(part: Part) -> tuple[int, int]:
+    kind, _, number = part.who.partition("/")
+    return _KINDS.index(kind), int(number or 0)
+
+
+def _launcher(note: Note) -> psutil.Process | None:
+    """Return the process of a launcher, if it is still that one."""
+    with suppress(psutil.NoSuchProcess):
+        process = psutil.Process(note.pid)
+        if process.create_time() == note.born and process.is_running():
+            return process
+    return None
+
+
+def _folder() -> Path:
+    """Return where notes are, entered by this user alone.
+
+    Raises:
+        SwarmError: Somebody else made it, or may enter it.
+    """
+    base = os.environ.get("XDG_RUNTIME_DIR")
+    name = "neurosnap" if base else f"neurosnap-{os.getuid()}"
+    folder = Path(base or tempfile.gettempdir()) / name
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = folder.stat()
+    if found.st_uid != os.getuid() or found.st_mode & 0o077:
+        rule = "must be this user's own, and closed to others"
+        raise SwarmError(f"{folder}: {rule}, got mode {found.st_mode & 0o777:o}")
+    return folder

@@ -1,0 +1,45 @@
+"""Which cells each worker hosts, and what the parts are called."""
+
+from itertools import pairwise
+
+from neurosnap.errors import InvalidValueError
+
+
+def shares(cells: int, workers: int) -> list[range]:
+    """Divide `cells` among `workers`: runs of neighbours, as even as they can be.
+
+    Args:
+        cells: How many cells there are.
+        workers: How many share them; at least 1, at most one a cell.
+
+    Returns:
+        The cells of each worker, ascending; sizes differ by at most one, larger first.
+
+    Raises:
+        InvalidValueError: There are too few or too many workers.
+
+    Example:
+        >>> shares(5, 2)
+        [range(0, 3), range(3, 5)]
+    """
+    if not 1 <= workers <= cells:
+        rule = f"must be at least 1 and at most the cells, {cells}"
+        raise InvalidValueError("workers", rule, workers)
+    size, longer = divmod(cells, workers)
+    starts = [size * worker + min(worker, longer) for worker in range(workers + 1)]
+    return [range(*pair) for pair in pairwise(starts)]
+
+
+def hosts(cells: int, workers: int) -> list[str]:
+    """Return the names of the parts that cells are, or are hosted by, in order.
+
+    Args:
+        cells: How many cells there are.
+        workers: How many share them; 0: every cell is a part of its own.
+
+    Example:
+        >>> hosts(3, 0), hosts(3, 2)
+        (['cell/0', 'cell/1', 'cell/2'], ['worker/0', 'worker/1'])
+    """
+    role, count = ("worker", workers) if workers else ("cell", cells)
+    return [f"{role}/{number}" for number in range(count)]

@@ -1,0 +1,164 @@
+"""What the cells are wired to, and how they are told: each by itself.
+
+A wiring goes out as the change against what was told before; only what is wired whole
+can have missed anything before.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+from neurosnap.poc.literals import Words, from_words, to_words
+
+
+class Wires(Protocol):
+    """The edges of all cells, and who has to be told of them."""
+
+    @property
+    def all_hear(self) -> bool:
+        """Whether every wave is announced to all: there are few who have to hear."""
+        ...
+
+    def rewire(self, wires: Words) -> list[wire.Message]:
+        """Return the messages that turn the wiring into `wires`.
+
+        Args:
+            wires: ``(2N, w)``, packed: bit ``b`` of row ``a`` iff ``a`` pulses ``b``.
+        """
+        ...
+
+    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return the messages that turn the wiring into `edges`.
+
+        Args:
+            edges: ``(e,)``, ascending, as `neurosnap.swarm.mesh.joined` has them.
+        """
+        ...
+
+    def rewire_whole(self) -> list[wire.Message]:
+        """Return the whole wiring of everybody who has or had out-edges."""
+        ...
+
+    def targets(self, literal: int) -> Sequence[int]:
+        """Return the targets of a literal, ascending."""
+        ...
+
+    def cells_of(self, report: wire.Settled | wire.Tally) -> range:
+        """Return the cells that a report speaks for.
+
+        Raises:
+            MessageError: There is nobody here to send it.
+        """
+        ...
+
+    def named(self, cells: Sequence[int]) -> list[str]:
+        """Return whom it takes to hear from `cells`, as text."""
+        ...
+
+
+class CellWires:
+    """Every cell is a part of its own and is told of its own edges.
+
+    Args:
+        sensors: How many cells there are.
+    """
+
+    all_hear = False
+
+    def __init__(self, sensors: int) -> None:
+        self._wires = to_words(np.zeros((2 * sensors, 2 * sensors), np.bool_))
+        self._epoch = 0
+        self._told = [0] * sensors  # epoch of each cell's last wiring
+
+    def rewire(self, wires: Words) -> list[wire.Message]:
+        """Return what the cells that change are told; 64 edges are compared at once."""
+        flips = self._wires ^ wires
+        changed = np.flatnonzero(flips.any(axis=1))
+        cells = sorted({literal >> 1 for literal in changed.tolist()})
+        if not cells:
+            return []
+        self._wires ^= flips
+        return self._wirings(cells, flips, [self._told[cell] for cell in cells])
+
+    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return what the cells that change are told. O(N²) time and memory."""
+        literals = len(self._wires)
+        wired = np.zeros((literals, literals), np.bool_)
+        wired[edges >> 32, edges & 0xFFFFFFFF] = True
+        return self.rewire(to_words(wired))
+
+    def rewire_whole(self) -> list[wire.Message]:
+        """Return the whole wiring of every cell that has or had out-edges."""
+        cells = [cell for cell, told in enumerate(self._told) if told]
+        return self._wirings(cells, self._wires, [0] * len(cells))
+
+    def targets(self, literal: int) -> Sequence[int]:
+        """Return the targets of a literal, ascending."""
+        return _listed(self._wires[[literal]])[0]
+
+    def cells_of(self, report: wire.Settled | wire.Tally) -> range:
+        """Return the one cell that a report speaks for."""
+        if isinstance(report, wire.Tally) or report.cell >= len(self._told):
+            raise MessageError(f"{report.key}: must be a cell's, got {_sender(report)}")
+        return range(report.cell, report.cell + 1)
+
+    def named(self, cells: Sequence[int]) -> list[str]:
+        """Return the cells' own names."""
+        return [f"cell/{cell}" for cell in cells]
+
+    def _wirings(
+        self, cells: list[int], flips: Words, after: list[int]
+    ) -> list[wire.Message]:
+        """Begin an epoch; say which of `flips` the cells now have, and which not."""
+        self._epoch += 1
+        own = 2 * np.repeat(np.array(cells, np.intp), 2)
+        own[1::2] += 1
+        add = _listed(flips[own] & self._wires[own])
+        drop = _listed(flips[own] & ~self._wires[own])
+        messages: list[wire.Message] = []
+        for place, cell in enumerate(cells):
+            self._told[cell] = self._epoch
+            messages.append(
+                wire.Wiring(
+                    cell=cell,
+                    epoch=self._epoch,
+                    after=after[place],
+                    add=add[2 * place],
+                    drop=drop[2 * place],
+                    add_complement=add[2 * place + 1],
+                    drop_complement=drop[2 * place + 1],
+                )
+            )
+        return messages
+
+
+def members(sets: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the number of a packed set and a literal in it, for each there is.
+
+    Args:
+        sets: ``(k, w)``.
+
+    Returns:
+        ``(m,)`` each, ascending by set, then by literal. O(k w + m) time.
+    """
+    # A set has few literals: only words that hold some are taken apart.
+    owners, words = sets.nonzero()
+    found, bits = from_words(sets[owners, words][:, None], 64).nonzero()
+    return owners[found], 64 * words[found] + bits
+
+
+def _listed(sets: Words) -> list[tuple[int, ...]]:
+    """Return the literals of each packed set, ascending."""
+    owners, literals = members(sets)
+    listed = literals.tolist()
+    ends = np.searchsorted(owners, np.arange(len(sets) + 1)).tolist()
+    return [tuple(listed[start:end]) for start, end in pairwise(ends)]
+
+
+def _sender(report: wire.Settled | wire.Tally) -> str:
+    return report.sender.replace("/", " ")

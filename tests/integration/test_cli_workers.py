@@ -1,0 +1,92 @@
+"""Workers from the command line: runs, depths, and what is refused."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from neurosnap.cli import app
+
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(60)]
+
+PATH = "neurosnap/Path-v0"
+
+
+def facts(folder: Path, *arguments: object) -> dict[str, Any]:
+    """Run a command in a process of its own; return the object it prints last."""
+    done = subprocess.run(
+        [sys.executable, "-m", "neurosnap", *map(str, arguments), "--json"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=50,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def refused(*arguments: object) -> str:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    return " ".join(result.stderr.split())
+
+
+def test_a_run_in_workers_verifies_and_goes_on(tmp_path: Path) -> None:
+    shared = ("--cells", "worker", "--workers", 3)
+    log, more = tmp_path / "log.mcap", tmp_path / "more.mcap"
+    run = facts(tmp_path, "run", PATH, *shared, "--ticks", 30, "--out", log)
+    assert (run["ticks"], run["complete"]) == (30, True)
+    verdict = facts(tmp_path, "replay", log, "--verify")
+    assert (verdict["same"], verdict["complete"]) == (True, True)
+    assert verdict["wirings"] > 3
+    facts(tmp_path, "replay", log, "--resume", "--ticks", 45, "--out", more)
+    verdict = facts(tmp_path, "replay", more, "--verify")
+    assert (verdict["same"], verdict["ticks"]) == (True, 45)
+
+
+def test_depth_is_measured_in_workers(tmp_path: Path) -> None:
+    shared = ("--cells", "worker", "--waves", 2, "--sensors", 600)
+    chains = facts(tmp_path, "depth", *shared, "--heights", "1,40")
+    assert [row["depth"] for row in chains["rows"]] == [1, 1, 40, 40]
+    order = ("--edges", 4000, "--seed", 4, "--workers", 3, "--heights", "5,20")
+    random = facts(tmp_path, "depth", *shared, *order)
+    assert [row["depth"] for row in random["rows"]] == [5, 5, 20, 20]
+    assert {row["pulses"] for row in random["rows"]} == {2000}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (
+            ("run", PATH, "--cells", "worker", "--workers", 0),
+            "workers: ",
+        ),
+        (
+            ("run", PATH, "--cells", "worker", "--workers", 21),
+            "workers: must be at least 1 and at most the cells, 20, got 21",
+        ),
+        (
+            ("depth", "--heights", 3, "--cells", "worker", "--workers", 5),
+            "workers: must be at least 1 and at most the cells, 4, got 5",
+        ),
+        (
+            ("depth", "--heights", 3, "--edges", 7),
+            "edges: must be even, 6 to 6, got 7",
+        ),
+        (
+            ("depth", "--heights", 3, "--edges", 6, "--wiring", "derived"),
+            "wiring: must be \"hasse\" for a random order, got 'derived'",
+        ),
+    ],
+)
+def test_what_cannot_be_shared_out_is_refused(
+    arguments: tuple[object, ...], text: str
+) -> None:
+    assert text in refused(*arguments)

@@ -1,0 +1,204 @@
+"""A swarm over several hosts: a hub on one, cells on another, the rest on a third.
+
+Hosts are network namespaces joined by a bridge, where the machine allows it; the same
+is tried on loopback everywhere.
+"""
+
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import verify
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+PATIENCE = 50.0
+HOSTS = ("hub", "cells", "rest")
+
+
+def command(*arguments: object) -> list[str]:
+    return [
+        sys.executable,
+        "-m",
+        "neurosnap",
+        *(str(argument) for argument in arguments),
+    ]
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        number: int = probe.getsockname()[1]
+    return number
+
+
+@contextmanager
+def hub_on(before: list[str], *arguments: object) -> Iterator["subprocess.Popen[str]"]:
+    """A hub that listens; `before` is what its command line begins with."""
+    line = [*before, *command("hub", *arguments)]
+    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        try:
+            assert "listening on" in process.stderr.readline()
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE)
+            assert process.returncode == 0
+
+
+def make_keys(folder: Path, *hosts: str) -> None:
+    named = [argument for host in hosts for argument in ("--host", host)]
+    subprocess.run(
+        command("keys", folder, *named), check=True, capture_output=True, timeout=50
+    )
+
+
+def play(
+    hosts: dict[str, list[str]], endpoint: str, keys: Path, log: Path
+) -> "subprocess.CompletedProcess[str]":
+    """Run a swarm of six cells, four of them on the host ``cells``."""
+    network = ("--connect", endpoint, "--tls", keys)
+    small = ("neurosnap/Path-v0", "--set", "places=7", "--ticks", 40, "--out", log)
+    share = [*hosts["cells"], *command("join", "demo", "--cells", "1,3-5", *network)]
+    with subprocess.Popen(share, stderr=subprocess.PIPE, text=True) as joined:
+        whole = [
+            *hosts["rest"],
+            *command(
+                "run", *small, "--swarm", "demo", "--elsewhere", "1,3-5", *network
+            ),
+        ]
+        try:
+            done = subprocess.run(
+                whole, capture_output=True, text=True, timeout=PATIENCE, check=False
+            )
+            _, said = joined.communicate(timeout=PATIENCE)
+        finally:
+            joined.kill()
+    assert joined.returncode == 0, said
+    return done
+
+
+def is_right(log: Path) -> None:
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 40)
+    parts = Recording.open(log).noted().expected
+    assert {f"cell/{cell}" for cell in range(6)} <= set(parts)
+
+
+def test_cells_join_from_another_launcher(tmp_path: Path) -> None:
+    make_keys(tmp_path / "keys")
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    log = tmp_path / "log.mcap"
+    here: dict[str, list[str]] = {host: [] for host in HOSTS}
+    with hub_on([], "--listen", endpoint, "--tls", tmp_path / "keys"):
+        done = play(here, endpoint, tmp_path / "keys", log)
+    assert done.returncode == 0, done.stderr
+    is_right(log)
+
+
+@contextmanager
+def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
+    """Three hosts on one bridge: for each, its namespace and its address.
+
+    Skips the test where this machine allows none.
+    """
+    ip = shutil.which("ip")
+    if ip is None:
+        pytest.skip("iproute2 is not installed")
+    mark = secrets.token_hex(2)
+
+    def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [ip, *arguments], capture_output=True, text=True, timeout=20, check=False
+        )
+
+    bridge = f"nsb{mark}"
+    tried = run("link", "add", bridge, "type", "bridge")
+    if tried.returncode:
+        pytest.skip(f"no bridge may be made here: {tried.stderr.strip()}")
+    with ExitStack() as stack:
+        stack.callback(run, "link", "del", bridge)
+        assert run("link", "set", bridge, "up").returncode == 0
+        hosts = {}
+        for number, host in enumerate(HOSTS, 1):
+            space, outer, inner = (
+                f"ns{mark}{host}",
+                f"v{mark}{number}",
+                f"w{mark}{number}",
+            )
+            made = run("netns", "add", space)
+            if made.returncode:
+                pytest.skip(f"no namespace may be made here: {made.stderr.strip()}")
+            stack.callback(run, "netns", "del", space)
+            address = f"10.213.7.{number}"
+            for line in (
+                f"link add {outer} type veth peer name {inner} netns {space}",
+                f"link set {outer} master {bridge} up",
+                f"-n {space} addr add {address}/24 dev {inner}",
+                f"-n {space} link set {inner} up",
+                f"-n {space} link set lo up",
+            ):
+                done = run(*line.split())
+                if done.returncode:
+                    pytest.skip(f"ip {line}: {done.stderr.strip()}")
+            hosts[host] = space, address
+        yield hosts
+
+
+def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
+    with namespaces() as hosts:
+        before = {name: ["ip", "netns", "exec", hosts[name][0]] for name in HOSTS}
+        address = hosts["hub"][1]
+        make_keys(tmp_path / "keys", address)
+        endpoint = f"tls/{address}:7447"
+        log = tmp_path / "log.mcap"
+        with hub_on(before["hub"], "--listen", endpoint, "--tls", tmp_path / "keys"):
+            done = play(before, endpoint, tmp_path / "keys", log)
+        assert done.returncode == 0, done.stderr
+        is_right(log)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--elsewhere", "1"), "elsewhere: must come with --swarm ID"),
+        (
+            ("--elsewhere", "9", "--swarm", "a", "--listen", "tcp/127.0.0.1:7447"),
+            "elsewhere: must be cells of the swarm, 0 to 5, got '9'",
+        ),
+        (
+            ("--elsewhere", "x", "--swarm", "a", "--listen", "tcp/127.0.0.1:7447"),
+            "elsewhere: must be like 0-499 or 3,7,9-12, got 'x'",
+        ),
+        (("--swarm", "a/b"), "swarm: must be letters and digits, got 'a/b'"),
+        (
+            ("--connect", "tcp/127.0.0.1:1", "--listen", "tcp/127.0.0.1:2"),
+            "connect: must not come with an endpoint to listen on",
+        ),
+        (("--connect", "tcp/192.0.2.1:7447"), "endpoint: must be tcp/ on loopback"),
+    ],
+)
+def test_what_cannot_be_shared_is_refused(
+    options: tuple[str, ...], text: str, tmp_path: Path
+) -> None:
+    small = ("neurosnap/Path-v0", "--set", "places=7", "--out", tmp_path / "log")
+    done = subprocess.run(
+        command("run", *small, *options),
+        capture_output=True,
+        text=True,
+        timeout=50,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert text in " ".join(done.stderr.split())
+    assert not (tmp_path / "log").exists()

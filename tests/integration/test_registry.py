@@ -1,0 +1,151 @@
+"""Swarms that run are found by their id, and can be stopped by it alone."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import psutil
+import pytest
+from typer.testing import CliRunner
+
+from neurosnap.cli import app
+from neurosnap.errors import InvalidValueError, SwarmError
+from neurosnap.record.replay import verify
+from neurosnap.swarm import registry
+
+PATIENCE = 50.0
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of notes of this test's own."""
+    folder = tmp_path / "runtime"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    return folder
+
+
+@contextmanager
+def going(log: Path) -> Iterator["subprocess.Popen[str]"]:
+    """A swarm of five cells that goes on until it is stopped."""
+    command = [sys.executable, "-m", "neurosnap", "run", "neurosnap/Path-v0"]
+    more = ["--ticks", "100000", "--set", "places=6", "--out", str(log)]
+    with subprocess.Popen(
+        [*command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            while not log.exists() or log.stat().st_size < 20_000:
+                assert process.poll() is None, process.communicate()
+            yield process
+        finally:
+            process.kill()
+
+
+def call(*arguments: str) -> dict[str, Any]:
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    assert result.exit_code == 0, result.stderr
+    facts = json.loads(result.stdout.splitlines()[-1])
+    assert isinstance(facts, dict)
+    return facts
+
+
+@pytest.mark.zenoh
+@pytest.mark.slow
+def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
+    first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
+    with going(first) as stopped, going(second) as left:
+        listed = call("ps")["swarms"]
+        assert [Path(one["log"]) for one in sorted(listed, key=_by_log)] == [
+            first,
+            second,
+        ]
+        ids = {Path(one["log"]): one["swarm"] for one in listed}
+        shown = call("ps", ids[first])
+        names = [part["who"] for part in shown["parts"]]
+        services = ["hub", "recorder", "coordinator", "world"]
+        assert names == [*services, *(f"cell/{n}" for n in range(5))]
+        assert all(part["memory"] > 0 for part in shown["parts"])
+        assert call("stop", ids[first])["log"] == str(first)
+        stdout, stderr = stopped.communicate(timeout=PATIENCE)
+        assert stopped.returncode == 0, stderr
+        assert "as asked" in stdout
+        assert left.poll() is None  # the other one goes on
+        assert [one["swarm"] for one in call("ps")["swarms"]] == [ids[second]]
+    verdict = verify(first)
+    assert (verdict.same, verdict.complete) == (True, True)
+
+
+def _by_log(note: dict[str, Any]) -> str:
+    return str(note["log"])
+
+
+def test_what_is_not_there_is_named(runtime: Path) -> None:
+    result = CliRunner().invoke(app, ["stop", "abcd"])
+    assert result.exit_code == 2
+    assert "swarm: must be one of none: no swarm runs here, got 'abcd'" in result.stderr
+    assert CliRunner().invoke(app, ["ps"]).stdout == "no swarm runs here\n"
+
+
+def test_a_note_is_there_while_its_swarm_is(runtime: Path) -> None:
+    with registry.noted("abcd", "x.csv", "unixsock-stream//hub", None):
+        (note,) = registry.swarms()
+        assert (note.swarm, note.pid, note.log) == ("abcd", os.getpid(), "")
+        assert registry.find("abcd") == note
+    assert registry.swarms() == []
+    assert list((runtime / "neurosnap").iterdir()) == []
+
+
+def test_a_note_of_a_launcher_that_is_gone_counts_for_nothing(runtime: Path) -> None:
+    with registry.noted("abcd", "x.csv", "unixsock-stream//hub", None):
+        (note,) = registry.swarms()
+        # Another process has that number now.
+        other = msgspec.structs.replace(note, born=note.born - 1)
+        path = runtime / "neurosnap" / "abcd.json"
+        path.write_bytes(msgspec.json.encode(other))
+        assert registry.swarms() == []
+        assert not path.exists()
+        assert registry.parts(other) == []
+        registry.stop(other, 0.0)  # must not end this process
+        (runtime / "neurosnap" / "torn.json").write_bytes(b'{"swarm": "to')
+        assert registry.swarms() == []
+        with pytest.raises(InvalidValueError, match=r"^swarm: must be one of none"):
+            registry.find("abcd")
+
+
+def test_a_swarm_that_does_not_end_is_left_alone() -> None:
+    code = (
+        "import signal; signal.signal(15, signal.SIG_IGN); print(flush=True); input()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        try:
+            born = psutil.Process(process.pid).create_time()
+            note = registry.Note(
+                swarm="abcd",
+                pid=process.pid,
+                born=born,
+                source="",
+                endpoint="",
+                log="",
+            )
+            with pytest.raises(SwarmError, match=r"^swarm abcd: must end within 0.2 s"):
+                registry.stop(note, 0.2)
+            assert process.poll() is None
+        finally:
+            process.kill()
+
+
+def test_a_folder_that_others_may_enter_is_refused(runtime: Path) -> None:
+    (runtime / "neurosnap").mkdir()
+    (runtime / "neurosnap").chmod(0o755)
+    with pytest.raises(SwarmError, match=r"must be this user's own, .* got mode 755"):
+        registry.swarms()

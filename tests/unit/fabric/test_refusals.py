@@ -1,0 +1,122 @@
+"""Refusals are found in the hub's log, and told in bounded number."""
+
+import pytest
+
+from neurosnap.fabric.refusals import Refusals
+
+ACCESS = "zenoh::net::routing::interceptor::access_control"
+NO_CERTIFICATE = (
+    "\x1b[2m2026-11-21T06:20:18.515534Z\x1b[0m \x1b[33m WARN\x1b[0m acc-0 ThreadId(06) "
+    "\x1b[2mzenoh_link_tls::unicast\x1b[0m\x1b[2m:\x1b[0m peer sent no certificates. "
+    "Hint: increase the system open file limit."
+)
+
+
+class Told:
+    """Refusals with a clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.now = 100.0
+        self.refusals = Refusals(self.lines.append, lambda: self.now)
+
+    def decided(self, text: str, thread: int = 8) -> None:
+        line = f"2026-11-21T06:20:18.5Z TRACE rx-0 ThreadId(0{thread}) {ACCESS}: {text}"
+        assert self.refusals.take(line)
+
+
+def decision(session: str, role: str, what: str, key: str, *, may: bool = False) -> str:
+    subject = f"Interface(lo)+CertCommonName({role})+Transport(Tls)+{session}"
+    word = "authorized" if may else "unauthorized"
+    return f"{session} on {subject} is {word} to {what} on {key}"
+
+
+@pytest.fixture
+def told() -> Told:
+    return Told()
+
+
+def test_a_refused_session_is_told_with_its_reason_and_without_the_hint(
+    told: Told,
+) -> None:
+    assert told.refusals.take(NO_CERTIFICATE)
+    assert told.lines == ["session refused: peer sent no certificates."]
+    assert told.refusals.count == 1
+
+
+@pytest.mark.parametrize("line", ["ready", "", '{"log":null}', "ThreadId(06) a: b"])
+def test_what_is_not_from_the_log_is_left_alone(told: Told, line: str) -> None:
+    assert not told.refusals.take(line)
+    assert told.lines == []
+
+
+def test_another_warning_is_no_refusal(told: Told) -> None:
+    line = "2026-11-21T06:20:18.5Z  WARN rx-0 ThreadId(06) zenoh::api::session: slow"
+    assert told.refusals.take(line)
+    assert told.refusals.count == 0
+
+
+def test_a_refused_message_is_told_with_role_and_key(told: Told) -> None:
+    told.decided(decision("ab1", "cell", "Put (ingress)", "neurosnap/s/wiring/1"))
+    assert told.lines == ["cell refused: Put on neurosnap/s/wiring/1"]
+
+
+def test_neither_what_is_allowed_nor_what_goes_out_is_told(told: Told) -> None:
+    told.decided(decision("ab1", "cell", "Put (ingress)", "k", may=True))
+    told.decided(decision("ab1", "cell", "Put (egress)", "k"))
+    assert told.refusals.count == 0
+
+
+def test_a_decision_in_advance_is_no_attempt_and_its_use_is_one(told: Told) -> None:
+    told.decided("ACL (ingress): caching permissions for `n/s/wiring/1` ...")
+    for what in ("Query", "Put", "Delete"):
+        told.decided(decision("ab1", "cell", f"{what} (ingress)", "n/s/wiring/1"))
+    told.decided("ACL (egress): caching permissions for `n/s/wiring/1` ...")
+    told.decided(decision("ab1", "cell", "Put (egress)", "n/s/wiring/1"))
+    assert told.lines == []
+    cached = "Using cached result: ab1 is unauthorized to Put (ingress) on n/s/wiring/1"
+    told.decided(cached)
+    assert told.lines == ["cell refused: Put on n/s/wiring/1"]
+
+
+def test_an_attempt_among_decisions_in_advance_is_told(told: Told) -> None:
+    told.decided("ACL (ingress): caching permissions for `n/s/wiring/1` ...")
+    told.decided(decision("ab1", "cell", "Put (ingress)", "n/s/wiring/1"))
+    # Another session's, and on another thread.
+    told.decided(decision("cd2", "world", "Put (ingress)", "n/s/wiring/1"))
+    told.decided(decision("ef3", "cell", "Put (ingress)", "n/s/wiring/1"), thread=9)
+    told.decided("ACL (egress): caching permissions for `n/s/decide` ...")
+    told.decided(decision("ab1", "cell", "Put (ingress)", "n/s/decide"))
+    assert told.lines == [
+        "world refused: Put on n/s/wiring/1",
+        "cell refused: Put on n/s/wiring/1",
+        "cell refused: Put on n/s/decide",
+    ]
+
+
+def test_the_same_is_told_once_a_window_and_counted(told: Told) -> None:
+    for _ in range(5):
+        told.refusals.take(NO_CERTIFICATE)
+    assert len(told.lines) == 1
+    told.now += 10.0
+    told.refusals.take(NO_CERTIFICATE)
+    told.refusals.close()
+    reason = "session refused: peer sent no certificates."
+    assert told.lines == [reason, "and 4 more refusals like these", reason]
+    assert told.refusals.count == 6
+
+
+def test_a_flood_of_different_ones_is_bounded(told: Told) -> None:
+    for number in range(1000):
+        name = "".join(chr(97 + int(digit)) for digit in str(number))
+        told.decided(decision("ab1", "cell", "Put (ingress)", f"n/s/{name}"))
+    told.refusals.close()
+    assert len(told.lines) == 21
+    assert told.lines[-1] == "and 980 more refusals like these"
+
+
+def test_what_an_intruder_sends_cannot_act_on_a_terminal(told: Told) -> None:
+    told.decided(decision("ab1", "cell", "Put (ingress)", "n/s/\x07\x9b2J" + "x" * 999))
+    (line,) = told.lines
+    assert line.isprintable()
+    assert len(line) < 400

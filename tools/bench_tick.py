@@ -1,0 +1,242 @@
+"""The row on the coordinator's own share of a tick: learn, wire, count a wave in.
+
+The cells are real ones, without a network: their time is not counted. Each wiring is
+also worked out the plain way, the closure by Warshall's loop and whole matrices
+compared, and must come to the same messages.
+"""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.poc.literals import Words, from_words, to_words
+from neurosnap.poc.order import order_of, wired
+from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.sensorium import pack
+from neurosnap.swarm.cell import Cell
+from neurosnap.swarm.conductor import Conductor
+from tools.bench_report import Line, Sizes
+
+_STEP = 0.05  # of the side of the square that is walked over
+_BEFORE = 3000  # observations after which an order still changes, but little
+_REACH = {(0, 1000): 30e-3, (_BEFORE, 1000): 10e-3}  # before and sensors
+
+Bits = NDArray[np.bool_]
+
+
+@dataclass
+class _Seconds:
+    """What some ticks took, all together."""
+
+    ticks: int = 0
+    changes: int = 0
+    reports: int = 0
+    learn: float = 0.0
+    wire: float = 0.0
+    wave: float = 0.0
+    plain: float = 0.0
+
+
+def tick(sizes: Sizes) -> list[Line]:
+    """Time the first ticks of a run, and as many when most of the order is learned."""
+    _run(2, 2, 0)  # compiled when the clock starts
+    counts = (sizes.cells * share // 10 for share in (1, 3, 10, 30))
+    return [
+        _line(sensors, before, _run(sensors, sizes.waves, before))
+        for sensors in counts
+        for before in (0, _BEFORE)
+    ]
+
+
+def _line(sensors: int, before: int, spent: _Seconds) -> Line:
+    parts = {
+        name: getattr(spent, name) / spent.ticks for name in ("learn", "wire", "wave")
+    }
+    whole = sum(parts.values())
+    plain = spent.plain / spent.ticks
+    times = spent.plain / spent.wire if spent.changes else 1.0
+    split = " + ".join(f"{name} {_ms(part)}" for name, part in parts.items())
+    reach = _REACH.get((before, sensors))
+    phase = f"after {before:,}" if before else "the first"
+    return Line(
+        f"coordinator, a tick, {sensors:,} sensors, {phase}"
+        f" ({spent.changes} of {spent.ticks} rewire)",
+        f"{_ms(whole)} ms: {split}",
+        f"wire plainly {_ms(plain)} ms ({times:.1f} ×)",
+        "" if reach is None else f"≤ {1e3 * reach:.0f} ms",
+        None if reach is None else whole <= reach,
+        parts
+        | {
+            "seconds": whole,
+            "plain_wire": plain,
+            "times_plain": times,
+            "rewired": spent.changes / spent.ticks,
+            "reports": spent.reports / spent.ticks,
+        },
+    )
+
+
+def _run(sensors: int, ticks: int, before: int) -> _Seconds:
+    """Let a network take `ticks` observations, after `before` that are only learned.
+
+    Raises:
+        RuntimeError: The messages are not those of the plain way.
+    """
+    walk = _walk(sensors)
+    snapshot = EmpiricalSnapshot(sensors)
+    conductor, plain = Conductor(sensors), Plain(sensors)
+    cells = [Cell(number) for number in range(sensors)]
+    for _ in range(before):
+        snapshot.learn(next(walk))
+    if before:
+        graph = snapshot.poc_graph()
+        plain.rewire(to_words(graph.edges))
+        _deliver(conductor.rewire(graph.wires()), cells)
+    spent = _Seconds(ticks)
+    for number in range(1, ticks + 1):
+        bits = next(walk)
+        began = time.perf_counter()
+        changed = snapshot.learn(bits)
+        learned = time.perf_counter()
+        messages: list[wire.Message] = []
+        graph = snapshot.poc_graph()
+        if changed:
+            messages = conductor.rewire(graph.wires())
+        graph.height()
+        graph.wire_count()
+        done = time.perf_counter()
+        spent.learn += learned - began
+        spent.wire += done - learned
+        if changed:
+            spent.changes += 1
+            rows = to_words(graph.edges)
+            began = time.perf_counter()
+            expected = plain.rewire(rows)
+            spent.plain += time.perf_counter() - began
+            if messages != expected:
+                raise RuntimeError("rewire: must send what the plain way sends")
+        _deliver([*messages, wire.Observation(number, pack(bits))], cells)
+        _wave(number, conductor, cells, spent)
+    return spent
+
+
+def _wave(
+    number: int, conductor: Conductor, cells: list[Cell], spent: _Seconds
+) -> None:
+    """Let a state wave run; count the coordinator's time for it."""
+    began = time.perf_counter()
+    sent = conductor.start("state", number)
+    spent.wave += time.perf_counter() - began
+    while sent:
+        answers = _deliver(sent, cells)
+        reports = [each for each in answers if isinstance(each, wire.Settled)]
+        sent = [each for each in answers if isinstance(each, wire.Pulse)]
+        began = time.perf_counter()
+        for report in reports:
+            conductor.report(report)
+        spent.wave += time.perf_counter() - began
+        spent.reports += len(reports)
+    if conductor.in_flight:
+        raise RuntimeError(f"wave {number}: must settle once no pulse is left")
+
+
+def _deliver(messages: list[wire.Message], cells: list[Cell]) -> list[wire.Message]:
+    """Give every cell what is for it, in one burst; return what the cells answer."""
+    bursts: dict[int, list[wire.Message]] = defaultdict(list)
+    for message in messages:
+        match message:
+            case wire.Pulse():
+                bursts[message.target >> 1].append(message)
+            case wire.Wiring():
+                bursts[message.cell].append(message)
+            case _:
+                for cell in cells:
+                    bursts[cell.cell].append(message)
+    return [
+        answer for number in bursts for answer in cells[number].receive(bursts[number])
+    ]
+
+
+class Plain:
+    """What is wired, in matrices.
+
+    Args:
+        sensors: How many cells there are.
+    """
+
+    def __init__(self, sensors: int) -> None:
+        self._edges = np.zeros((2 * sensors, 2 * sensors), np.bool_)
+        self._told = [0] * sensors
+        self._epoch = 0
+
+    def rewire(self, rows: Words) -> list[wire.Message]:
+        """Return the messages that wire the cells for the order of a relation."""
+        order = order_of(close(rows))
+        wires = wired(order.covers, order.representative)
+        wanted = from_words(wires, len(rows))
+        changed = np.flatnonzero((wanted != self._edges).any(axis=1))
+        cells = sorted({int(literal) >> 1 for literal in changed})
+        self._epoch += bool(cells)
+        messages: list[wire.Message] = [self._wiring(cell, wanted) for cell in cells]
+        self._edges = wanted.copy()
+        return messages
+
+    def _wiring(self, cell: int, wanted: Bits) -> wire.Wiring:
+        def literals(row: Bits) -> tuple[int, ...]:
+            return tuple(np.flatnonzero(row).tolist())
+
+        after, self._told[cell] = self._told[cell], self._epoch
+        own, complement = 2 * cell, 2 * cell + 1
+        old, new = self._edges, wanted
+        return wire.Wiring(
+            cell=cell,
+            epoch=self._epoch,
+            after=after,
+            add=literals(new[own] & ~old[own]),
+            drop=literals(old[own] & ~new[own]),
+            add_complement=literals(new[complement] & ~old[complement]),
+            drop_complement=literals(old[complement] & ~new[complement]),
+        )
+
+
+@njit(cache=True)
+def close(rows: Words) -> Words:
+    """Return the reflexive and transitive closure of a relation, in O(n² w) time.
+
+    Args:
+        rows: ``(n, w)``, the out-edges of every literal.
+    """
+    one = np.uint64(1)
+    total, width = rows.shape
+    closed = rows.copy()
+    for a in range(total):
+        closed[a, a >> 6] |= one << np.uint64(a & 63)
+    for via in range(total):
+        word, shift = via >> 6, np.uint64(via & 63)
+        for a in range(total):
+            if (closed[a, word] >> shift) & one and a != via:
+                for k in range(width):
+                    closed[a, k] |= closed[via, k]
+    return closed
+
+
+def _walk(sensors: int) -> Iterator[Bits]:
+    """Yield what discs in a square see of a random walk: no two of them are alike."""
+    rng = np.random.default_rng(7)
+    centre = rng.random((sensors, 2))
+    radius = rng.uniform(0.05, 0.45, sensors)
+    place = rng.random(2)
+    while True:
+        place = np.clip(place + rng.normal(scale=_STEP, size=2), 0, 1)
+        yield ((centre - place) ** 2).sum(axis=1) < radius**2
+
+
+def _ms(seconds: float) -> str:
+    """Return a time as a number of milliseconds."""
+    return f"{1e3 * seconds:.2f}" if seconds < 1e-2 else f"{1e3 * seconds:.1f}"

@@ -1,0 +1,165 @@
+"""Rows on cells in workers: how many come up, how fast waves are, what a tick takes."""
+
+import asyncio
+import multiprocessing
+import os
+import statistics
+
+import msgspec
+
+from neurosnap.agent.context import Body
+from neurosnap.source import open_source
+from neurosnap.swarm.launch import Ending, Plan, run_processes
+from neurosnap.swarm.options import CellKind, RunOptions
+from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
+from neurosnap.swarm.run import Outcome, run
+from neurosnap.swarm.supervisor import allow_files
+from tools.bench_bare import mean_pss
+from tools.bench_report import Line, Sizes
+
+_SOURCE = "neurosnap/Path-v0"
+_WORKERS, _HEIGHT = 2, 20
+_SPAWN, _MEMORY, _WAVE = 30.0, 4.0, 2.0
+_GB = 1e9
+
+
+def worker(sizes: Sizes) -> list[Line]:
+    """Measure a hundred times as many cells as have a process each elsewhere."""
+    # The fork server keeps the limit it started with.
+    allow_files(2 * sizes.cells + 10)
+    return [*_large(sizes), _processes(sizes), _run(sizes)]
+
+
+def _large(sizes: Sizes) -> list[Line]:
+    """Time coming up, and waves through all cells; sum the memory of all processes."""
+    cells, edges = 100 * sizes.cells, 1000 * sizes.cells
+    plan = ProbePlan(
+        cells, (_HEIGHT,), "hasse", sizes.waves, workers=_WORKERS, edges=edges
+    )
+    # More waves than it will ever send: it is stopped once it is measured.
+    ready, memory = asyncio.run(_while_up(msgspec.structs.replace(plan, waves=10**9)))
+    rows = _rows(_probe(plan))
+    seconds = [row.seconds for row in rows]
+    middle, worst = statistics.median(seconds), max(seconds)
+    return [
+        Line(
+            f"{cells:,} cells in {_WORKERS} workers, wired, the first waves passed",
+            f"{ready:.1f} s, {memory / _GB:.2f} GB in all (PSS)",
+            "",
+            f"≤ {_SPAWN:g} s, ≤ {_MEMORY:g} GB",
+            ready <= _SPAWN and memory <= _MEMORY * _GB,
+            {"seconds": ready, "pss": memory},
+        ),
+        Line(
+            f"a wave that fires all {cells:,}, {edges:,} edges, height {_HEIGHT}",
+            f"{middle * 1e3:.0f} ms (worst of {len(seconds)}: {worst * 1e3:.0f} ms),"
+            f" {rows[0].pulses:,} pulses, {rows[0].depth} hops",
+            "",
+            f"≤ {_WAVE:g} s",
+            worst <= _WAVE,
+            {"seconds": middle, "worst": worst, "pulses": rows[0].pulses},
+        ),
+    ]
+
+
+async def _while_up(plan: ProbePlan) -> tuple[float, float]:
+    """Return the seconds until two waves had passed, and the bytes all took then."""
+    stop, up = asyncio.Event(), asyncio.Event()
+    loop = asyncio.get_running_loop()
+    began, seconds, memory = loop.time(), 0.0, 0.0
+
+    async def measure() -> None:
+        nonlocal seconds, memory
+        try:
+            await up.wait()
+            seconds = loop.time() - began
+            memory = await asyncio.to_thread(_pss_of_all)
+        finally:
+            stop.set()
+
+    async with asyncio.TaskGroup() as group:
+        measuring = group.create_task(measure(), name="bench/memory")
+        try:
+            await run_processes(
+                _swarm(plan), stop, lambda tick: up.set() if tick else None
+            )
+        finally:
+            measuring.cancel()
+    return seconds, memory
+
+
+def _pss_of_all() -> float:
+    pids = [child.pid for child in multiprocessing.active_children() if child.pid]
+    return mean_pss([os.getpid(), *pids]) * (1 + len(pids))
+
+
+def _processes(sizes: Sizes) -> Line:
+    """Time until twice the cells of the spawn row have passed a wave as processes."""
+    cells = 2 * sizes.cells
+    plan = ProbePlan(cells, (_HEIGHT,), "hasse", waves=1, warmup=0)
+    seconds = _probe(plan).seconds
+    return Line(
+        f"{cells:,} cells, a process each, up and passed a wave",
+        f"{seconds:.1f} s",
+        "",
+        "come up",
+        True,
+        {"seconds": seconds},
+    )
+
+
+def _run(sizes: Sizes) -> Line:
+    """Time a tick of the same run with cells in processes and in workers, in turns."""
+    ours: list[float] = []
+    theirs: list[float] = []
+    found: set[tuple[int, int]] = set()
+    kinds: list[tuple[CellKind, list[float]]] = [("worker", ours), ("process", theirs)]
+    for _ in range(sizes.pairs):
+        for cells, spent in kinds:
+            outcome = _tick_by_tick(cells, sizes.ticks)
+            spent.append(outcome.seconds / outcome.totals.ticks)
+            found.add((outcome.totals.pulses, outcome.totals.edges))
+    ratio = min(theirs) / min(ours)
+    same = len(found) == 1
+    return Line(
+        f"a tick with cells in {_WORKERS} workers, {sizes.ticks} ticks",
+        f"{min(ours) * 1e3:.1f} ms ({ratio:.1f} × as fast),"
+        f" {'the same' if same else 'NOT the same'} pulses and order",
+        f"a process each {min(theirs) * 1e3:.1f} ms",
+        "the same",
+        same,
+        {"seconds": min(ours), "process_seconds": min(theirs), "ratio": ratio},
+    )
+
+
+def _tick_by_tick(cells: CellKind, ticks: int) -> Outcome:
+    opened = open_source(_SOURCE, 0)
+    opened.close()
+    options = RunOptions(
+        source=_SOURCE,
+        body=Body(own=opened.sensors, actions=opened.actions),
+        ticks=ticks,
+        cells=cells,
+        workers=_WORKERS,
+    )
+    return asyncio.run(run(options, None, asyncio.Event()))
+
+
+def _swarm(plan: ProbePlan) -> Plan:
+    return Plan(
+        cells=plan.sensors,
+        workers=plan.workers,
+        conductor=be_probe,
+        conductor_arguments=(plan,),
+    )
+
+
+def _probe(plan: ProbePlan) -> Ending:
+    async def probe() -> Ending:
+        return await run_processes(_swarm(plan), asyncio.Event())
+
+    return asyncio.run(probe())
+
+
+def _rows(ending: Ending) -> list[Measured]:
+    return msgspec.json.decode(ending.result, type=list[Measured])

@@ -1,0 +1,177 @@
+#!/usr/bin/env python3
+"""Hostile input for everything that reads what others wrote; exit code 1 on a failure.
+
+    tools/fuzz.py [--inputs 1000000] [--seed 1] [--minutes 15]
+                  [--only decode,cell,wave,coordinator,recording]
+
+Valid input (from the messages' own types, and from a small recorded run) is damaged in
+ways that respect its structure, and for each target it must hold that
+
+- what comes out is a message, a `Fault` that others can read, or an error of ours, and
+  comes out soon;
+- what was rejected, and what only came again, changed nothing: next to a twin that got
+  the honest input alone, the target goes on saying the same;
+- memory does not grow with the inputs.
+
+What is accepted may change a core: one that was meddled with by a message it cannot
+tell from a true one is replaced by a copy of its twin. Work is done in rounds, each a
+function of the seed, the target and the round's number, so a failure is made again with
+what is printed: ``--seed S --only TARGET --round R``.
+"""
+
+import argparse
+import random
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+# Run as a file, the folder of this file is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import psutil
+
+from tools.fuzz_run import Honest, honest_run
+from tools.fuzz_targets import (
+    CellTarget,
+    CoordinatorTarget,
+    Count,
+    Decode,
+    FuzzError,
+    RecordingTarget,
+    Target,
+    WaveTarget,
+)
+
+_GROWTH = 128 * 2**20  # bytes a target may grow by
+_SHOWN = 2000  # characters of an input that failed
+
+SHARES = {
+    "decode": 0.5,
+    "cell": 0.2,
+    "wave": 0.15,
+    "coordinator": 0.12,
+    "recording": 0.03,
+}
+"""Which part of the inputs each target gets."""
+
+
+def targets(honest: Honest, folder: Path) -> dict[str, Target]:
+    """Return all targets by name."""
+    return {
+        "decode": Decode(honest),
+        "cell": CellTarget(honest),
+        "wave": WaveTarget(),
+        "coordinator": CoordinatorTarget(honest),
+        "recording": RecordingTarget(honest, folder),
+    }
+
+
+def rounds(
+    name: str, target: Target, seed: int, first: int = 0
+) -> Iterator[tuple[int, Count]]:
+    """Run round after round; yield each one's number and the count so far.
+
+    Raises:
+        FuzzError: An invariant does not hold; the text says how to make it again.
+    """
+    process, count = psutil.Process(), Count()
+    base = None
+    index = first
+    while True:
+        began = time.perf_counter()
+        try:
+            target.round(random.Random(f"{seed}/{name}/{index}"), count)
+        except Exception as error:
+            again = f"--seed {seed} --only {name} --round {index}"
+            shown = f"{type(error).__name__}: {error}"
+            text = f"{name}: {shown}\nagain: {again}\ninput: {count.last!r:.{_SHOWN}}"
+            raise FuzzError(text) from error
+        count.seconds += time.perf_counter() - began
+        resident = process.memory_info().rss
+        base = base or resident  # what the first round loads is not growth
+        count.grown = max(count.grown, resident - base)
+        if count.grown > _GROWTH:
+            raise FuzzError(f"{name}: grew by {count.grown >> 20} MiB by round {index}")
+        yield index, count
+        index += 1
+
+
+def fuzz(
+    only: Sequence[str], inputs: int, seed: int, minutes: float, first: int | None
+) -> dict[str, Count]:
+    """Give each target its part of `inputs`, or until `minutes` are over.
+
+    Args:
+        only: Names of targets.
+        inputs: For all together.
+        seed: What is drawn is a function of it.
+        minutes: For all together.
+        first: A round to run alone; None: all from 0.
+
+    Raises:
+        FuzzError: An invariant does not hold.
+    """
+    ends = time.monotonic() + 60 * minutes
+    all_shares = sum(SHARES[name] for name in only)
+    counts: dict[str, Count] = {}
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
+        folder = Path(name)
+        every = targets(honest_run(folder), folder)
+        for name in only:
+            wanted = inputs * SHARES[name] / all_shares
+            for _, count in rounds(name, every[name], seed, first or 0):
+                counts[name] = count
+                over = time.monotonic() > ends
+                if count.inputs >= wanted or over or first is not None:
+                    break
+    return counts
+
+
+def table(counts: dict[str, Count]) -> str:
+    """Return what came of each target, a line each, and in all."""
+    head = "target", "inputs", "inputs/s", "rejected", "accepted", "slowest", "grew"
+    lines = [f"{head[0]:<12}" + "".join(f"{name:>12}" for name in head[1:])]
+    for name, count in counts.items():
+        cells = (
+            f"{count.inputs:,}",
+            f"{count.inputs / max(count.seconds, 1e-9):,.0f}",
+            f"{count.rejected:,}",
+            f"{count.inputs - count.rejected:,}",
+            f"{count.slowest * 1e3:,.1f} ms",
+            f"{count.grown / 2**20:,.1f} MiB",
+        )
+        lines.append(f"{name:<12}" + "".join(f"{cell:>12}" for cell in cells))
+    inputs = sum(count.inputs for count in counts.values())
+    seconds = sum(count.seconds for count in counts.values())
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    rate = inputs / max(seconds, 1e-9)
+    lines.append(f"{inputs:,} inputs, {rate:,.0f} a second, peak {peak:,.0f} MiB")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Fuzz as the command line says; return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--inputs", type=int, default=1_000_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=15.0)
+    parser.add_argument("--only", default=",".join(SHARES))
+    parser.add_argument("--round", type=int, default=None)
+    given = parser.parse_args()
+    only = given.only.split(",")
+    if unknown := set(only) - SHARES.keys():
+        parser.error(f"--only: must be of {', '.join(SHARES)}, got {min(unknown)}")
+    try:
+        counts = fuzz(only, given.inputs, given.seed, given.minutes, given.round)
+    except FuzzError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(table(counts))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

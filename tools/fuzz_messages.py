@@ -1,0 +1,71 @@
+"""Random and altered messages: each holds what the type of its fields allows.
+
+Fields and their types are read off the messages themselves, so a new message needs no
+word here; a new type of field is refused until it has a way to be drawn.
+"""
+
+import random
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import inspect
+
+from neurosnap import wire
+from neurosnap.swarm.wave import DEEPEST
+
+M = TypeVar("M", bound=wire.Message)
+
+_TYPES: dict[type[object], list[tuple[str, inspect.Type]]] = {}
+for _kind in dict.fromkeys(wire.TOPICS.values()):
+    _info = inspect.type_info(_kind)
+    if isinstance(_info, inspect.StructType):
+        _TYPES[_kind] = [(field.name, field.type) for field in _info.fields]
+_EDGES = (0, 1, 2, 4095, 4097, 8193, DEEPEST, DEEPEST + 1, 2**20, 2**31 - 2, 2**31 - 1)
+
+
+def number(chance: random.Random, lowest: int) -> int:
+    """Draw a number: mostly a small one, else one at the edge of something."""
+    kind = chance.random()
+    if kind < 0.6:
+        return max(lowest, chance.randrange(12))
+    if kind < 0.9:
+        return max(lowest, chance.choice(_EDGES))
+    return max(lowest, chance.getrandbits(chance.randrange(1, 32)))
+
+
+def value(kind: inspect.Type, chance: random.Random) -> Any:  # noqa: ANN401
+    """Draw a value that a field of this type may hold."""
+    match kind:
+        case inspect.IntType():
+            return number(chance, -1 if kind.ge is None else kind.ge)
+        case inspect.BoolType():
+            return chance.random() < 0.5
+        case inspect.BytesType():
+            return chance.randbytes(chance.choice((0, 1, 1, 1, 2, 3, 40)))
+        case inspect.StrType():
+            return chance.choice(("", "cell/1", "world", "x" * 300, "\U0001f9e0\0é"))
+        case inspect.LiteralType():
+            return chance.choice(kind.values)
+        case inspect.VarTupleType():
+            length = chance.choice((0, 0, 1, 1, 2, 3, 9, 60))
+            return tuple(value(kind.item_type, chance) for _ in range(length))
+        case _:
+            raise NotImplementedError(f"no values are drawn of {kind}")
+
+
+def message(chance: random.Random) -> wire.Message:
+    """Draw any valid message."""
+    return drawn(chance.choice(list(wire.TOPICS.values())), chance)
+
+
+def drawn(kind: type[M], chance: random.Random) -> M:
+    """Draw a valid message of one kind."""
+    return kind(**{name: value(of, chance) for name, of in _TYPES[kind]})
+
+
+def altered(message: wire.Message, chance: random.Random) -> wire.Message:
+    """Return `message` with a field or two drawn anew."""
+    fields = _TYPES[type(message)]
+    chosen = chance.sample(fields, min(len(fields), chance.choice((1, 1, 2))))
+    changes = {name: value(of, chance) for name, of in chosen}
+    return msgspec.structs.replace(message, **changes)

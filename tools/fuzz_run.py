@@ -1,0 +1,77 @@
+"""The honest run: what hostile input is made of, and what it is told from.
+
+A small swarm in memory, a function of nothing: each run says the same in the same
+order, and its recording has the same bytes.
+"""
+
+import asyncio
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from neurosnap import wire
+from neurosnap.agent.context import Body
+from neurosnap.fabric.memory import matches
+from neurosnap.record.reader import Recording
+from neurosnap.record.writer import Writer
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import run
+
+SENSORS = 4
+"""Sensors of the run, and so its cells."""
+_TICKS = 12
+
+
+@dataclass(frozen=True)
+class Honest:
+    """What a small run without any meddling was."""
+
+    options: RunOptions
+    recording: bytes
+    deliveries: list[wire.Delivery]
+
+    def heard_by(self, keys: Sequence[str]) -> list[wire.Message]:
+        """Return all that came under `keys`, in order."""
+        return [
+            wire.decode(one.key, one.payload)
+            for one in self.deliveries
+            if any(matches(key, one.key) for key in keys)
+        ]
+
+
+def honest_run(folder: Path) -> Honest:
+    """Run a swarm in memory on a few readings, and read back what it said."""
+    chance = random.Random(0)
+    names = tuple(f"s{sensor}" for sensor in range(SENSORS))
+    rows = [",".join(names)]
+    for _ in range(_TICKS):
+        bits = [chance.random() < 0.5 for _ in names]
+        bits[1] |= bits[0]
+        rows.append(",".join(str(int(bit)) for bit in bits))
+    source, log = folder / "readings.csv", folder / "honest.mcap"
+    source.write_text("\n".join(rows) + "\n")
+    options = RunOptions(
+        source=str(source),
+        body=Body(own=names, actions=()),
+        ticks=_TICKS,
+        threshold=0.2,
+        cells="inline",
+    )
+
+    async def once() -> None:
+        await run(options, log, asyncio.Event())
+
+    asyncio.run(once())
+    deliveries = [recorded.delivery for recorded in Recording.open(log).messages()]
+    return Honest(options, _recorded(deliveries, folder / "again.mcap"), deliveries)
+
+
+def _recorded(deliveries: Sequence[wire.Delivery], path: Path) -> bytes:
+    """Return a recording that is the same each time: no clock, no random id in it."""
+    with Writer(path, chunk=4096) as writer:
+        writer.start({"swarm": "fuzz"})
+        for time_, delivery in enumerate(deliveries):
+            writer.add(delivery._replace(sent=time_), time_)
+        writer.finish({"ticks": str(_TICKS)}, {})
+    return path.read_bytes()

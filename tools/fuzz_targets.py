@@ -1,0 +1,293 @@
+"""What is fuzzed, and what must hold of it: no input does harm.
+
+What a target says can be read by others and comes soon; and next to a twin that got the
+honest input alone, a core that was given what it rejects goes on saying the same.
+"""
+
+import copy
+import random
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import MessageError, RecordingError
+from neurosnap.fabric.memory import MemoryHub
+from neurosnap.record.reader import Recording
+from neurosnap.swarm.cell import Cell
+from neurosnap.swarm.coordinator import Coordinator
+from neurosnap.swarm.part import decoded
+from neurosnap.swarm.wave import Wave
+from tools.fuzz_bytes import damage, damage_json, damage_recording
+from tools.fuzz_messages import altered, drawn, message, number
+from tools.fuzz_run import SENSORS, Honest
+
+_SLOWEST = 2.0  # seconds of computing an input may cost
+_LONGEST = 1000  # characters of a fault
+_GAP = "wiring: must build on epoch"
+
+
+class FuzzError(Exception):
+    """A target did what it must not do."""
+
+
+def check_readable(said: Sequence[wire.Message]) -> None:
+    """Refuse what a part says and others cannot read."""
+    for one in said:
+        if wire.decode(one.key, wire.encode(one)) != one:
+            raise FuzzError(f"said what comes out as something else: {one!r:.500}")
+        if isinstance(one, wire.Fault) and len(one.what) > _LONGEST:
+            raise FuzzError(f"said a fault of {len(one.what)} characters")
+
+
+@dataclass
+class Count:
+    """What came of the inputs of one target, and the input in hand."""
+
+    inputs: int = 0
+    rejected: int = 0
+    seconds: float = 0.0
+    slowest: float = 0.0
+    grown: int = 0
+    last: object = field(default=None, repr=False)
+
+    def timed(self, given: object, call: Callable[[], Any]) -> Any:  # noqa: ANN401
+        """Return what `call` makes of `given`, unless it takes too long."""
+        self.inputs += 1
+        self.last = given
+        began = time.thread_time()
+        result = call()
+        took = time.thread_time() - began
+        self.slowest = max(self.slowest, took)
+        if took > _SLOWEST:
+            raise FuzzError(f"took {took:.1f} s")
+        return result
+
+
+class Target(Protocol):
+    """Something that reads what others wrote."""
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Try some hundred inputs drawn from `chance`."""
+        ...
+
+
+class Decode:
+    """The decoder as parts call it: a message or one fault comes of a payload."""
+
+    def __init__(self, honest: Honest) -> None:
+        self._honest = honest.deliveries
+        self._keys = [*wire.TOPICS, "wave/1", "excite/0", "wiring/3", "x" * 9000, "/"]
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Damage payloads, and hand them over under some key."""
+        hub = MemoryHub()
+        part = hub.fabric("cell/1")
+        faults: list[wire.Delivery] = []
+        hub.fabric("ear").listen(("fault",), faults.extend)
+        for _ in range(250):
+            first, other = (wire.encode(message(chance)) for _ in range(2))
+            if chance.random() < 0.3:
+                first = chance.choice(self._honest).payload
+            payload = damage_json(first, other, chance)
+            key = chance.choice(self._keys)
+            tag = re.search(rb'"type":"(\w+)"', payload)
+            if tag is not None and chance.random() < 0.8:
+                key = self._own_key(tag[1].decode(), payload, key)
+            delivery = wire.Delivery(key, 0, 0, payload)
+            read = count.timed(delivery, partial(decoded, part, [delivery]))
+            hub.run()
+            said = [wire.decode(fault.key, fault.payload) for fault in faults]
+            faults.clear()
+            if len(read) + len(said) != 1:
+                raise FuzzError(f"made {len(read)} messages, {len(said)} faults of one")
+            check_readable([*read, *said])
+            count.rejected += len(said)
+
+    def _own_key(self, tag: str, payload: bytes, otherwise: str) -> str:
+        """Return the key the payload would have to come under."""
+        for topic, kind in wire.TOPICS.items():
+            if kind.__struct_config__.tag == tag:
+                try:
+                    return msgspec.json.decode(payload, type=kind).key
+                except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                    return topic
+        return otherwise
+
+
+class Core(Protocol):
+    """A part's core: what it says is a function of what it was told."""
+
+    def receive(self, given: Any, /) -> list[wire.Message]:  # noqa: ANN401
+        """Take in what is given."""
+        ...
+
+
+class Twins:
+    """A core that gets the honest input alone, and one that is meddled with.
+
+    Args:
+        core: New.
+        script: The honest input, in order.
+        burst: What the core's `receive` takes for one message.
+    """
+
+    def __init__(
+        self,
+        core: Core,
+        script: Sequence[wire.Message],
+        burst: Callable[[wire.Message], object] = lambda m: m,
+    ) -> None:
+        self._clean = core
+        self._tried = copy.deepcopy(core)
+        self._abused = copy.deepcopy(core)
+        self._script = script
+        self._burst = burst
+
+    def play(self, chance: random.Random, count: Count, most: int) -> None:
+        """Go through the script, up to `most` hostile inputs before each message."""
+        for past, honest in enumerate(self._script):
+            for _ in range(chance.randrange(most)):
+                self._meddle(chance, count, self._script[:past])
+            given = self._burst(honest)
+            expected, got = self._clean.receive(given), self._tried.receive(given)
+            self._abused.receive(given)
+            if got != expected:
+                raise FuzzError(f"said {got!r:.500} and not {expected!r:.500}")
+
+    def _meddle(
+        self, chance: random.Random, count: Count, past: Sequence[wire.Message]
+    ) -> None:
+        kind = chance.random()
+        again = bool(past) and kind < 0.15
+        if again:
+            hostile = chance.choice(past)
+        elif kind < 0.8:
+            hostile = altered(chance.choice(self._script), chance)
+        else:
+            hostile = message(chance)
+        given = self._burst(hostile)
+        said = count.timed(hostile, partial(self._tried.receive, given))
+        check_readable(said)
+        check_readable(self._abused.receive(given))
+        faults = [one.what for one in said if isinstance(one, wire.Fault)]
+        if again and len(faults) != len(said):
+            raise FuzzError(f"answered again: {said!r:.500}")
+        # A cell whose wirings have a gap falls silent until it is wired anew: a change
+        # that was lost looks the same.
+        gap = any(what.startswith(_GAP) for what in faults)
+        if again or (said and len(faults) == len(said) and not gap):
+            count.rejected += 1
+        else:
+            self._tried = copy.deepcopy(self._clean)
+
+
+class CellTarget:
+    """A cell, among what it heard in the run."""
+
+    def __init__(self, honest: Honest) -> None:
+        self._scripts = [
+            honest.heard_by(wire.cell_keys(cell)) for cell in range(SENSORS)
+        ]
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Take one cell through the run."""
+        cell = chance.randrange(SENSORS)
+        script = self._scripts[cell]
+        Twins(Cell(cell), script, lambda m: [m]).play(chance, count, 16)
+
+
+class CoordinatorTarget:
+    """The coordinator, among what it heard in the run."""
+
+    def __init__(self, honest: Honest) -> None:
+        self._options = honest.options
+        self._script = honest.heard_by(("observe", "settle"))
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Take the coordinator through the run."""
+        core = Coordinator.of(self._options)
+        core.begin()
+        Twins(core, self._script).play(chance, count, 40)
+
+
+class WaveTarget:
+    """The credit of a wave: what it refuses leaves it as it was."""
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Report to waves what may be right now and then."""
+        wave = self._wave(chance)
+        for _ in range(250):
+            settled = self._report(wave, chance)
+            before = self._facts(wave)
+            try:
+                count.timed(settled, partial(wave.report, settled))
+            except MessageError as error:
+                count.rejected += 1
+                check_readable([wire.Fault("coordinator", str(error))])
+                if self._facts(wave) != before:
+                    raise FuzzError("changed by a report it refused") from error
+            if not 0 <= wave.missing <= before[0]:
+                raise FuzzError(f"misses {wave.missing}, after {before[0]}")
+            deep = max(settled.credit, default=0) > 1000  # correct, and slow to show
+            if wave.is_settled or deep or chance.random() < 0.02:
+                wave = self._wave(chance)
+
+    def _wave(self, chance: random.Random) -> Wave:
+        return Wave(number(chance, 1), 0, "state", number(chance, 1))
+
+    def _facts(self, wave: Wave) -> tuple[Fraction, dict[int, int], int, bool]:
+        return wave.missing, dict(wave.hops), wave.pulses, wave.is_settled
+
+    def _report(self, wave: Wave, chance: random.Random) -> wire.Settled:
+        settled = drawn(wire.Settled, chance)
+        if chance.random() < 0.2:
+            return settled
+        cell, fired = chance.randrange(9), chance.randrange(3)
+        shares = tuple(
+            number(chance, 0) if chance.random() < 0.1 else chance.randrange(40)
+            for _ in range(chance.randrange(1, 5))
+        )
+        return msgspec.structs.replace(
+            settled,
+            wave=wave.number,
+            cell=cell,
+            part=chance.randrange(5),
+            literals=(2 * cell, 2 * cell + 1)[:fired],
+            hops=(1,) * fired,
+            credit=shares,
+            pulses=chance.randrange(9),
+        )
+
+
+class RecordingTarget:
+    """The reader: every file is read to its end or refused by name."""
+
+    def __init__(self, honest: Honest, folder: Path) -> None:
+        self._whole = honest.recording
+        self._path = folder / "hostile.mcap"
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Damage the run's recording, above and below its checksums."""
+        for _ in range(25):
+            if chance.random() < 0.3:
+                file = damage(self._whole, self._whole, chance)
+            else:
+                file = damage_recording(self._whole, chance)
+            self._path.write_bytes(file)
+            try:
+                count.timed(file, self._read)
+            except RecordingError:
+                count.rejected += 1
+
+    def _read(self) -> None:
+        recording = Recording.open(self._path)
+        recording.completeness()
+        _ = recording.snapshot, recording.cut

@@ -1,0 +1,240 @@
+#!/usr/bin/env python3
+"""Kill parts of a running swarm at random, and see whether it minds.
+
+A run is made twice: once undisturbed, in one process, and once as a swarm of processes
+of which one part after the other is killed with SIGKILL at a random moment. Both must
+come to the same states and decisions, and the recording must hold each once.
+
+Exit code: 0 if they do, 1 if not.
+"""
+
+import argparse
+import asyncio
+import json
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+# Run as a file, the folder of this file is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import msgspec
+import psutil
+from rich.console import Console
+
+from neurosnap import wire
+from neurosnap.errors import NeurosnapError
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import verify
+from neurosnap.source import open_source
+from neurosnap.swarm.embody import body_of
+from neurosnap.swarm.endure import Restart, run_on
+from neurosnap.swarm.options import CellKind, RunOptions
+from neurosnap.swarm.run import Outcome, run
+from neurosnap.swarm.supervision import Supervision
+
+VICTIMS = ("cell", "hub", "recorder", "coordinator", "world", "recorder+coordinator")
+_SINGLE = frozenset({"hub", "recorder", "coordinator", "world"})
+
+
+class Soaked(msgspec.Struct, kw_only=True):
+    """What came of it."""
+
+    ticks: int
+    kills: int
+    """Parts killed, a pair counted as one."""
+    killed: dict[str, int]
+    restarts: int
+    redone: int
+    """Ticks that were whole but not on disk when a part died; they were done again."""
+    repeated: int
+    """Waves sent again inside one life of the swarm."""
+    lost: int
+    """Messages missing from the recording, by the senders' running numbers."""
+    doubled: int
+    """Observations, states or decisions that it holds twice."""
+    equal: bool
+    """States and decisions are those of the undisturbed run."""
+    verified: bool
+    """A replay derives the recording again."""
+    seconds: float
+
+
+async def soak(options: RunOptions, kills: int, seed: int, folder: Path) -> Soaked:
+    """Make both runs and compare.
+
+    Args:
+        options: What to run; with process cells.
+        kills: How many parts are killed, if the run lasts that long.
+        seed: Draws whom to kill, and when.
+        folder: Where both recordings go.
+    """
+    began = time.perf_counter()
+    calm = folder / "calm.mcap"
+    inline = msgspec.structs.replace(options, cells="inline")
+    await run(inline, calm, asyncio.Event())
+    restarts: list[Restart] = []
+    log = folder / "soaked.mcap"
+    killer = _Killer(kills, seed)
+
+    def on_restart(restart: Restart) -> None:
+        restarts.append(restart)
+        killer.rest()
+
+    hunting = asyncio.create_task(killer.hunt(), name="soak/killer")
+    try:
+        outcome = await run_on(
+            options,
+            log,
+            asyncio.Event(),
+            Supervision(max_restarts=10 * kills + 10, backoff=0.0),
+            on_progress=killer.follow,
+            on_restart=on_restart,
+        )
+    finally:
+        hunting.cancel()
+    return _compare(calm, log, outcome, restarts, killer, time.perf_counter() - began)
+
+
+class _Killer:
+    """Kills a part, waits until the swarm is under way again, kills the next."""
+
+    def __init__(self, kills: int, seed: int) -> None:
+        self.killed: Counter[str] = Counter()
+        self._left = kills
+        self._random = random.Random(seed)
+        self._awake = asyncio.Event()
+        self._tick = -1
+
+    def follow(self, tick: int) -> None:
+        """Take in how far the run is: it is under way once it moves."""
+        if tick > 0 and tick != self._tick:
+            self._awake.set()
+        self._tick = tick
+
+    def rest(self) -> None:
+        """Wait for the next life of the swarm."""
+        self._awake.clear()
+
+    async def hunt(self) -> None:
+        """Kill until enough are killed; cancelled when the run is over."""
+        while self._left:
+            await self._awake.wait()
+            await asyncio.sleep(self._random.uniform(0.0, 0.4))
+            if not self._awake.is_set():
+                continue
+            victim = self._random.choice(VICTIMS)
+            if self._kill(victim):
+                self.killed[victim] += 1
+                self._left -= 1
+                self._awake.clear()
+
+    def _kill(self, victim: str) -> bool:
+        parts: dict[str, list[psutil.Process]] = {}
+        for process in psutil.Process().children(recursive=True):
+            try:
+                kind = process.name().partition("/")[0]
+            except psutil.NoSuchProcess:
+                continue
+            parts.setdefault(kind, []).append(process)
+        if not {*_SINGLE, "cell"} <= parts.keys():
+            return False  # it is coming up, or going down
+        for kind in victim.split("+"):
+            self._random.choice(parts[kind]).send_signal(signal.SIGKILL)
+        return True
+
+
+def _compare(
+    calm: Path,
+    log: Path,
+    outcome: Outcome,
+    restarts: list[Restart],
+    killer: _Killer,
+    seconds: float,
+) -> Soaked:
+    recording = Recording.open(log)
+    told = list(recording.messages(("observe", "state", "decide", "wave")))
+    heard = [recorded.message for recorded in told]
+    kinds = (wire.Observation, wire.State, wire.Decision)
+    keys = [(type(m), m.tick) for m in heard if isinstance(m, kinds)]
+    completeness = recording.completeness()
+    verdict = verify(log)
+    return Soaked(
+        ticks=outcome.totals.ticks,
+        kills=killer.killed.total(),
+        killed=dict(sorted(killer.killed.items())),
+        restarts=len(restarts),
+        redone=sum(restart.lost for restart in restarts),
+        repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
+        lost=sum(completeness.missing.values()),
+        doubled=len(keys) - len(set(keys)),
+        equal=_course(calm) == _course(log),
+        verified=verdict.same and verdict.complete,
+        seconds=seconds,
+    )
+
+
+def _course(log: Path) -> list[tuple[object, ...]]:
+    """Return the states and decisions of a recorded run."""
+    found: list[tuple[object, ...]] = []
+    for recorded in Recording.open(log).messages(("state", "decide")):
+        match recorded.message:
+            case wire.State() as state:
+                found.append(("state", state.tick, state.literals, state.incoherent))
+            case wire.Decision() as decision:
+                found.append(("decide", decision.tick, decision.action, decision.why))
+    return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Soak, print what came of it, and return the exit code."""
+    given = _parser().parse_args(arguments)
+    source = open_source(given.source, given.seed, {"places": given.sensors + 1})
+    source.close()
+    kind: CellKind = "process"
+    ticks = given.ticks or 60 * given.kills + 100
+    options = RunOptions(
+        source=given.source,
+        arguments={"places": given.sensors + 1},
+        body=body_of(source, "walker"),
+        ticks=ticks,
+        seed=given.seed,
+        cells=kind,
+    )
+    console = Console(stderr=True)
+    with tempfile.TemporaryDirectory(prefix="neurosnap-soak-") as folder:
+        try:
+            with console.status(f"{ticks} ticks, {given.kills} kills"):
+                found = asyncio.run(
+                    soak(options, given.kills, given.seed, Path(folder))
+                )
+        except NeurosnapError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 1
+    for name, value in msgspec.structs.asdict(found).items():
+        print(f"{name:10} {value}")
+    if given.json:
+        print(json.dumps(msgspec.to_builtins(found)))
+    fine = found.equal and found.verified and not (found.lost or found.doubled)
+    return 0 if fine else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="soak", description=__doc__.split("\n")[0])
+    parser.add_argument("--kills", type=int, default=20, help="parts to kill")
+    parser.add_argument("--seed", type=int, default=0, help="draws whom, and when")
+    parser.add_argument("--sensors", type=int, default=8, help="cells of the swarm")
+    parser.add_argument(
+        "--ticks", type=int, default=0, help="of the run [default: 60 a kill]"
+    )
+    parser.add_argument("--source", default="neurosnap/Path-v0", help="a path world")
+    parser.add_argument("--json", action="store_true", help="one object, last")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
