@@ -33,12 +33,13 @@ from neurosnap.record.replay import verify
 from neurosnap.source import open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.endure import Restart, run_on
-from neurosnap.swarm.options import CellKind, RunOptions
+from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.supervision import Supervision
 
-VICTIMS = ("cell", "hub", "recorder", "coordinator", "world", "recorder+coordinator")
-_SINGLE = frozenset({"hub", "recorder", "coordinator", "world"})
+SERVICES = ("hub", "recorder", "coordinator", "world")
+VICTIMS = (*SERVICES, "recorder+coordinator")
+"""Beside these, a cell, or a worker where they have the cells."""
 
 
 class Soaked(msgspec.Struct, kw_only=True):
@@ -64,14 +65,17 @@ class Soaked(msgspec.Struct, kw_only=True):
     seconds: float
 
 
-async def soak(options: RunOptions, kills: int, seed: int, folder: Path) -> Soaked:
+async def soak(
+    options: RunOptions, kills: int, seed: int, folder: Path, pause: float = 0.4
+) -> Soaked:
     """Make both runs and compare.
 
     Args:
-        options: What to run; with process cells.
+        options: What to run; its cells are processes, or have workers.
         kills: How many parts are killed, if the run lasts that long.
         seed: Draws whom to kill, and when.
         folder: Where both recordings go.
+        pause: Seconds a life of the swarm may last at most before somebody is killed.
     """
     began = time.perf_counter()
     calm = folder / "calm.mcap"
@@ -79,7 +83,8 @@ async def soak(options: RunOptions, kills: int, seed: int, folder: Path) -> Soak
     await run(inline, calm, asyncio.Event())
     restarts: list[Restart] = []
     log = folder / "soaked.mcap"
-    killer = _Killer(kills, seed)
+    host = "worker" if options.cells == "worker" else "cell"
+    killer = _Killer(kills, seed, host, pause)
 
     def on_restart(restart: Restart) -> None:
         restarts.append(restart)
@@ -103,7 +108,9 @@ async def soak(options: RunOptions, kills: int, seed: int, folder: Path) -> Soak
 class _Killer:
     """Kills a part, waits until the swarm is under way again, kills the next."""
 
-    def __init__(self, kills: int, seed: int) -> None:
+    def __init__(self, kills: int, seed: int, host: str, pause: float) -> None:
+        self._pause = pause
+        self._host = host
         self.killed: Counter[str] = Counter()
         self._left = kills
         self._random = random.Random(seed)
@@ -124,10 +131,10 @@ class _Killer:
         """Kill until enough are killed; cancelled when the run is over."""
         while self._left:
             await self._awake.wait()
-            await asyncio.sleep(self._random.uniform(0.0, 0.4))
+            await asyncio.sleep(self._random.uniform(0.0, self._pause))
             if not self._awake.is_set():
                 continue
-            victim = self._random.choice(VICTIMS)
+            victim = self._random.choice((self._host, *VICTIMS))
             if self._kill(victim):
                 self.killed[victim] += 1
                 self._left -= 1
@@ -141,7 +148,7 @@ class _Killer:
             except psutil.NoSuchProcess:
                 continue
             parts.setdefault(kind, []).append(process)
-        if not {*_SINGLE, "cell"} <= parts.keys():
+        if not {*SERVICES, self._host} <= parts.keys():
             return False  # it is coming up, or going down
         for kind in victim.split("+"):
             self._random.choice(parts[kind]).send_signal(signal.SIGKILL)
@@ -195,7 +202,6 @@ def main(arguments: list[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     source = open_source(given.source, given.seed, {"places": given.sensors + 1})
     source.close()
-    kind: CellKind = "process"
     ticks = given.ticks or 60 * given.kills + 100
     options = RunOptions(
         source=given.source,
@@ -203,14 +209,15 @@ def main(arguments: list[str] | None = None) -> int:
         body=body_of(source, "walker"),
         ticks=ticks,
         seed=given.seed,
-        cells=kind,
+        cells=given.cells,
+        workers=min(2, given.sensors),
     )
     console = Console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="neurosnap-soak-") as folder:
         try:
             with console.status(f"{ticks} ticks, {given.kills} kills"):
                 found = asyncio.run(
-                    soak(options, given.kills, given.seed, Path(folder))
+                    soak(options, given.kills, given.seed, Path(folder), given.pause)
                 )
         except NeurosnapError as error:
             print(f"error: {error}", file=sys.stderr)
@@ -227,9 +234,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="soak", description=__doc__.split("\n")[0])
     parser.add_argument("--kills", type=int, default=20, help="parts to kill")
     parser.add_argument("--seed", type=int, default=0, help="draws whom, and when")
+    parser.add_argument(
+        "--pause", type=float, default=0.4, help="seconds between kills, at most"
+    )
     parser.add_argument("--sensors", type=int, default=8, help="cells of the swarm")
     parser.add_argument(
         "--ticks", type=int, default=0, help="of the run [default: 60 a kill]"
+    )
+    parser.add_argument(
+        "--cells", choices=("process", "worker"), default="process", help="as in run"
     )
     parser.add_argument("--source", default="neurosnap/Path-v0", help="a path world")
     parser.add_argument("--json", action="store_true", help="one object, last")

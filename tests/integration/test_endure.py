@@ -163,5 +163,5 @@ def test_a_short_soak(tmp_path: Path) -> None:
     assert found.verified
     assert (found.lost, found.doubled) == (0, 0)
     assert found.kills == kills <= found.restarts
-    assert set(found.killed) <= set(VICTIMS)
+    assert set(found.killed) <= {"cell", *VICTIMS}
     assert len(found.killed) > 2  # not always the same

@@ -16,10 +16,10 @@ from gymnasium.spaces import Box, Discrete, MultiBinary, Space
 from numpy.typing import NDArray
 
 from neurosnap import source as source_module
+from neurosnap.csv_source import CsvSource
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
 from neurosnap.source import (
     Continuing,
-    CsvSource,
     GymnasiumSource,
     Source,
     open_source,
