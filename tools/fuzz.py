@@ -2,7 +2,7 @@
 """Hostile input for everything that reads what others wrote; exit code 1 on a failure.
 
     tools/fuzz.py [--inputs 1000000] [--seed 1] [--minutes 15]
-                  [--only decode,cell,wave,coordinator,recording]
+                  [--only decode,cell,worker,wave,coordinator,recording]
 
 Valid input (from the messages' own types, and from a small recorded run) is damaged in
 ways that respect its structure, and for each target it must hold that
@@ -44,6 +44,7 @@ from tools.fuzz_targets import (
     Target,
     WaveTarget,
 )
+from tools.fuzz_worker import WORKERS, WorkerTarget
 
 _GROWTH = 128 * 2**20  # bytes a target may grow by
 _SHOWN = 2000  # characters of an input that failed
@@ -54,8 +55,9 @@ SHARES = {
     "wave": 0.15,
     "coordinator": 0.12,
     "recording": 0.03,
+    "worker": 0.2,
 }
-"""Which part of the inputs each target gets."""
+"""How the inputs are shared out among the targets."""
 
 
 def targets(honest: Honest, folder: Path) -> dict[str, Target]:
@@ -66,6 +68,7 @@ def targets(honest: Honest, folder: Path) -> dict[str, Target]:
         "wave": WaveTarget(),
         "coordinator": CoordinatorTarget(honest),
         "recording": RecordingTarget(honest, folder),
+        "worker": WorkerTarget(honest_run(folder, WORKERS)),
     }
 
 

@@ -15,8 +15,9 @@ from neurosnap.agent.context import Body
 from neurosnap.fabric.memory import matches
 from neurosnap.record.reader import Recording
 from neurosnap.record.writer import Writer
+from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
+from neurosnap.swarm.run import describe
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""
@@ -40,8 +41,13 @@ class Honest:
         ]
 
 
-def honest_run(folder: Path) -> Honest:
-    """Run a swarm in memory on a few readings, and read back what it said."""
+def honest_run(folder: Path, workers: int = 0) -> Honest:
+    """Run a swarm in memory on a few readings, and read back what it said.
+
+    Args:
+        folder: Where its files go.
+        workers: How many share the cells; 0: every cell is a part of its own.
+    """
     chance = random.Random(0)
     names = tuple(f"s{sensor}" for sensor in range(SENSORS))
     rows = [",".join(names)]
@@ -49,22 +55,26 @@ def honest_run(folder: Path) -> Honest:
         bits = [chance.random() < 0.5 for _ in names]
         bits[1] |= bits[0]
         rows.append(",".join(str(int(bit)) for bit in bits))
-    source, log = folder / "readings.csv", folder / "honest.mcap"
+    source, log = folder / "readings.csv", folder / f"honest-{workers}.mcap"
     source.write_text("\n".join(rows) + "\n")
     options = RunOptions(
         source=str(source),
         body=Body(own=names, actions=()),
         ticks=_TICKS,
         threshold=0.2,
-        cells="inline",
+        cells="worker" if workers else "inline",
+        workers=max(workers, 1),
     )
 
     async def once() -> None:
-        await run(options, log, asyncio.Event())
+        facts = describe(options)
+        await run_inline(options, log, facts, None, asyncio.Event(), lambda _: None)
 
     asyncio.run(once())
     deliveries = [recorded.delivery for recorded in Recording.open(log).messages()]
-    return Honest(options, _recorded(deliveries, folder / "again.mcap"), deliveries)
+    return Honest(
+        options, _recorded(deliveries, folder / f"again-{workers}.mcap"), deliveries
+    )
 
 
 def _recorded(deliveries: Sequence[wire.Delivery], path: Path) -> bytes:

@@ -7,6 +7,7 @@ honest input alone, a core that was given what it rejects goes on saying the sam
 import copy
 import random
 import re
+import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -31,7 +32,8 @@ from tools.fuzz_run import SENSORS, Honest
 
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault
-_GAP = "wiring: must build on epoch"
+_HOSTED = 9  # cells that report on a wave, or the one worker that has them all
+_GAP = re.compile(r"(wiring|loom): must build on epoch")
 
 
 class FuzzError(Exception):
@@ -137,6 +139,9 @@ class Twins:
         core: New.
         script: The honest input, in order.
         burst: What the core's `receive` takes for one message.
+        alter: How an honest message becomes a hostile one.
+        after: How much of the script a core that took a hostile message goes on with:
+            harm may come of it only then.
     """
 
     def __init__(
@@ -144,33 +149,35 @@ class Twins:
         core: Core,
         script: Sequence[wire.Message],
         burst: Callable[[wire.Message], object] = lambda m: m,
+        alter: Callable[[wire.Message, random.Random], wire.Message] = altered,
+        after: int = 0,
     ) -> None:
         self._clean = core
         self._tried = copy.deepcopy(core)
         self._abused = copy.deepcopy(core)
         self._script = script
         self._burst = burst
+        self._alter = alter
+        self._after = after
 
     def play(self, chance: random.Random, count: Count, most: int) -> None:
         """Go through the script, up to `most` hostile inputs before each message."""
         for past, honest in enumerate(self._script):
             for _ in range(chance.randrange(most)):
-                self._meddle(chance, count, self._script[:past])
+                self._meddle(chance, count, past)
             given = self._burst(honest)
             expected, got = self._clean.receive(given), self._tried.receive(given)
             self._abused.receive(given)
             if got != expected:
                 raise FuzzError(f"said {got!r:.500} and not {expected!r:.500}")
 
-    def _meddle(
-        self, chance: random.Random, count: Count, past: Sequence[wire.Message]
-    ) -> None:
-        kind = chance.random()
+    def _meddle(self, chance: random.Random, count: Count, come: int) -> None:
+        kind, past = chance.random(), self._script[:come]
         again = bool(past) and kind < 0.15
         if again:
             hostile = chance.choice(past)
         elif kind < 0.8:
-            hostile = altered(chance.choice(self._script), chance)
+            hostile = self._alter(chance.choice(self._script), chance)
         else:
             hostile = message(chance)
         given = self._burst(hostile)
@@ -180,12 +187,14 @@ class Twins:
         faults = [one.what for one in said if isinstance(one, wire.Fault)]
         if again and len(faults) != len(said):
             raise FuzzError(f"answered again: {said!r:.500}")
-        # A cell whose wirings have a gap falls silent until it is wired anew: a change
+        # A part whose wirings have a gap falls silent until it is wired anew: a change
         # that was lost looks the same.
-        gap = any(what.startswith(_GAP) for what in faults)
+        gap = any(map(_GAP.match, faults))
         if again or (said and len(faults) == len(said) and not gap):
             count.rejected += 1
         else:
+            for honest in self._script[come : come + self._after]:
+                check_readable(self._tried.receive(self._burst(honest)))
             self._tried = copy.deepcopy(self._clean)
 
 
@@ -226,9 +235,12 @@ class WaveTarget:
         wave = self._wave(chance)
         for _ in range(250):
             settled = self._report(wave, chance)
+            report: wire.Settled | wire.Tally = settled
+            if chance.random() < 0.3:
+                report = self._tally(settled, chance)
             before = self._facts(wave)
             try:
-                count.timed(settled, partial(wave.report, settled))
+                count.timed(report, partial(self._take, wave, report))
             except MessageError as error:
                 count.rejected += 1
                 check_readable([wire.Fault("coordinator", str(error))])
@@ -236,12 +248,29 @@ class WaveTarget:
                     raise FuzzError("changed by a report it refused") from error
             if not 0 <= wave.missing <= before[0]:
                 raise FuzzError(f"misses {wave.missing}, after {before[0]}")
-            deep = max(settled.credit, default=0) > 1000  # correct, and slow to show
+            deep = max(report.credit, default=0) > 1000  # correct, and slow to show
             if wave.is_settled or deep or chance.random() < 0.02:
                 wave = self._wave(chance)
 
     def _wave(self, chance: random.Random) -> Wave:
         return Wave(number(chance, 1), 0, "state", number(chance, 1))
+
+    def _take(self, wave: Wave, report: wire.Settled | wire.Tally) -> None:
+        if isinstance(report, wire.Tally):
+            wave.tally(report, range(_HOSTED))
+        else:
+            wave.report(report)
+
+    def _tally(self, settled: wire.Settled, chance: random.Random) -> wire.Tally:
+        """Return a worker's report with what a cell's says."""
+        kept = ("wave", "part", "credit", "pulses")
+        packed: dict[str, Any] = {
+            name: struct.pack(f"<{len(numbers)}i", *numbers)[chance.random() < 0.1 :]
+            for name in ("literals", "hops")
+            for numbers in (getattr(settled, name),)
+        }
+        fields: dict[str, Any] = {name: getattr(settled, name) for name in kept}
+        return wire.Tally(worker=settled.cell, **fields, **packed)
 
     def _facts(self, wave: Wave) -> tuple[Fraction, dict[int, int], int, bool]:
         return wave.missing, dict(wave.hops), wave.pulses, wave.is_settled
@@ -250,7 +279,7 @@ class WaveTarget:
         settled = drawn(wire.Settled, chance)
         if chance.random() < 0.2:
             return settled
-        cell, fired = chance.randrange(9), chance.randrange(3)
+        cell, fired = chance.randrange(_HOSTED), chance.randrange(3)
         shares = tuple(
             number(chance, 0) if chance.random() < 0.1 else chance.randrange(40)
             for _ in range(chance.randrange(1, 5))

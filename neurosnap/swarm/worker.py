@@ -13,8 +13,9 @@ the invariants are those of `neurosnap.swarm.cell`, with a few differences in ho
 """
 
 import asyncio
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
+import msgspec
 import numpy as np
 
 from neurosnap import wire
@@ -29,13 +30,24 @@ from neurosnap.swarm.wave import DEEPEST
 
 _READINGS = 8  # ticks a worker remembers; a wave is never further behind, or ahead
 _AHEAD = 1 << 12  # waves in flight reach no further than that beyond the last announced
+_WAVES = 2 * _AHEAD  # a worker knows of at once
 _HELD = 1 << 24  # pulses that may wait for what their waves take
+_BURSTS = 1 << 17  # a worker remembers of all these together
 
 
 class _Wave:
     """What a worker knows of one wave."""
 
-    __slots__ = ("number", "part", "parts", "reached", "seen", "start", "waiting")
+    __slots__ = (
+        "held",
+        "number",
+        "part",
+        "parts",
+        "reached",
+        "seen",
+        "start",
+        "waiting",
+    )
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -43,6 +55,7 @@ class _Wave:
         self.reached: Ints | None = None  # hops of what fired; None until it is open
         self.seen: set[tuple[int, int]] = set()  # (worker, part) of bursts that came
         self.waiting: list[Pulses] = []
+        self.held = 0  # pulses that came and wait
         self.part = 0  # of the next report
         self.parts: dict[int, int] = {}  # of the next burst to each worker
 
@@ -97,6 +110,7 @@ class Worker:
                 self._check_observation(message)
                 self._latch(message)
             case wire.Loom():
+                self._check_epoch(message)
                 self._mesh.check(message)
                 # What came before it was meant for the wiring before it.
                 self._advance(out)
@@ -112,14 +126,19 @@ class Worker:
         self._check_wave("burst", burst.wave)
         if burst.wave < self._settled_below:
             return
-        held = sum(len(p.hops) for w in self._waves.values() for p in w.waiting)
+        held = sum(wave.held for wave in self._waves.values())
         if held + len(pulses.hops) > _HELD:
             raise MessageError(f"burst: must leave up to {_HELD} pulses waiting")
+        if sum(len(wave.seen) for wave in self._waves.values()) >= _BURSTS:
+            rule = f"must be one of {_BURSTS} in flight"
+            raise MessageError(f"burst: {rule}, got one more")
+        self._check_room("burst", burst.wave, self._waves)
         wave = self._wave(burst.wave)
         way = (burst.worker, burst.part)
         if way not in wave.seen:
             wave.seen.add(way)
             wave.waiting.append(pulses)
+            wave.held += len(pulses.hops)
 
     def _wave(self, number: int) -> _Wave:
         """Return what is known of a wave, which may be nothing yet."""
@@ -138,6 +157,12 @@ class Worker:
             rule = f"must be at most {_AHEAD} beyond {self._announced}"
             raise MessageError(f"{name}: wave {rule}, got {number}")
 
+    def _check_room(self, name: str, number: int, waves: Collection[int]) -> None:
+        """Refuse a wave that would be one too many."""
+        if number not in waves and len(waves) >= _WAVES:
+            rule = f"must be of {_WAVES} waves in all"
+            raise MessageError(f"{name}: {rule}, got wave {number} too")
+
     def _check_start(self, start: wire.WaveStart) -> None:
         if start.cell >= 0:
             raise MessageError(f"wave: must be for all, got one for cell {start.cell}")
@@ -150,16 +175,33 @@ class Worker:
             raise MessageError(f"wave: {rule}, got all below {start.settled_below}")
         self._check_wave("wave", start.wave)
         self._check_tick("wave", start.tick)
+        # What it settles makes room for it.
+        self._check_room("wave", start.wave, self._left(start))
+
+    def _left(self, start: wire.WaveStart) -> dict[int, _Wave]:
+        """Return the waves known that may still come about after `start`."""
+        below = max(self._settled_below, start.settled_below)
+        beyond = max(self._announced, start.wave) + _AHEAD
+        return {n: w for n, w in self._waves.items() if below <= n <= beyond}
 
     def _start(self, start: wire.WaveStart) -> None:
+        self._waves = self._left(start)
         self._announced = max(self._announced, start.wave)
         self._settled_below = max(self._settled_below, start.settled_below)
-        below, beyond = self._settled_below, self._announced + _AHEAD
-        self._waves = {n: w for n, w in self._waves.items() if below <= n <= beyond}
-        if start.wave >= below:
+        if start.wave >= self._settled_below:
             wave = self._wave(start.wave)
             if wave.reached is None:
-                wave.start = wave.start or start
+                wave.start = wave.start or self._narrowed(start)
+
+    def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
+        """Return `start` with no more of its signal than is kept: its own, once."""
+        if not start.signal:
+            return start
+        signal = np.array(start.signal, np.int32)
+        cells = signal >> 1
+        own = signal[(cells >= self._cells.start) & (cells < self._cells.stop)]
+        kept = tuple(dict.fromkeys(own.tolist()))
+        return msgspec.structs.replace(start, kind="signal", signal=kept)
 
     def _advance(self, out: list[wire.Message]) -> None:
         """Pass on all that can be; what cannot be yet waits with its wave."""
@@ -173,11 +215,8 @@ class Worker:
 
     def _open(self, wave: _Wave, start: wire.WaveStart) -> None:
         """Let the wave's signal fire, if all is there that it takes."""
-        if start.kind == "signal" or start.signal:
-            signal = np.array(start.signal, np.int32)
-            asked = signal[
-                (signal >> 1 >= self._cells.start) & (signal >> 1 < self._cells.stop)
-            ]
+        if start.kind == "signal":
+            asked = np.array(start.signal, np.int32)
         elif start.tick in self._readings:
             asked = self._readings[start.tick]
         else:
@@ -193,7 +232,7 @@ class Worker:
         """Pass on what waits in a wave, and report."""
         net = self._mesh.net
         _, targets, hops, credit = map(np.concatenate, zip(*wave.waiting, strict=True))
-        wave.waiting = []
+        wave.waiting, wave.held = [], 0
         order = np.argsort(hops, kind="stable")
         fired = spread(net, reached, targets[order], hops[order], credit[order])
         for to in range(len(self._hosted)):
@@ -249,6 +288,12 @@ class Worker:
                 for read, literals in self._readings.items()
                 if read <= tick + _READINGS
             }
+
+    def _check_epoch(self, loom: wire.Loom) -> None:
+        """Refuse a frame so far ahead that the true ones would all come too late."""
+        if 0 < self._epoch < loom.epoch - _AHEAD:
+            rule = f"must be at most {_AHEAD} beyond {self._epoch}"
+            raise MessageError(f"loom: epoch {rule}, got {loom.epoch}")
 
     def _rewire(self, loom: wire.Loom) -> None:
         if loom.epoch <= self._epoch:

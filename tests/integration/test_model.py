@@ -133,11 +133,11 @@ def test_bad_input_is_named_and_leaves_nothing(
 
 def test_what_the_readme_shows_works(log: Path, folder: Path) -> None:
     (folder / "a.mcap").write_bytes(log.read_bytes())
-    block = re.search(
+    blocks = re.findall(
         r"^```console\n(.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL
     )
-    assert block is not None
-    commands = [shlex.split(line, comments=True) for line in block[1].splitlines()]
+    (block,) = [text for text in blocks if "neurosnap model" in text]
+    commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert [words[:2] for words in commands] == [["neurosnap", "model"]] * 4
     for words in commands:
         assert call(*words[1:]).exit_code == 0, words
