@@ -2,6 +2,9 @@
 
 A field that packs numbers gets past the decoder whatever is in it, so here they are
 altered one by one as well, and moved past each other.
+
+Compiled loops do not look where they index. With ``NUMBA_BOUNDSCHECK=1`` they do, and
+``NUMBA_CACHE_DIR`` then has to name a folder of its own.
 """
 
 import random

@@ -63,6 +63,7 @@ class Supervisor:
         self._children: dict[str, Child] = {}
         self._reasons: dict[str, str] = {}
         self._expected: set[str] = set()
+        self._killed: set[str] = set()  # by this supervisor
         self._loop = asyncio.get_running_loop()
         self._lines: list[Connection] = []
         self._shared: Connection | None = None
@@ -179,14 +180,24 @@ class Supervisor:
             self._read(line)
         child_.ended.set()
         code = child_.process.exitcode
-        if (code != 0 or who not in self._expected) and self.error is None:
-            how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
-            reason = self._reasons.get(who)
-            if reason is None:
-                rule = "must not end before it is asked to"
-                self.error = PartDiedError(f"{who}: {rule}, ended with {how}")
-            else:
-                self.error = SwarmError(f"{who}: {reason}")
+        if who in self._killed or (code == 0 and who in self._expected):
+            return
+        how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
+        reason = self._reasons.get(who)
+        if reason is None:
+            rule = "must not end before it is asked to"
+            self._blame(PartDiedError(f"{who}: {rule}, ended with {how}"))
+        else:
+            self._blame(SwarmError(f"{who}: {reason}"))
+
+    def _blame(self, error: SwarmError) -> None:
+        """Let the first error be the run's, but for a death.
+
+        Who cannot go on may suffer from another's death, which shows a moment later.
+        """
+        died = isinstance(error, PartDiedError)
+        if self.error is None or (died and not isinstance(self.error, PartDiedError)):
+            self.error = error
             self.failed.set()
 
     def has_ended(self, who: str) -> bool:
@@ -195,10 +206,10 @@ class Supervisor:
 
     async def kill(self, parts: Collection[str]) -> None:
         """End `parts` at once."""
-        self._expected.update(parts)
         children = [self._children[who] for who in parts if who in self._children]
         for child_ in children:
             if not child_.ended.is_set():
+                self._killed.add(child_.process.name)
                 child_.process.kill()
         for child_ in children:
             await child_.ended.wait()
@@ -219,6 +230,7 @@ class Supervisor:
             for child_ in children:
                 if not child_.ended.is_set():
                     late.append(child_.process.name)
+                    self._killed.add(child_.process.name)
                     child_.process.kill()
                     await child_.ended.wait()
         return late

@@ -20,6 +20,7 @@ from neurosnap.record.writer import Writer
 from neurosnap.sensorium import pack
 from neurosnap.swarm import cell as cells
 from neurosnap.swarm.cell import Cell
+from neurosnap.swarm.conductor import Conductor
 from neurosnap.swarm.part import decoded
 from neurosnap.swarm.wave import DEEPEST, Wave
 from tools import fuzz, fuzz_bytes
@@ -276,6 +277,62 @@ def test_a_report_that_is_too_large_is_refused(report: wire.Settled) -> None:
     assert (wave.hops, wave.pulses) == ({}, 0)
     wave.report(settled([0]))
     assert wave.is_settled
+
+
+def packed(*numbers: int) -> bytes:
+    return struct.pack(f"<{len(numbers)}i", *numbers)
+
+
+def tally(literals: bytes, hops: bytes, **more: int) -> wire.Tally:
+    fields = {"wave": 1, "part": 0, "pulses": 0, **more}
+    return wire.Tally(worker=0, literals=literals, hops=hops, credit=(0,), **fields)
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        tally(packed(0), packed(0)[:3]),
+        tally(packed(0)[:3], packed(0)),
+        tally(packed(0), packed(0, 0)),
+        tally(packed(0, 0), packed(0, 0)),
+        tally(packed(-1), packed(0)),
+        tally(packed(4), packed(0)),
+        tally(packed(0), packed(-1)),
+        tally(packed(0), packed(DEEPEST + 1)),
+        tally(packed(0), packed(0), pulses=LARGEST),
+    ],
+    ids=[
+        "part of hops",
+        "part of a literal",
+        "uneven",
+        "twice",
+        "negative",
+        "another's",
+        "hops below 0",
+        "deep",
+        "pulses",
+    ],
+)
+def test_a_worker_s_report_that_cannot_be_right_is_refused(report: wire.Tally) -> None:
+    wave = Wave(1, 0, "signal", 1, (0,))
+    with pytest.raises(MessageError, match=r"^tally: .*must .*, got .{1,250}$"):
+        wave.tally(report, range(2))
+    assert wave.missing == 1
+    assert (wave.hops, wave.pulses) == ({}, 0)
+    wave.tally(tally(packed(0, 3), packed(0, 1)), range(2))
+    assert wave.is_settled
+    assert wave.hops == {0: 0, 3: 1}
+
+
+@pytest.mark.parametrize("report", [settled([0]), tally(packed(0), packed(0))])
+def test_a_report_is_refused_where_nobody_could_send_it(
+    report: wire.Settled | wire.Tally,
+) -> None:
+    conductor = Conductor(2, workers=int(isinstance(report, wire.Settled)))
+    conductor.start("signal", signal=(0,))
+    with pytest.raises(MessageError, match=r"^(settle|tally): must be a "):
+        conductor.report(report)
+    assert conductor.in_flight == (1,)
 
 
 def test_the_deepest_share_counts() -> None:

@@ -233,6 +233,7 @@ def test_what_came_before_changes_nothing() -> None:
 WRONG: list[tuple[wire.Message, str]] = [
     (wire.Pulse(1, 0, 6, 1, 0), "excite/3: is not for a worker"),
     (wire.Loom(0, 2, 1), "loom: must be for this worker, got 0"),
+    (wire.Loom(ME, 4098, 0), "loom: epoch must be at most 4096 beyond 1, got 4098"),
     (
         wire.Loom(ME, 2, 1, packed(6)),
         "loom: add: must be eight bytes an edge, got 4",
@@ -323,6 +324,66 @@ def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) 
     assert fault == wire.Fault("worker/1", "burst: must leave up to 3 pulses waiting")
     (tally,) = worker.receive([start()])
     assert isinstance(tally, wire.Tally)
+
+
+def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("neurosnap.swarm.worker._BURSTS", 2)
+    worker = wired()
+    worker.receive([start(1, 6)])
+    for part in (0, 1):
+        worker.receive([burst((0, 8, 1, 1), part=part)])
+    said = worker.receive([burst((0, 8, 1, 1), part=2)])
+    what = "burst: must be one of 2 in flight, got one more"
+    assert said == [wire.Fault("worker/1", what)]
+    worker.receive([start(2, 6, below=2)])
+    (tally,) = worker.receive([burst((0, 8, 1, 1), wave=2)])
+    assert isinstance(tally, wire.Tally)
+
+
+def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("neurosnap.swarm.worker._WAVES", 3)
+    worker = wired()
+    waiting = [burst((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
+    (fault,) = worker.receive(waiting)
+    what = "burst: must be of 3 waves in all, got wave 5 too"
+    assert fault == wire.Fault("worker/1", what)
+    (fault,) = worker.receive([start(1, 6)])
+    what = "wave: must be of 3 waves in all, got wave 1 too"
+    assert fault == wire.Fault("worker/1", what)
+    # What a wave settles makes room for it.
+    (tally,) = worker.receive([start(5, 6, below=3)])
+    assert isinstance(tally, wire.Tally)
+    assert set(worker._waves) == {3, 4, 5}
+
+
+def test_a_frame_that_is_only_just_near_enough_is_taken() -> None:
+    worker = wired((6, 8))
+    assert worker.receive([wire.Loom(ME, 4097, 0, edges([(6, 10)]))]) == []
+    (tally,) = worker.receive([start(1, 6)])
+    assert isinstance(tally, wire.Tally)
+    assert fired_in(tally) == {6: 0, 10: 1}
+
+
+def test_of_a_signal_only_its_own_literals_are_kept_each_once() -> None:
+    worker = wired()
+    worker.receive([wire.Loom(ME, 3, 2)])  # a change was lost: the waves wait
+    signal = tuple(range(2 * SENSORS)) * 1000
+    worker.receive([start(1, *signal), state_wave(2, 1, *signal)])
+    kept = [wave.start for wave in worker._waves.values()]
+    assert [one and one.signal for one in kept] == [tuple(range(6, 12))] * 2
+    out = worker.receive([wire.Loom(ME, 4, 0)])
+    found = [fired_in(m) for m in out if isinstance(m, wire.Tally)]
+    assert found == [dict.fromkeys(range(6, 12), 0)] * 2
+
+
+def test_a_literal_named_twice_fires_once_as_it_does_in_a_cell() -> None:
+    begin = start(1, 6, 6, 6, credit=3)
+    said = wired((6, 0)).receive([begin])
+    assert summed(said) == summed(Cells([(6, 0)]).receive([begin]))
 
 
 # Credit -------------------------------------------------------------------------------
