@@ -55,7 +55,6 @@ class Agent:
         self._own = Sensorium(body.own)
         self._senses = Senses(body)
         self._decision = Decision(0, -1, "the run begins")
-        self._state: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(
@@ -115,22 +114,14 @@ class Agent:
         """
         last, tick = self._decision, self._decision.tick + 1
         observation = self._senses.observe(
-            self._own.observation(bits), -1 if begins else last.action, self._state
+            self._own.observation(bits), -1 if begins else last.action, self.state
         )
-        self._state = state = self.snapshot.observe(observation)
+        state = self.snapshot.observe(observation)
         graph = self._graph()
         answers = [graph.up(signal) for signal in self._policy.ask(tick, state)]
         action, why = self._policy.decide(tick, state, answers)
         self._decision = Decision(tick, action, why)
         return self._decision
-
-    def begin(self) -> None:
-        """Start a new trajectory: the next observation follows no action.
-
-        What was learned stays.
-        """
-        self._decision = Decision(self._decision.tick, -1, "a trajectory begins")
-        self._state = None
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
         """Return what an action taken here guarantees: ``(2N,)``.

@@ -240,10 +240,9 @@ def test_an_agent_is_the_loop_by_hand(kind: AgentKind, exclusive: bool) -> None:
     reasons = set()
     for tick in range(1, 61):
         if tick == 30:
-            agent.begin()
             loop.taken, place, change = None, 0, 0
         bits = [place == 0, change > 0, change < 0]
-        decision = agent.act(bits)
+        decision = agent.act(bits, begins=tick == 30)
         loop.observe(bits)
         assert as_set(agent.state) == loop.state
         pick, chance, *_ = draws.at(tick)

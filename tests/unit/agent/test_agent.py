@@ -109,9 +109,7 @@ class TestActing:
             acting.act([1, 0])
         before = times(acting)
         assert before["x"] + before["y"] == 4  # nothing went before the first
-        acting.begin()
-        assert (acting.decision.tick, acting.decision.action) == (5, -1)
-        assert acting.act([1, 0]).tick == 6
+        assert acting.act([1, 0], begins=True).tick == 6
         assert times(acting) == before | {"a": 6}
 
     def test_it_goes_on_with_a_snapshot_that_has_learned(self) -> None:
