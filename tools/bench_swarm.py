@@ -1,6 +1,5 @@
 """Rows on the swarm itself: coming up, a hop, wave time against depth."""
 
-import asyncio
 import json
 import multiprocessing
 import statistics
@@ -8,13 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
-from neurosnap.swarm.launch import Ending, Plan, run_processes
-from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
+from neurosnap.swarm.probe import Measured, ProbePlan
 from neurosnap.swarm.supervisor import allow_files
 from tools.bench_bare import mean_pss
+from tools.bench_probe import probe, rows_of, weighed_while_up
 from tools.bench_report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parent.parent
@@ -29,7 +27,7 @@ def spawn(sizes: Sizes) -> list[Line]:
     takes is told apart, since the bare processes pass none.
     """
     allow_files(sizes.cells + 10)  # the fork server keeps the limit it started with
-    _probe(ProbePlan(sensors=2, heights=(1,), wiring="hasse", waves=1))
+    probe(ProbePlan(sensors=2, heights=(1,), wiring="hasse", waves=1))
     height = sizes.cells - 1
     plan = ProbePlan(
         sensors=sizes.cells, heights=(height,), wiring="hasse", waves=1, warmup=0
@@ -37,8 +35,8 @@ def spawn(sizes: Sizes) -> list[Line]:
     theirs, ours, waves = [], [], []
     for _ in range(sizes.pairs):
         theirs.append(_bare("spawn", sizes.cells)["seconds"])
-        ending = _probe(plan)
-        waves.append(_rows(ending)[0].seconds)
+        ending = probe(plan)
+        waves.append(rows_of(ending)[0].seconds)
         ours.append(ending.seconds - waves[-1])
     ratio = min(ours) / min(theirs)
     time = Line(
@@ -60,7 +58,8 @@ def spawn(sizes: Sizes) -> list[Line]:
 
 def _memory(sizes: Sizes) -> Line:
     """Measure the cells' memory while waves go on passing through them."""
-    ours = asyncio.run(_pss_while_up(sizes.cells)) / _MB
+    plan = ProbePlan(sensors=sizes.cells, heights=(1,), wiring="hasse", waves=1)
+    ours = weighed_while_up(plan, _cells_pss)[1] / _MB
     theirs = _bare("spawn", sizes.cells, "--memory")["pss"] / _MB
     return Line(
         "memory a cell (PSS)",
@@ -70,32 +69,6 @@ def _memory(sizes: Sizes) -> Line:
         ours <= _MEMORY,
         {"pss": ours * _MB, "bare_pss": theirs * _MB},
     )
-
-
-async def _pss_while_up(cells: int) -> float:
-    """Return the mean PSS of the cells of a swarm that has passed a wave."""
-    # More waves than it will ever send: it is stopped once it is measured.
-    plan = ProbePlan(sensors=cells, heights=(1,), wiring="hasse", waves=10**9)
-    stop, up = asyncio.Event(), asyncio.Event()
-    found = 0.0
-
-    async def measure() -> None:
-        nonlocal found
-        try:
-            await up.wait()
-            found = await asyncio.to_thread(_cells_pss)
-        finally:
-            stop.set()
-
-    async with asyncio.TaskGroup() as group:
-        measuring = group.create_task(measure(), name="bench/memory")
-        try:
-            await run_processes(
-                _swarm(plan), stop, lambda tick: up.set() if tick else None
-            )
-        finally:
-            measuring.cancel()
-    return found
 
 
 def _cells_pss() -> float:
@@ -118,7 +91,7 @@ def hop(sizes: Sizes) -> list[Line]:
     theirs, slopes, quotients = [], [], []
     for _ in range(sizes.pairs):
         theirs.append(_bare("ring", sizes.chain, str(sizes.waves))["hop"])
-        medians = _medians(_rows(_probe(plan)))
+        medians = _medians(rows_of(probe(plan)))
         slopes.append((medians[high] - medians[low]) / (high - low))
         quotients.append(medians[high] / high)
     bare = min(theirs)
@@ -152,7 +125,7 @@ def line(sizes: Sizes) -> list[Line]:
         waves=sizes.waves,
         warmup=3,
     )
-    rows = _rows(_probe(plan))
+    rows = rows_of(probe(plan))
     medians = _medians(rows)
     slope, intercept, fit = _fitted(list(medians), list(medians.values()))
     _, _, fit_of_all = _fitted([r.depth for r in rows], [r.seconds for r in rows])
@@ -189,21 +162,6 @@ def _bare(*arguments: object) -> dict[str, float]:
     )
     measured: dict[str, float] = json.loads(done.stdout)
     return measured
-
-
-def _swarm(plan: ProbePlan) -> Plan:
-    return Plan(cells=plan.sensors, conductor=be_probe, conductor_arguments=(plan,))
-
-
-def _probe(plan: ProbePlan) -> Ending:
-    async def probe() -> Ending:
-        return await run_processes(_swarm(plan), asyncio.Event())
-
-    return asyncio.run(probe())
-
-
-def _rows(ending: Ending) -> list[Measured]:
-    return msgspec.json.decode(ending.result, type=list[Measured])
 
 
 def _medians(rows: list[Measured]) -> dict[int, float]:

@@ -5,16 +5,14 @@ import multiprocessing
 import os
 import statistics
 
-import msgspec
-
 from neurosnap.agent.context import Body
 from neurosnap.source import open_source
-from neurosnap.swarm.launch import Ending, Plan, run_processes
 from neurosnap.swarm.options import CellKind, RunOptions
-from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
+from neurosnap.swarm.probe import ProbePlan
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.supervisor import allow_files
 from tools.bench_bare import mean_pss
+from tools.bench_probe import probe, rows_of, weighed_while_up
 from tools.bench_report import Line, Sizes
 
 _SOURCE = "neurosnap/Path-v0"
@@ -36,9 +34,8 @@ def _large(sizes: Sizes) -> list[Line]:
     plan = ProbePlan(
         cells, (_HEIGHT,), "hasse", sizes.waves, workers=_WORKERS, edges=edges
     )
-    # More waves than it will ever send: it is stopped once it is measured.
-    ready, memory = asyncio.run(_while_up(msgspec.structs.replace(plan, waves=10**9)))
-    rows = _rows(_probe(plan))
+    ready, memory = weighed_while_up(plan, _pss_of_all)
+    rows = rows_of(probe(plan))
     seconds = [row.seconds for row in rows]
     middle, worst = statistics.median(seconds), max(seconds)
     return [
@@ -62,32 +59,6 @@ def _large(sizes: Sizes) -> list[Line]:
     ]
 
 
-async def _while_up(plan: ProbePlan) -> tuple[float, float]:
-    """Return the seconds until two waves had passed, and the bytes all took then."""
-    stop, up = asyncio.Event(), asyncio.Event()
-    loop = asyncio.get_running_loop()
-    began, seconds, memory = loop.time(), 0.0, 0.0
-
-    async def measure() -> None:
-        nonlocal seconds, memory
-        try:
-            await up.wait()
-            seconds = loop.time() - began
-            memory = await asyncio.to_thread(_pss_of_all)
-        finally:
-            stop.set()
-
-    async with asyncio.TaskGroup() as group:
-        measuring = group.create_task(measure(), name="bench/memory")
-        try:
-            await run_processes(
-                _swarm(plan), stop, lambda tick: up.set() if tick else None
-            )
-        finally:
-            measuring.cancel()
-    return seconds, memory
-
-
 def _pss_of_all() -> float:
     pids = [child.pid for child in multiprocessing.active_children() if child.pid]
     return mean_pss([os.getpid(), *pids]) * (1 + len(pids))
@@ -97,7 +68,7 @@ def _processes(sizes: Sizes) -> Line:
     """Time until twice the cells of the spawn row have passed a wave as processes."""
     cells = 2 * sizes.cells
     plan = ProbePlan(cells, (_HEIGHT,), "hasse", waves=1, warmup=0)
-    seconds = _probe(plan).seconds
+    seconds = probe(plan).seconds
     return Line(
         f"{cells:,} cells, a process each, up and passed a wave",
         f"{seconds:.1f} s",
@@ -143,23 +114,3 @@ def _tick_by_tick(cells: CellKind, ticks: int) -> Outcome:
         workers=_WORKERS,
     )
     return asyncio.run(run(options, None, asyncio.Event()))
-
-
-def _swarm(plan: ProbePlan) -> Plan:
-    return Plan(
-        cells=plan.sensors,
-        workers=plan.workers,
-        conductor=be_probe,
-        conductor_arguments=(plan,),
-    )
-
-
-def _probe(plan: ProbePlan) -> Ending:
-    async def probe() -> Ending:
-        return await run_processes(_swarm(plan), asyncio.Event())
-
-    return asyncio.run(probe())
-
-
-def _rows(ending: Ending) -> list[Measured]:
-    return msgspec.json.decode(ending.result, type=list[Measured])

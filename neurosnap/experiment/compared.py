@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 _DECAY = learners.DECAYS[4]
 _BLUE, _RED = (0.1, 0.25, 0.8), (0.85, 0.15, 0.1)
-_LETTERS = {setting.name: setting.letter for setting in SETTINGS}
 
 
 def cells(options: FigureOptions) -> list[LearningCell]:
@@ -30,16 +29,8 @@ def cells(options: FigureOptions) -> list[LearningCell]:
 
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
-    curves = [Curve.of(*pair) for pair in zip(cells(options), rows, strict=True)]
-    fits = learners.rates(curves)
-    return Report(
-        columns=learners.COLUMNS,
-        rows=learners.table_rows(curves),
-        draw=lambda canvas: _draw(canvas, curves),
-        claims=claims(learners.by_setting(curves)),
-        facts=learners.facts(fits),
-        lines=learners.lines(fits),
-    )
+    curves = learners.curves_of(cells(options), rows)
+    return learners.report(curves, _draw, claims(learners.by_setting(curves)))
 
 
 def claims(curves: Mapping[str, Sequence[Curve]]) -> tuple[Claim, ...]:
@@ -60,7 +51,7 @@ def claims(curves: Mapping[str, Sequence[Curve]]) -> tuple[Claim, ...]:
             f"{spreads[1]:.3g} against {spreads[0]:.3g} edges apart; empirical and"
             " discounted: "
             + ", ".join(
-                f"({_LETTERS[name]}) {first:.3g} and {second:.3g}"
+                f"({learners.LETTERS[name]}) {first:.3g} and {second:.3g}"
                 for name, (first, second) in pairs.items()
             ),
         ),

@@ -9,7 +9,6 @@ from neurosnap.experiment import drawing, learners
 from neurosnap.experiment.curves import Curve
 from neurosnap.experiment.figure import Claim, Figure, FigureOptions, Report
 from neurosnap.experiment.waiting import to_learn
-from neurosnap.experiment.walks import SETTINGS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -17,24 +16,14 @@ if TYPE_CHECKING:
 _BEST, _BETTER_WAIT = 5, 4
 _UNIFORM = 0.25  # every weight of a new snapshot
 _REDS = ((0.4, 0.0, 0.0), (0.95, 0.25, 0.05), (1.0, 0.88, 0.15))
-_LETTERS = {setting.name: setting.letter for setting in SETTINGS}
 
 Curves = Mapping[str, Sequence[Curve]]
 
 
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
-    cells = learners.discounted(options)
-    curves = [Curve.of(*pair) for pair in zip(cells, rows, strict=True)]
-    fits = learners.rates(curves)
-    return Report(
-        columns=learners.COLUMNS,
-        rows=learners.table_rows(curves),
-        draw=lambda canvas: _draw(canvas, curves),
-        claims=claims(learners.by_setting(curves)),
-        facts=learners.facts(fits),
-        lines=learners.lines(fits),
-    )
+    curves = learners.curves_of(learners.discounted(options), rows)
+    return learners.report(curves, _draw, claims(learners.by_setting(curves)))
 
 
 def claims(curves: Curves) -> tuple[Claim, ...]:
@@ -55,7 +44,7 @@ def _not_monotone(curves: Curves) -> Claim:
         " and rises with k, in every setting)",
         all(bent),
         "; ".join(
-            f"({_LETTERS[name]}) {' '.join(f'{level:.3g}' for level in each)}"
+            f"({learners.LETTERS[name]}) {' '.join(f'{level:.3g}' for level in each)}"
             for name, each in levels.items()
         )
         + f"; the first change is at step {_listed(woken)} for the first {len(woken)} k",
@@ -74,7 +63,7 @@ def _best(curves: Curves) -> Claim:
         winners = [k for k, level in enumerate(levels) if level == least]
         best.append(_BEST in winners)
         parts.append(
-            f"({_LETTERS[name]}) k = {', '.join(map(str, winners))} with {least:.3g},"
+            f"({learners.LETTERS[name]}) k = {', '.join(map(str, winners))} with {least:.3g},"
             f" k = {_BEST} has {levels[_BEST]:.3g}"
         )
     return Claim(
@@ -97,7 +86,7 @@ def _wait(curves: Curves) -> Claim:
             for short, long in waits.values()
         ),
         ", ".join(
-            f"({_LETTERS[name]}) {short} against {long} steps"
+            f"({learners.LETTERS[name]}) {short} against {long} steps"
             for name, (short, long) in waits.items()
         ),
     )

@@ -18,24 +18,14 @@ _EXPONENTIAL = 0.9
 _STILL = 0.05
 _AROUND = 2.0
 _BLUES = ((0.0, 0.0, 0.4), (0.05, 0.35, 0.95), (0.1, 0.95, 1.0))
-_LETTERS = {setting.name: setting.letter for setting in SETTINGS}
 
 Curves = Mapping[str, Sequence[Curve]]
 
 
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
-    cells = learners.empirical(options)
-    curves = [Curve.of(*pair) for pair in zip(cells, rows, strict=True)]
-    fits = learners.rates(curves)
-    return Report(
-        columns=learners.COLUMNS,
-        rows=learners.table_rows(curves),
-        draw=lambda canvas: _draw(canvas, curves),
-        claims=claims(options, learners.by_setting(curves)),
-        facts=learners.facts(fits),
-        lines=learners.lines(fits),
-    )
+    curves = learners.curves_of(learners.empirical(options), rows)
+    return learners.report(curves, _draw, claims(options, learners.by_setting(curves)))
 
 
 def claims(options: FigureOptions, curves: Curves) -> tuple[Claim, ...]:
@@ -104,7 +94,9 @@ def _random_lags(curves: Curves) -> Claim:
         mine > max(others)
         for mine, others in zip(means["random"], structured, strict=True)
     )
-    first = ", ".join(f"{means[name][0]:.3g} in ({_LETTERS[name]})" for name in means)
+    first = ", ".join(
+        f"{means[name][0]:.3g} in ({learners.LETTERS[name]})" for name in means
+    )
     return Claim(
         "(d) lags behind all structured settings (its error, averaged over all steps, is"
         " the largest at every threshold)",
@@ -137,7 +129,7 @@ def _large_plateau(curves: Curves) -> Claim:
         f" changes by less than {_STILL:.0%} over the last fifth)",
         all(still.values()),
         ", ".join(
-            f"({_LETTERS[name]}) {'still' if still[name] else 'not still'} at"
+            f"({learners.LETTERS[name]}) {'still' if still[name] else 'not still'} at"
             f" {curve.level:.4g}"
             for name, curve in found.items()
         ),
@@ -169,7 +161,7 @@ def _critical(curves: Curves, smallest: Mapping[str, float]) -> Claim:
         low, high = max(good, default=0.0), min(bad, default=np.inf)
         around.append(low / _AROUND <= smallest[name] <= high * _AROUND and low < high)
         parts.append(
-            f"({_LETTERS[name]}) between {low:.3g} and {high:.3g} against"
+            f"({learners.LETTERS[name]}) between {low:.3g} and {high:.3g} against"
             f" {smallest[name]:.3g}"
         )
     return Claim(
@@ -223,7 +215,7 @@ def _cycle_keeps_level(curves: Curves) -> Claim:
 
 def _lasts(curves: Mapping[str, Curve]) -> str:
     means = ", ".join(
-        f"{curve.mean[-1]:.4g} ± {curve.error:.2g} in ({_LETTERS[name]})"
+        f"{curve.mean[-1]:.4g} ± {curve.error:.2g} in ({learners.LETTERS[name]})"
         for name, curve in curves.items()
     )
     return f"mean at the last step {means}"

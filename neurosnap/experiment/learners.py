@@ -1,15 +1,19 @@
 """What the three learning figures share: their learners, their data, their lines."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap.experiment.curves import Curve, Rate, fitted
-from neurosnap.experiment.figure import FigureOptions
+from neurosnap.experiment.figure import Claim, FigureOptions, Report
 from neurosnap.experiment.learning import LearningCell
 from neurosnap.experiment.walks import SETTINGS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 SENSORS = 20
 """Of every setting."""
@@ -22,6 +26,9 @@ LEAST = THRESHOLDS[0]
 
 DECAYS = tuple(1 - 2.0 ** -(k + 2) for k in range(10))
 """``q`` of the discounted learners, for ``k`` from 0 ([GK] discounted:performance)."""
+
+LETTERS = {setting.name: setting.letter for setting in SETTINGS}
+"""What the paper calls each setting."""
 
 COLUMNS = ("setting", "threshold", "decay", "step", "mean", "std", "min", "max")
 
@@ -50,6 +57,36 @@ def empirical(options: FigureOptions) -> list[LearningCell]:
 def discounted(options: FigureOptions) -> list[LearningCell]:
     """Return a discounted learner a setting and decay, settings outermost."""
     return [learner(options, s.name, LEAST, q) for s in SETTINGS for q in DECAYS]
+
+
+def curves_of(
+    cells: Sequence[LearningCell], rows: Sequence[NDArray[Any]]
+) -> list[Curve]:
+    """Return the curve of each cell, of its rows."""
+    return [Curve.of(*pair) for pair in zip(cells, rows, strict=True)]
+
+
+def report(
+    curves: Sequence[Curve],
+    draw: Callable[["Canvas", Sequence[Curve]], None],
+    claims: tuple[Claim, ...],
+) -> Report:
+    """Return a figure of curves.
+
+    Args:
+        curves: What it shows.
+        draw: Draws them on an empty canvas.
+        claims: What the paper says of them.
+    """
+    fits = rates(curves)
+    return Report(
+        columns=COLUMNS,
+        rows=table_rows(curves),
+        draw=lambda canvas: draw(canvas, curves),
+        claims=claims,
+        facts=facts(fits),
+        lines=lines(fits),
+    )
 
 
 def by_setting(curves: Sequence[Curve]) -> dict[str, list[Curve]]:

@@ -1,6 +1,5 @@
 """A learner in a setting: its error at every step of every run."""
 
-import json
 from typing import Literal, TypeAlias
 
 import msgspec
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from neurosnap.experiment import kernels, truth
+from neurosnap.experiment.table import key_of
 from neurosnap.experiment.walks import Walk, walks
 
 TruthKind: TypeAlias = Literal["contained", "thresholded"]
@@ -45,10 +45,7 @@ class LearningCell(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
-        return json.dumps(
-            {"kind": "learning", "version": _VERSION} | msgspec.structs.asdict(self),
-            sort_keys=True,
-        )
+        return key_of(self, "learning", _VERSION)
 
     @property
     def shape(self) -> tuple[int, ...]:

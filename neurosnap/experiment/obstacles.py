@@ -8,7 +8,6 @@ References:
     [GK] "Obstructions to Greedy Reactive Planning": a punctured grid, a circular rail.
 """
 
-import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from threading import Lock
@@ -23,6 +22,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.context import Body, Senses
 from neurosnap.agent.kinds import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind
+from neurosnap.experiment.table import key_of
 from neurosnap.poc.snapshot import EmpiricalSnapshot
 from neurosnap.sensorium import complete
 from neurosnap.source import import_worlds
@@ -68,10 +68,7 @@ class ObstacleCell(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
-        return json.dumps(
-            {"kind": "obstacle", "version": _VERSION} | msgspec.structs.asdict(self),
-            sort_keys=True,
-        )
+        return key_of(self, "obstacle", _VERSION)
 
     @property
     def shape(self) -> tuple[int, ...]:

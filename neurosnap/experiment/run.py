@@ -16,6 +16,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.experiment import (
+    anomalies,
     compared,
     discounted,
     empirical,
@@ -44,6 +45,7 @@ FIGURES: dict[str, Figure] = {
         compared.FIGURE,
         excited.FIGURE,
         obstructions.FIGURE,
+        anomalies.FIGURE,
     )
 }
 """All figures by name; their order gives them their numbers, from 1."""

@@ -5,7 +5,6 @@ run. Start, target, fields and random numbers are functions of the seed, the set
 the run, so both snapshots face the same tasks with the same luck.
 """
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from neurosnap.agent.draws import Draws
 from neurosnap.experiment.drive import drive
+from neurosnap.experiment.table import key_of
 from neurosnap.experiment.walks import SETTINGS, setting
 from neurosnap.source import import_worlds
 
@@ -67,10 +67,7 @@ class SeekerCell(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
-        return json.dumps(
-            {"kind": "excited", "version": _VERSION} | msgspec.structs.asdict(self),
-            sort_keys=True,
-        )
+        return key_of(self, "excited", _VERSION)
 
     @property
     def shape(self) -> tuple[int, ...]:

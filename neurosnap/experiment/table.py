@@ -8,6 +8,7 @@ nowhere in a result.
 """
 
 import io
+import json
 import logging
 import zipfile
 import zlib
@@ -17,6 +18,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -50,6 +52,18 @@ class Cell(Protocol):
 
     def row(self, run: int) -> NDArray[Any]:
         """Return a row: a function of the cell and `run`; called by any thread."""
+
+
+def key_of(cell: msgspec.Struct, kind: str, version: int) -> str:
+    """Return the key of a cell all of whose fields count, as JSON.
+
+    Args:
+        cell: The cell.
+        kind: What its rows are.
+        version: Raised whenever the same fields come to give other rows.
+    """
+    made = {"kind": kind, "version": version} | msgspec.structs.asdict(cell)
+    return json.dumps(made, sort_keys=True)
 
 
 class Table:

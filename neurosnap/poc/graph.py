@@ -37,10 +37,12 @@ class PocGraph:
     as new ``(2N,)`` bool arrays.
 
     No literal may be equivalent to its own complement. In the graph of a snapshot none
-    is, since equivalent literals agree in the last observation; only differences at
-    the very edge of the tolerance of discounted weights could add up to such a class.
-    Nothing breaks then: it has one representative, which stands for the complement
-    too, and coherent sets hold none of its literals.
+    is while all readings are known, since equivalent literals agree in the last
+    observation; only differences at the very edge of the tolerance of discounted
+    weights could add up to such a class. Where readings were unknown, pairs that were
+    known at different times can. Nothing breaks then: it has one representative, which
+    stands for the complement too, and coherent sets hold none of its literals; but it
+    generates no poc set, and `PocSet` refuses it.
 
     Args:
         edges: ``(2N, 2N)`` bool; ``edges[a, b]`` iff ``a -> b``. The diagonal is

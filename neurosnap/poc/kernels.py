@@ -83,7 +83,7 @@ def learn_counts(
             code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
             code = np.uint8(3) if (w10 | w01) == 0 else code
             fresh[j] = np.uint8(12) if (w11 | w00) == 0 else code
-        changed |= _rewire(i, fresh, codes[start : start + i], rows)
+        changed |= rewire(i, fresh, codes[start : start + i], rows)
     return changed
 
 
@@ -157,15 +157,25 @@ def learn_discounted(
             # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
             w11 = min(mine, yours) if up else w11
             joint[j] = max(0.0, mine + yours - 1.0) if down else w11
-        changed |= _rewire(i, fresh, codes[start : start + i], rows)
+        changed |= rewire(i, fresh, codes[start : start + i], rows)
     return changed
 
 
 @njit(cache=True)
-def _rewire(
+def rewire(
     i: int, fresh: NDArray[np.uint8], codes: NDArray[np.uint8], rows: Words
 ) -> bool:
-    """Bring row `i` of the codes and the graph up to date; whether it changed."""
+    """Bring one row of the codes, and the graph, up to date.
+
+    Args:
+        i: The row, a sensor.
+        fresh: ``(N,)``; the first `i` are what the codes are to be.
+        codes: ``(i,)``, of the pairs of `i` with those before it; updated.
+        rows: ``(2N, w)``, updated where codes change.
+
+    Returns:
+        Whether any code changed.
+    """
     differ = np.uint8(0)
     for j in range(codes.shape[0]):
         differ |= fresh[j] ^ codes[j]

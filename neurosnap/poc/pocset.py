@@ -104,9 +104,15 @@ class PocSet:
 
         Raises:
             ShapeError: `sensorium` has another number of sensors.
+            InvalidValueError: A literal is equivalent to its own complement, as it
+                may be in the graph of a snapshot with unknown readings.
         """
         if not isinstance(graph, PocGraph):
             raise InvalidValueError("graph", "must be a PocGraph", graph)
+        both = (graph.representative[::2] == graph.representative[1::2]).nonzero()[0]
+        if both.size:
+            rule = "must not be equivalent to its own complement"
+            raise InvalidValueError("literal", rule, int(2 * both[0]))
         if sensorium is None:
             sensorium = Sensorium.of(graph.sensors)
         if len(sensorium) != graph.sensors:

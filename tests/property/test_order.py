@@ -139,7 +139,7 @@ def test_cells_follow_a_relation_that_changes(
         assert pairs(graph.wires(kind)) == expected
         assert graph.wire_count(kind) == len(expected)
         messages = packing.rewire(graph.wires(kind))
-        assert messages == plain.rewire(graph.wiring(kind))
+        assert messages == plain.rewire(to_words(graph.wiring(kind)))
         cells.hear(messages)
         assert cells.edges == expected
 

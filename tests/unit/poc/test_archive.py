@@ -42,6 +42,18 @@ def test_a_file_gives_back_everything(kind: type[Snapshot], tmp_path: Path) -> N
 
 
 @KINDS
+def test_squares_of_their_own_are_kept(kind: type[Snapshot], tmp_path: Path) -> None:
+    snapshot = seasoned(kind)
+    snapshot.observe([1, 0, 1], [True, False, True])
+    snapshot.save(tmp_path / "memory.npz")
+    twin = Snapshot.load(tmp_path / "memory.npz")
+    assert type(twin) is kind
+    assert (twin.poc_graph().edges == snapshot.poc_graph().edges).all()
+    assert twin.weight(0, 3) == snapshot.weight(0, 3)
+    assert twin.to_bytes() == snapshot.to_bytes()
+
+
+@KINDS
 def test_thresholds_one_a_pair_are_kept(kind: type[Snapshot]) -> None:
     threshold = np.array([[0.25, 0.1], [0.1, 0.25]])
     twin = kind.from_bytes(kind(2, threshold).to_bytes())
@@ -93,15 +105,20 @@ def test_a_file_that_is_not_there_is_the_systems_error(tmp_path: Path) -> None:
         ("clock", np.array(-1), "clock: must be in"),
         ("clock", np.array(2**32), "clock: must be in"),
         ("clock", np.array(20.0), "clock: must be int64"),
-        ("clock", np.array(3), "joints: must be consistent"),
+        ("clock", np.array(3), "weights: must be consistent"),
         ("threshold", np.array(0.5), "threshold: must be in"),
         ("threshold", np.full((2, 2), 0.1), "threshold: must be float64"),
-        ("marginals", np.full(3, 99, np.uint32), "joints: must be consistent"),
-        ("joints", np.full(3, 99, np.uint32), "joints: must be consistent"),
+        ("marginals", np.full(3, 99, np.uint32), "weights: must be consistent"),
+        ("joints", np.full(3, 99, np.uint32), "weights: must be consistent"),
         ("joints", np.zeros(3), "joints: must be uint32"),
         ("state", np.array([3], np.uint8), "state: must not hold a literal"),
         ("state", np.array([64], np.uint8), "packed bits: must be 0 beyond"),
         ("state", np.zeros(2, np.uint8), "state: must be uint8"),
+        ("since", np.full(3, 21, np.uint32), "since: must not be after"),
+        ("since", np.zeros(3), "since: must be uint32"),
+        ("squares", np.zeros((4, 3)), "squares: must be uint32"),
+        ("squares", np.zeros((3, 3), np.uint32), r"squares: must be uint32 \(4, 3\)"),
+        ("squares", np.full((4, 3), 6, np.uint32), "weights: must be consistent"),
     ],
 )
 def test_arrays_that_make_no_sense_are_refused(
@@ -119,9 +136,12 @@ def test_arrays_that_make_no_sense_are_refused(
         ("codes", np.full(3, 5, np.uint8), "codes: must go with the weights"),
         ("codes", np.full(3, 12, np.uint8), "codes: must go with the weights"),
         ("codes", np.zeros(2, np.uint8), "codes: must be uint8"),
-        ("marginals", np.full(3, 1.5), "joints: must be consistent"),
-        ("joints", np.full(3, np.nan), "joints: must be consistent"),
-        ("joints", np.full(3, -0.1), "joints: must be consistent"),
+        ("marginals", np.full(3, 1.5), "weights: must be consistent"),
+        ("joints", np.full(3, np.nan), "weights: must be consistent"),
+        ("joints", np.full(3, -0.1), "weights: must be consistent"),
+        ("squares", np.full((4, 3), np.nan), "weights: must be consistent"),
+        ("squares", np.full((4, 3), 0.3), "weights: must be consistent"),
+        ("squares", np.full((4, 3), 0.25), "codes: must go with the weights"),
     ],
 )
 def test_discounted_arrays_that_make_no_sense_are_refused(

@@ -151,8 +151,8 @@ def test_counts_are_right_beyond_31_bits(clock: int) -> None:
     marginals = [half, half + 9, half + 9]
     joints = [half - limit, half - limit + 1, half + 4]
     snapshot._clock = clock
-    snapshot._marginals[:] = marginals
-    snapshot._joints[:] = joints
+    snapshot._weights.marginals[:] = marginals
+    snapshot._weights.joints[:] = joints
     snapshot.learn([False, False, True])
     edges = snapshot.poc_graph().edges
     for i, j, joint in [(1, 0, joints[0]), (2, 0, joints[1]), (2, 1, joints[2])]:

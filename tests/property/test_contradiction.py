@@ -1,0 +1,188 @@
+"""Contradictions and covers equal what trying every subset finds."""
+
+from itertools import combinations, pairwise
+
+import networkx as nx
+import numpy as np
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.poc.contradiction import contradiction
+from neurosnap.poc.cover import smallest_cover
+from neurosnap.poc.graph import PocGraph
+from tests.property.oracles import Edges, below_or_equal, coherent
+from tests.property.strategies import graphs
+
+
+@st.composite
+def readings(
+    draw: st.DrawFn, whole: bool = False
+) -> tuple[PocGraph, list[int], list[float]]:
+    """Draw a graph, what was read of some of its sensors, and a suspicion."""
+    graph = draw(graphs(most=7))
+    values = st.sampled_from([0, 1] if whole else [None, 0, 1])
+    read = draw(st.lists(values, min_size=graph.sensors, max_size=graph.sensors))
+    # Whole numbers: sums are exact, whichever comes first.
+    doubts = st.lists(
+        st.integers(-2, 2).map(float), min_size=graph.sensors, max_size=graph.sensors
+    )
+    seen = [2 * s + bit for s, bit in enumerate(read) if bit is not None]
+    return graph, seen, draw(doubts)
+
+
+def edges_of(wiring: NDArray[np.bool_]) -> Edges:
+    return {(int(a), int(b)) for a, b in np.argwhere(wiring)}
+
+
+def order_of(graph: PocGraph) -> Edges:
+    return below_or_equal(len(graph), edges_of(graph.edges))
+
+
+def smallest(order: Edges, seen: list[int]) -> list[tuple[int, ...]]:
+    """Return all smallest sets of sensors without which a reading is coherent."""
+    sensors = [a // 2 for a in seen]
+    for size in range(len(seen) + 1):
+        found = [
+            chosen
+            for chosen in combinations(sensors, size)
+            if coherent(order, {a for a in seen if a // 2 not in chosen})
+        ]
+        if found:
+            return found
+    raise AssertionError("without any sensor it is coherent")
+
+
+@given(readings())
+def test_broken_implications_are_those_of_the_order(
+    drawn: tuple[PocGraph, list[int], list[float]],
+) -> None:
+    graph, seen, _ = drawn
+    order = order_of(graph)
+    pairs = [(a, b ^ 1) for a in seen for b in seen if (a, b ^ 1) in order]
+    once = {min((a, c), (c ^ 1, a ^ 1)) for a, c in pairs}
+    found = contradiction(graph, seen)
+    assert list(found.broken) == sorted(once)
+    assert found.coherent == coherent(order, set(seen)) == graph.is_coherent(seen)
+
+
+@given(readings())
+def test_culprits_are_the_smallest_set_by_the_rule(
+    drawn: tuple[PocGraph, list[int], list[float]],
+) -> None:
+    graph, seen, doubts = drawn
+    sets = smallest(order_of(graph), seen)
+    found = contradiction(graph, seen, doubts)
+    assert found.exact
+    assert found.culprits == min(
+        sets, key=lambda chosen: (-sum(doubts[s] for s in chosen), chosen)
+    )
+    assert found.candidates == tuple(sorted({s for chosen in sets for s in chosen}))
+
+
+@given(readings())
+def test_chains_explain_whatever_is_broken(
+    drawn: tuple[PocGraph, list[int], list[float]],
+) -> None:
+    graph, seen, _ = drawn
+    wires, known = edges_of(graph.hasse()), {a // 2 for a in seen}
+    inner = {(a, b) for a, b in wires if b // 2 not in known}
+    found = contradiction(graph, seen)
+    explained = {}
+    for chain in found.chains:
+        assert all(link in wires for link in pairwise(chain))
+        assert all(a // 2 not in known for a in chain[1:-1])
+        assert (chain[0], chain[-1]) in found.broken
+        explained[chain[0], chain[-1]] = len(chain)
+    assert len(explained) == len(found.chains)
+    assert bool(explained) == bool(found.broken)
+    # Walks by their length: through sensors that were not read, then one hop more.
+    for a in seen:
+        ring, reached, length = {a}, {a}, 1
+        shortest: dict[int, int] = {}
+        while ring:
+            length += 1
+            for _, c in ((x, c) for x, c in wires if x in ring and c ^ 1 in seen):
+                shortest.setdefault(c, length)
+            ring = {c for x, c in inner if x in ring} - reached
+            reached |= ring
+        for c, least in shortest.items():
+            assert explained[min((a, c), (c ^ 1, a ^ 1))] == least
+
+
+@given(readings(whole=True))
+def test_of_a_whole_reading_each_chain_is_one_implication(
+    drawn: tuple[PocGraph, list[int], list[float]],
+) -> None:
+    graph, seen, _ = drawn
+    assert all(len(chain) == 2 for chain in contradiction(graph, seen).chains)
+
+
+@given(readings(), st.integers(0, 12))
+def test_without_patience_culprits_still_help_and_none_is_spare(
+    drawn: tuple[PocGraph, list[int], list[float]], patience: int
+) -> None:
+    graph, seen, doubts = drawn
+    order = order_of(graph)
+    found = contradiction(graph, seen, doubts, patience=patience)
+    best = contradiction(graph, seen, doubts)
+    left = {a for a in seen if a // 2 not in found.culprits}
+    assert coherent(order, left)
+    assert len(found.culprits) >= len(best.culprits)
+    assert set(found.candidates) >= set(best.candidates)
+    for spared in found.culprits:
+        again = left | {a for a in seen if a // 2 == spared}
+        assert not coherent(order, again)
+    if found.exact:
+        assert found == best
+
+
+@given(st.integers(2, 24), st.floats(0.05, 0.6), st.integers(0, 2**32 - 1))
+def test_a_cover_is_as_small_as_a_clique_of_the_complement_is_large(
+    count: int, density: float, seed: int
+) -> None:
+    graph = nx.gnp_random_graph(count, density, seed)
+    assume(graph.number_of_edges())
+    clique, size = nx.max_weight_clique(nx.complement(graph), weight=None)
+    around = {v: sum(1 << u for u in graph[v]) for v in graph if graph[v]}
+    cover = smallest_cover(around, [0.0] * count, patience=10**6)
+    assert cover.exact
+    assert cover.chosen.bit_count() == count - size == count - len(clique)
+    assert all(cover.chosen >> u & 1 or cover.chosen >> v & 1 for u, v in graph.edges)
+
+
+def test_cliques_stars_and_chains_take_no_recursion() -> None:
+    count = 300
+    every = (1 << count) - 1
+    clique = {v: every & ~(1 << v) for v in range(count)}
+    assert smallest_cover(clique, [0.0] * count) == (every >> 1, every, True)
+    star = {0: every & ~1} | dict.fromkeys(range(1, count), 1)
+    assert smallest_cover(star, [0.0] * count) == (1, 1, True)
+    # Of two chains that cross the wrong way, each step breaks with all beyond it.
+    nested = {v: sum(1 << u for u in range(150, 300 - v)) for v in range(150)}
+    nested |= {u: sum(1 << v for v in range(300 - u)) for u in range(150, 300)}
+    found = smallest_cover(nested, [0.0] * count)
+    assert found.exact
+    assert found.chosen.bit_count() == 150
+
+
+def test_of_covers_alike_it_is_the_first_in_order() -> None:
+    ring = {0: 0b0110, 1: 0b1001, 2: 0b1001, 3: 0b0110}
+    assert smallest_cover(ring, [0.0] * 4) == (0b1001, 0b1111, True)
+    assert smallest_cover(ring, [0.0, 0.5, 0.0, 0.0]).chosen == 0b0110
+
+
+def test_what_is_taken_greedily_and_proves_spare_is_given_up() -> None:
+    spider = {0: 0b1110, 1: 0b10001, 2: 0b100001, 3: 0b1000001}
+    spider |= {4: 0b10, 5: 0b100, 6: 0b1000}
+    found = smallest_cover(spider, [0.0] * 7, patience=0)
+    assert found == (0b1110, 0b1111111, False)
+
+
+def test_a_search_that_is_too_long_says_so() -> None:
+    graph = nx.random_regular_graph(5, 120, seed=1)
+    around = {v: sum(1 << u for u in graph[v]) for v in graph}
+    found = smallest_cover(around, [0.0] * 120, patience=10_000)
+    assert not found.exact
+    assert all(found.chosen >> u & 1 or found.chosen >> v & 1 for u, v in graph.edges)
+    assert found.candidates == (1 << 120) - 1

@@ -1,0 +1,392 @@
+"""Snapshots of observations with unknown readings equal counts kept pair by pair."""
+
+import itertools
+from collections import Counter
+from fractions import Fraction
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.poc.pocset import PocSet
+from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from tests.property import oracles
+from tests.property.oracles import Edges, Weights
+from tests.property.strategies import as_set, observations, thresholds
+
+Matrix: TypeAlias = NDArray[np.float64]
+Reading: TypeAlias = tuple[list[bool], list[bool]]
+"""The bits, and which of them are known."""
+
+SHARES = st.floats(0.001, 0.25) | st.sampled_from([0.25, 1 / 8, 1 / 3 / 2, 0.01])
+# With these and at most twelve observations doubles hold every weight exactly.
+EXACT_SHARES = st.sampled_from([1 / 4, 1 / 8, 1 / 16])
+EXACT_DECAYS = st.integers(0, 7).map(lambda k: k / 8)
+KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
+
+# What to see of a pair, so that it gets a code; the bits are those of `poc/codes.py`.
+SIGHTS = {
+    0: [],
+    1: [(1, 1), (0, 1), (0, 0)],
+    2: [(1, 1), (1, 0), (0, 0)],
+    4: [(1, 0), (0, 1), (0, 0)],
+    8: [(1, 1), (1, 0), (0, 1)],
+    3: [(1, 1), (0, 0)],
+    12: [(1, 0), (0, 1)],
+}
+
+
+@st.composite
+def partial_runs(
+    draw: st.DrawFn, most: int = 5, longest: int = 20
+) -> tuple[int, list[Reading]]:
+    """Draw a number of sensors and observations; of some not all is known."""
+    sensors = draw(st.integers(1, most))
+    some = st.lists(st.booleans(), min_size=sensors, max_size=sensors)
+    known = st.just([True] * sensors) | some | st.just([False] * sensors)
+    seen = draw(observations(sensors, longest))
+    return sensors, [(bits, draw(known)) for bits in seen]
+
+
+@st.composite
+def relations(draw: st.DrawFn, most: int = 5) -> tuple[EmpiricalSnapshot, Edges]:
+    """Draw a snapshot that saw each pair alone, and the edges it should have.
+
+    Whatever each pair may say comes out, with cycles and contradictions.
+    """
+    sensors = draw(st.integers(2, most))
+    snapshot = EmpiricalSnapshot(sensors, 0.25)
+    edges: Edges = set()
+    for i, j in itertools.combinations(range(sensors - 1, -1, -1), 2):
+        code = draw(st.sampled_from(sorted(SIGHTS)))
+        for x, y in SIGHTS[code]:
+            bits, known = np.zeros((2, sensors), np.bool_)
+            bits[[i, j]] = x, y
+            known[[i, j]] = True
+            snapshot.observe(bits, known)
+        ways = [(2 * i, 2 * j), (2 * j, 2 * i), (2 * i, 2 * j + 1), (2 * i + 1, 2 * j)]
+        for bit, (a, b) in enumerate(ways):
+            if code >> bit & 1:
+                edges |= {(a, b), (b ^ 1, a ^ 1)}
+    return snapshot, edges
+
+
+def edges_of(snapshot: Snapshot, equivalences: bool = True) -> Edges:
+    edges = snapshot.poc_graph(equivalences).edges
+    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
+
+
+def weights_of(snapshot: Snapshot) -> Weights:
+    pairs = oracles.proper_pairs(2 * len(snapshot.sensorium))
+    return {(a, b): snapshot.weight(a, b) for a, b in pairs}
+
+
+def literals_of(reading: Reading) -> list[int]:
+    return [
+        2 * s + (not on)
+        for s, (on, known) in enumerate(zip(*reading, strict=True))
+        if known
+    ]
+
+
+def made(kind: type[Snapshot], run: tuple[int, list[Reading]], tau: float) -> Snapshot:
+    snapshot = kind(run[0], tau)
+    for bits, known in run[1]:
+        snapshot.learn(bits, known)
+    return snapshot
+
+
+@given(partial_runs(), st.data())
+def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
+    run: tuple[int, list[Reading]], data: st.DataObject
+) -> None:
+    sensors, seen = run
+    n = 2 * sensors
+    tau = data.draw(thresholds(sensors, SHARES))
+    share = np.broadcast_to(tau, (sensors, sensors)).tolist()
+    snapshot = EmpiricalSnapshot(sensors, tau)
+    count: Counter[tuple[int, int]] = Counter()
+    since = dict.fromkeys(itertools.permutations(range(sensors), 2), 0)
+    before: Edges = set()
+    for tick, reading in enumerate(seen, 1):
+        twin = Snapshot.from_bytes(snapshot.to_bytes())
+        state = snapshot.observe(*reading)
+        count.update(itertools.permutations(literals_of(reading), 2))
+        weights: Weights = {pair: count[pair] for pair in oracles.proper_pairs(n)}
+        total = {
+            (i, j): sum(count[2 * i + s, 2 * j + t] for s in (0, 1) for t in (0, 1))
+            for i, j in since
+        }
+        limit = {(i, j): share[i][j] * total[i, j] for i, j in since}
+        strict = oracles.implied(n, weights, lambda i, j: limit[i, j])  # noqa: B023
+        both = {(a, b) for a, b in oracles.equal(n, weights) if total[a // 2, b // 2]}
+        assert snapshot.clock == tick
+        assert weights_of(snapshot) == weights
+        assert edges_of(snapshot, equivalences=False) == strict
+        assert edges_of(snapshot) == strict | both
+        assert as_set(state) == oracles.projected(strict | both, literals_of(reading))
+        since |= {(a // 2, b // 2): tick for a, b in before ^ (strict | both)}
+        assert twin.learn(*reading) == (before != strict | both)
+        before = strict | both
+        assert edges_of(twin) == before
+        for a, b in oracles.proper_pairs(n):
+            found = snapshot.evidence(a, b)
+            assert found == twin.evidence(a, b)
+            assert (found.both, found.against) == (weights[a, b], weights[a, b ^ 1])
+            assert found.other == weights[a ^ 1, b]
+            assert found.neither == weights[a ^ 1, b ^ 1]
+            assert found.total == total[a // 2, b // 2]
+            assert found.limit == limit[a // 2, b // 2]
+            assert found.holds == ((a, b) in before)
+            assert found.since == since[a // 2, b // 2]
+
+
+@given(partial_runs(most=4, longest=12), EXACT_DECAYS, st.data())
+def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
+    run: tuple[int, list[Reading]], decay: float, data: st.DataObject
+) -> None:
+    sensors, seen = run
+    n = 2 * sensors
+    tau = data.draw(thresholds(sensors, EXACT_SHARES))
+    share = np.broadcast_to(tau, (sensors, sensors)).tolist()
+    snapshot = DiscountedSnapshot(sensors, tau, decay)
+    weights: Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
+    since = dict.fromkeys(weights, 0)
+    before: Edges = set()
+    for tick, (bits, known) in enumerate(seen, 1):
+        state = snapshot.observe(bits, known)
+        faded = oracles.discounted(n, weights, bits, Fraction(decay))
+        for a, b in weights:
+            if known[a // 2] and known[b // 2]:
+                weights[a, b] = faded[a, b]
+        strict = oracles.implied(n, weights, lambda i, j: Fraction(share[i][j]))
+        edges = strict | oracles.equal(n, weights)
+        weights = oracles.truncated(weights, strict)
+        assert weights_of(snapshot) == weights
+        assert edges_of(snapshot, equivalences=False) == strict
+        assert edges_of(snapshot) == edges
+        start = literals_of((bits, known))
+        assert as_set(state) == oracles.projected(edges, start)
+        for a, b in before ^ edges:
+            for pair in itertools.product((a, a ^ 1), (b, b ^ 1)):
+                since[pair] = since[pair[::-1]] = tick
+        before = edges
+        for a, b in weights:
+            found = snapshot.evidence(a, b)
+            assert found.total == 1
+            assert found.limit == share[a // 2][b // 2]
+            assert (found.both, found.against) == (weights[a, b], weights[a, b ^ 1])
+            assert found.holds == ((a, b) in edges)
+            assert found.since == since[a, b]
+
+
+def derived(w: Matrix, limit: Matrix) -> NDArray[np.bool_]:
+    """The derived graph of weights on all pairs of literals; all is exact."""
+    swap = np.arange(len(w)) ^ 1
+    against, other, neither = w[:, swap], w[swap], w[swap][:, swap]
+    least = np.minimum(np.minimum(w, limit), np.minimum(other, neither))
+    edges = (against < least) | ((against == 0) & (other == 0) & (w + neither > 0))
+    edges[np.arange(len(w)) // 2 == np.arange(len(w))[:, None] // 2] = False
+    return np.asarray(edges, np.bool_)
+
+
+def truncated(w: Matrix, edges: NDArray[np.bool_]) -> Matrix:
+    """Each weight against an implication moved, once with its contrapositive."""
+    w = w.copy()
+    for a, b in np.argwhere(edges & ~edges.T):
+        if a < b ^ 1:
+            against = w[a, b ^ 1]
+            for s, t, sign in [(0, 1, -1), (0, 0, 1), (1, 1, 1), (1, 0, -1)]:
+                w[a ^ s, b ^ t] += sign * against
+                w[b ^ t, a ^ s] += sign * against
+    return w
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("sensors", [7, 33, 70])
+def test_vectors_and_thresholds_do_not_show_in_larger_snapshots(
+    sensors: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    tau = rng.choice([1 / 4, 1 / 8, 1 / 16], (sensors, sensors))
+    tau = np.minimum(tau, tau.T)
+    share = tau.repeat(2, 0).repeat(2, 1)
+    counts = EmpiricalSnapshot(sensors, tau)
+    weighted = DiscountedSnapshot(sensors, tau, 7 / 8)
+    n, total = np.zeros((2, 2 * sensors, 2 * sensors))
+    w = np.full((2 * sensors, 2 * sensors), 0.25)
+    levels = rng.integers(0, 6, sensors)
+    for _ in range(12):
+        bits = (levels < rng.integers(0, 7)) ^ (rng.random(sensors) < 0.1)
+        known = rng.random(sensors) < 0.9
+        on = (np.stack([bits, ~bits], 1) & known[:, None]).ravel().astype(float)
+        both = np.outer(known, known).repeat(2, 0).repeat(2, 1)
+        counts.learn(bits, known)
+        weighted.learn(bits, known)
+        n, total = n + np.outer(on, on), total + both
+        w = np.where(both, 7 / 8 * w + 1 / 8 * np.outer(on, on), w)
+        assert (counts.poc_graph().edges == derived(n, share * total)).all()
+        edges = derived(w, share)
+        assert (weighted.poc_graph().edges == edges).all()
+        w = truncated(w, edges)
+
+
+@KINDS
+@given(run=partial_runs(), tau=SHARES, data=st.data())
+def test_pairs_with_an_unknown_reading_are_not_touched(
+    kind: type[Snapshot],
+    run: tuple[int, list[Reading]],
+    tau: float,
+    data: st.DataObject,
+) -> None:
+    sensors = run[0]
+    snapshot = made(kind, run, tau)
+    twin = Snapshot.from_bytes(snapshot.to_bytes())
+    some = st.lists(st.booleans(), min_size=sensors, max_size=sensors)
+    bits, known = data.draw(some), data.draw(some)
+    snapshot.learn(bits, known)
+    for a, b in oracles.proper_pairs(2 * sensors):
+        if not (known[a // 2] and known[b // 2]):
+            assert snapshot.evidence(a, b) == twin.evidence(a, b)
+
+
+@KINDS
+@given(run=partial_runs(), tau=SHARES)
+def test_bits_of_unknown_readings_mean_nothing(
+    kind: type[Snapshot], run: tuple[int, list[Reading]], tau: float
+) -> None:
+    other = [
+        ([on if k else not on for on, k in zip(bits, known, strict=True)], known)
+        for bits, known in run[1]
+    ]
+    twin = made(kind, (run[0], other), tau)
+    assert twin.to_bytes() == made(kind, run, tau).to_bytes()
+
+
+@KINDS
+@given(run=partial_runs(), tau=SHARES)
+def test_full_observations_come_to_the_same_in_either_form(
+    kind: type[Snapshot], run: tuple[int, list[Reading]], tau: float
+) -> None:
+    sensors, seen = run
+    nothing = ([False] * sensors, [False] * sensors)
+    full = [(bits, [True] * sensors) for bits, _ in seen]
+    narrow = made(kind, (sensors, full), tau)
+    wide = made(kind, (sensors, [nothing, *full]), tau)
+    assert wide.clock == narrow.clock + 1
+    for pair, weight in weights_of(narrow).items():
+        assert weights_of(wide)[pair] == pytest.approx(weight, rel=0, abs=1e-14)
+    if kind is EmpiricalSnapshot:
+        assert weights_of(wide) == weights_of(narrow)
+        assert edges_of(wide) == edges_of(narrow)
+    then = weights_of(narrow), edges_of(narrow)
+    narrow.learn(*nothing)
+    assert (weights_of(narrow), edges_of(narrow)) == then
+
+
+@KINDS
+@given(first=partial_runs(), second=partial_runs(most=1), tau=SHARES)
+def test_a_saved_snapshot_goes_on_as_if_nothing_had_happened(
+    kind: type[Snapshot],
+    first: tuple[int, list[Reading]],
+    second: tuple[int, list[Reading]],
+    tau: float,
+) -> None:
+    snapshot = made(kind, first, tau)
+    twin = kind.from_bytes(snapshot.to_bytes())
+    assert twin.to_bytes() == snapshot.to_bytes()
+    for on, known in second[1]:
+        reading = (on * first[0], known * first[0])
+        assert (twin.observe(*reading) == snapshot.observe(*reading)).all()
+    assert twin.to_bytes() == snapshot.to_bytes()
+
+
+@given(partial_runs(), SHARES, st.data())
+def test_sensors_always_known_together_have_the_edges_of_their_own_snapshot(
+    run: tuple[int, list[Reading]], tau: float, data: st.DataObject
+) -> None:
+    sensors, seen = run
+    group = sorted(data.draw(st.sets(st.integers(0, sensors - 1), min_size=1)))
+    alone = EmpiricalSnapshot(len(group), tau)
+    snapshot = EmpiricalSnapshot(sensors, tau)
+    for bits, known in seen:
+        together = known[group[0]]
+        snapshot.learn(
+            bits, [together if s in group else k for s, k in enumerate(known)]
+        )
+        if together:
+            alone.learn([bits[s] for s in group])
+    within = [2 * s + sign for s in group for sign in (0, 1)]
+    edges = snapshot.poc_graph().edges[np.ix_(within, within)]
+    assert (edges == alone.poc_graph().edges).all()
+    strict = snapshot.poc_graph(equivalences=False).edges[np.ix_(within, within)]
+    assert not oracles.has_cycle({(int(a), int(b)) for a, b in np.argwhere(strict)})
+
+
+@given(relations(), st.data())
+def test_whatever_relation_comes_out_is_ordered_and_projected(
+    drawn: tuple[EmpiricalSnapshot, Edges], data: st.DataObject
+) -> None:
+    snapshot, edges = drawn
+    graph, n = snapshot.poc_graph(), 2 * len(snapshot.sensorium)
+    assert edges_of(snapshot) == edges
+    order = oracles.below_or_equal(n, edges)
+    classes = {
+        tuple(b for b in range(n) if {(a, b), (b, a)} <= order) for a in range(n)
+    }
+    assert graph.classes() == sorted(group for group in classes if len(group) > 1)
+    heights = graph.heights().tolist()
+    for a in range(n):
+        assert {b for b in range(n) if graph.leq(a, b)} == oracles.reach(edges, [a])
+        assert heights[a] == oracles.chain(order, a)
+    chosen = data.draw(st.sets(st.integers(0, n - 1)))
+    projection = graph.coherent_projection(chosen)
+    assert as_set(projection) == oracles.projected(edges, chosen)
+    assert oracles.coherent(order, as_set(projection))
+    assert (graph.coherent_projection(projection) == projection).all()
+    assert graph.is_coherent(chosen) == oracles.coherent(order, chosen)
+    load = data.draw(st.sets(st.integers(0, n - 1)))
+    above = oracles.reach(edges, chosen)
+    assert as_set(graph.propagate(load, chosen)) == (
+        (oracles.reach(edges, load) | above) - oracles.stars(above)
+    )
+
+
+@given(relations())
+def test_signals_travel_whatever_relation_comes_out(
+    drawn: tuple[EmpiricalSnapshot, Edges],
+) -> None:
+    snapshot, edges = drawn
+    graph, n = snapshot.poc_graph(), 2 * len(snapshot.sensorium)
+    for wires in (graph.wiring("hasse"), graph.wiring("derived")):
+        plain = {(int(a), int(b)) for a, b in np.argwhere(wires)}
+        assert oracles.below_or_equal(n, plain) == oracles.below_or_equal(n, edges)
+        assert {(b ^ 1, a ^ 1) for a, b in plain} == plain
+        assert max(oracles.hops(plain, {a}) for a in range(n)) <= graph.height() + 2
+    named = graph.implications(snapshot.sensorium)
+    literal = snapshot.sensorium.literal
+    pairs = {(literal(a), literal(b)) for a, b in named}
+    pairs |= {(b ^ 1, a ^ 1) for a, b in pairs}
+    assert oracles.below_or_equal(n, pairs) == oracles.below_or_equal(n, edges)
+
+
+@given(relations())
+def test_a_contradiction_generates_no_poc_set(
+    drawn: tuple[EmpiricalSnapshot, Edges],
+) -> None:
+    snapshot, edges = drawn
+    graph, literals = snapshot.poc_graph(), range(2 * len(snapshot.sensorium))
+    order = oracles.below_or_equal(len(literals), edges)
+    torn = {a for a in literals if {(a, a ^ 1), (a ^ 1, a)} <= order}
+    if torn:
+        rule = rf"^literal: must not be equivalent .* got {min(torn)}$"
+        with pytest.raises(ValueError, match=rule):
+            PocSet.from_graph(graph)
+        assert not as_set(graph.coherent_projection(literals)) & torn
+    else:
+        p = PocSet.from_graph(graph)
+        pairs = itertools.product(literals, literals)
+        assert {(a, b) for a, b in pairs if p.leq(a, b)} == order
