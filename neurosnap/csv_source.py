@@ -29,6 +29,9 @@ class CsvSource:
         InvalidValueError: The file cannot be read or breaks a rule.
     """
 
+    known: NDArray[np.bool_] | None = None
+    live: bool = False
+
     def __init__(self, path: str) -> None:
         self._path = path
         self._readings: Iterator[NDArray[np.bool_]] | None = None

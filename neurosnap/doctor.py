@@ -338,7 +338,8 @@ def send_round() -> None:
     """Send a message from one client over a hub to another. For a child process."""
     import zenoh
 
-    from neurosnap.fabric.over_zenoh import configuration, open_hub
+    from neurosnap.fabric.hub import open_hub
+    from neurosnap.fabric.session import configuration
 
     came: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 

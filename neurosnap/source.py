@@ -1,7 +1,8 @@
 """Where observations come from: a Gymnasium environment, or a CSV file of readings.
 
 What a source gives after k steps is a function of its name, the seed and the actions,
-and of nothing else. Whatever can be checked beforehand is checked by `open_source`: a
+and of nothing else; but for live sources, which cannot be brought back to where they
+were. Whatever can be checked beforehand is checked by `open_source`: a
 file with a bad row 900 is refused before anything is started, not at tick 900.
 """
 
@@ -22,6 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.csv_source import CsvSource
 from neurosnap.environment import describe, within
 from neurosnap.errors import InvalidValueError
+from neurosnap.outside.open import is_outside, open_outside
+from neurosnap.outside.zenoh_keys import Hub
 from neurosnap.sensorium import Sensorium
 
 WORLDS = "neurosnap.worlds"
@@ -48,31 +51,49 @@ class Source(Protocol):
     """Observations it has in all, the first included; None: no end is known."""
     begins: bool
     """The last observation begins a trajectory: it follows no action."""
+    known: NDArray[np.bool_] | None
+    """``(N,)``, which readings of the last observation are known, one at least; what
+    the others are means nothing. None: all are known."""
+    live: bool
+    """It observes what goes on by itself: it takes its time, and never starts over. In
+    a run that is resumed its first call is a `step`."""
 
-    def first(self) -> NDArray[np.bool_]:
-        """Start, or start over, and return the first observation: ``(N,)``."""
+    def first(self) -> NDArray[np.bool_] | None:
+        """Start, or start over, and return the first observation: ``(N,)``.
+
+        None: it is over already. A live source may make its caller wait.
+        """
 
     def step(self, action: int) -> NDArray[np.bool_] | None:
         """Return the observation that follows a choice; None: it is over, for good.
 
         Choices count from 0: where actions exclude each other, a choice is an action;
-        otherwise its bits say which are taken.
+        otherwise its bits say which are taken. A live source may make its caller wait.
         """
 
     def close(self) -> None:
-        """Give up what it holds; may be called twice."""
+        """Give up what it holds; may be called twice.
+
+        With a live source it may be called from any thread: whoever waits in `first` or
+        `step` gets None.
+        """
 
 
 def open_source(
-    name: str, seed: int, arguments: Mapping[str, Argument] | None = None
+    name: str,
+    seed: int,
+    arguments: Mapping[str, Argument] | None = None,
+    hub: Hub | None = None,
 ) -> Source:
     """Return the source called `name`.
 
     Args:
         name: The path of a CSV file (it ends with ``.csv``, or the file exists), or the
-            id of a Gymnasium environment, ``module:Id`` to import a module first.
+            id of a Gymnasium environment, ``module:Id`` to import a module first; or
+            one that is outside, as `neurosnap.outside.open` has it.
         seed: For the environment's reset, from 0 up; a file does not use it.
         arguments: The environment's own; a file takes none.
+        hub: The swarm's, for whoever is about to be its world.
 
     Raises:
         InvalidValueError: There is no such source, it does not take such arguments, or
@@ -81,6 +102,8 @@ def open_source(
     if seed < 0:
         raise InvalidValueError("seed", "must be 0 or more", seed)
     arguments = {} if arguments is None else arguments
+    if is_outside(name):
+        return open_outside(name, arguments, hub)
     if name.lower().endswith(".csv") or _is_file(name):
         if arguments:
             rule = "must not be given for a file"
@@ -106,6 +129,9 @@ class GymnasiumSource:
         InvalidValueError: There is no such environment, or it does not take such
             arguments, or it has other spaces, or its names are no names.
     """
+
+    known: NDArray[np.bool_] | None = None
+    live: bool = False
 
     def __init__(
         self, name: str, seed: int, arguments: Mapping[str, Argument] | None = None

@@ -18,7 +18,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 1
+SCHEMA = 2
 ROOT = "neurosnap"
 
 _LARGEST = 2**31 - 1
@@ -57,6 +57,9 @@ class Observation(_Message, frozen=True, tag="observe"):
     """The readings, sensor 0 in the lowest bit of the first byte."""
     begins: bool = False
     """It begins a trajectory: the action of the decision before did not lead to it."""
+    known: bytes = b""
+    """Which readings are known, packed like `bits`, one at least; empty: all are. One
+    that is not is 0 in `bits` and says nothing."""
 
 
 class Wiring(_Message, frozen=True, tag="wiring"):
@@ -162,6 +165,8 @@ class Settled(_Message, frozen=True, tag="settled"):
     """Exponents: the shares ``2^-e`` that end here."""
     pulses: Natural
     """Pulses sent with this report."""
+    epoch: Natural = 0
+    """The cell's wiring when it acted, by its number; 0: it was never wired."""
 
     @property
     def sender(self) -> str:
@@ -246,6 +251,8 @@ class Tally(_Message, frozen=True, tag="tally"):
     came once."""
     pulses: Natural
     """Pulses along edges of its cells, those to cells of its own included."""
+    epoch: Natural = 0
+    """The worker's last frame of wiring when it acted; 0: it was never wired."""
 
     @property
     def sender(self) -> str:
@@ -299,6 +306,42 @@ class Reached(_Message, frozen=True, tag="reached"):
     """Edges on the longest chain of the learned order."""
     pulses: Natural
     """Pulses the wave took, as reported."""
+
+
+class Anomaly(_Message, frozen=True, tag="anomaly"):
+    """An observation contradicts what was believed before it was learned from.
+
+    Of each broken implication the links it follows from are listed: one, wherever every
+    sensor was read. The last five fields have an entry a link.
+    """
+
+    _key: ClassVar[str] = "anomaly"
+
+    tick: Numbered
+    """The tick of the observation."""
+    since: Numbered
+    """The tick it began at; the ticks between are of the same anomaly."""
+    culprits: Naturals
+    """The fewest sensors that can be wrong, and of such sets the likeliest."""
+    candidates: Naturals
+    """Sensors that are in one of the smallest such sets."""
+    exact: bool
+    """Whether the search for them was complete."""
+    implications: Natural
+    """Broken implications in all, those that follow from others left out; the first of
+    them are listed."""
+    number: Naturals
+    """Which broken implication a link belongs to, from 0."""
+    sources: Naturals
+    """The literal that implies."""
+    targets: Naturals
+    """The literal implied."""
+    support: tuple[float, ...]
+    """What was learned of both at once: a count, or a share."""
+    against: tuple[float, ...]
+    """What was learned of the source without the target, in the same units."""
+    learned: Naturals
+    """The tick since which it is believed."""
 
 
 class Decision(_Message, frozen=True, tag="decision"):
@@ -370,6 +413,7 @@ Message: TypeAlias = (
     | Loom
     | Burst
     | Tally
+    | Anomaly
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -388,6 +432,7 @@ TOPICS: dict[str, type[Message]] = {
     "loom": Loom,
     "burst": Burst,
     "tally": Tally,
+    "anomaly": Anomaly,
 }
 """The first chunk of every key, and what travels there."""
 
@@ -438,14 +483,8 @@ def topic(key: str) -> str:
 
 def cell_keys(cell: int) -> tuple[str, ...]:
     """Return the key expressions a cell listens to."""
-    return (
-        "observe",
-        f"wiring/{cell}",
-        "wave",
-        f"wave/{cell}",
-        f"excite/{cell}",
-        f"inhibit/{cell}",
-    )
+    own = ("wiring", "wave", "excite", "inhibit")
+    return ("observe", "wave", *(f"{topic}/{cell}" for topic in own))
 
 
 def worker_keys(worker: int) -> tuple[str, ...]:
@@ -454,11 +493,7 @@ def worker_keys(worker: int) -> tuple[str, ...]:
 
 
 def numbers(name: str, data: bytes) -> tuple[int, ...]:
-    """Return the whole numbers in a field that holds many of them.
-
-    Args:
-        name: The field, for the error.
-        data: Four bytes each, signed, the lowest byte first.
+    """Return the numbers in field `name`: four bytes each, signed, the lowest first.
 
     Raises:
         MessageError: There is a part of a number in it.
@@ -478,22 +513,3 @@ def fired(report: Settled | Tally) -> Naturals:
     if isinstance(report, Settled):
         return report.literals
     return numbers("tally: literals", report.literals)
-
-
-def split_evenly(credit: int, parts: int) -> list[int]:
-    """Split the share ``2^-credit`` into `parts` shares that add up to it exactly.
-
-    They are the leaf depths of a complete binary tree, so they differ by at most one
-    and nothing is left over.
-
-    Args:
-        credit: The exponent to split.
-        parts: How many shares, at least 1.
-
-    Returns:
-        The exponents of the shares, larger shares first.
-    """
-    depth = (parts - 1).bit_length()
-    larger = (1 << depth) - parts
-    smaller = parts - larger
-    return [credit + depth - 1] * larger + [credit + depth] * smaller

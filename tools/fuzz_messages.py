@@ -40,6 +40,8 @@ def value(kind: inspect.Type, chance: random.Random) -> Any:  # noqa: ANN401
             return number(chance, -1 if kind.ge is None else kind.ge)
         case inspect.BoolType():
             return chance.random() < 0.5
+        case inspect.FloatType():
+            return chance.choice((0.0, -0.5, 1e300, chance.random()))
         case inspect.BytesType():
             return chance.randbytes(chance.choice((0, 1, 1, 1, 2, 3, 40)))
         case inspect.StrType():
@@ -64,7 +66,16 @@ def drawn(kind: type[M], chance: random.Random) -> M:
 
 
 def altered(message: wire.Message, chance: random.Random) -> wire.Message:
-    """Return `message` with a field or two drawn anew."""
+    """Return `message` with a field or two drawn anew.
+
+    An observation often becomes a partial one, or nearly: drawn each by itself, its
+    fields would hardly ever fit each other.
+    """
+    if isinstance(message, wire.Observation) and chance.random() < 0.5:
+        known = chance.randbytes(len(message.bits))
+        masked = bytes(a & b for a, b in zip(message.bits, known, strict=True))
+        bits = message.bits if chance.random() < 0.3 else masked
+        return msgspec.structs.replace(message, bits=bits, known=known)
     fields = _TYPES[type(message)]
     chosen = chance.sample(fields, min(len(fields), chance.choice((1, 1, 2))))
     changes = {name: value(of, chance) for name, of in chosen}

@@ -184,3 +184,33 @@ class Senses:
                 out=observation[self._contextual],
             )
         return observation
+
+    def known(
+        self,
+        own: NDArray[np.bool_] | None,
+        action: int = -1,
+        state: NDArray[np.bool_] | None = None,
+        before: NDArray[np.bool_] | None = None,
+    ) -> NDArray[np.bool_] | None:
+        """Return which readings of the observation are known: ``(N,)``; None: all.
+
+        Actions always are. ``α∧a`` is known where ``α`` was not taken, for then it is
+        off; where a literal of the sensor was in the state before, even if only because
+        something implied it; and where the sensor's reading was known then. (If that
+        was contradicted, neither literal was in the state, and ``α∧a`` is off.)
+
+        Args:
+            own: ``(n,)``, which readings of the world's own sensors are known; None:
+                all.
+            action: As in `observe`.
+            state: As in `observe`.
+            before: As `own`, when `state` was recorded.
+        """
+        known = np.ones(self._count, np.bool_)
+        if own is not None:
+            known[self._own] = own
+        if action >= 0 and state is not None and before is not None:
+            literal = self._literal
+            told = before[literal >> 1] | state[literal] | state[literal ^ 1]
+            known[self._contextual] = told | ~self._choices[action][self._action]
+        return None if known.all() else known

@@ -1,4 +1,4 @@
-"""Verbs for parts on other machines, and for swarms that run on this one."""
+"""Verbs for a hub of its own, and for the swarms that run on this machine."""
 
 import asyncio
 from typing import Annotated
@@ -14,7 +14,6 @@ from neurosnap.cli.shared import (
     convert,
     errors,
     print_json,
-    ranges,
     run_async,
     say,
     screen,
@@ -36,7 +35,7 @@ def hub(
     as_json: Json = False,
 ) -> None:
     """Be a hub for swarms that are started with --connect, until Ctrl-C."""
-    from neurosnap.fabric.over_zenoh import open_hub
+    from neurosnap.fabric.hub import open_hub
     from neurosnap.fabric.refusals import telling_refusals
 
     with errors():
@@ -61,31 +60,6 @@ def hub(
             run_async(serve)
         if as_json:
             print_json({"listened": listen})
-
-
-@app.command()
-def join(
-    swarm: Annotated[str, typer.Argument(help="The id it was started with.")],
-    connect: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where its hub listens.")
-    ],
-    cells: Annotated[
-        str, typer.Option(metavar="RANGES", help="Which cells: 0-499 or 3,7,9-12.")
-    ],
-    tls: Tls = "",
-    insecure: Insecure = False,
-    as_json: Json = False,
-) -> None:
-    """Be a share of a swarm's cells, until its coordinator has gone."""
-    from neurosnap.swarm.join import join as be_cells
-
-    with errors():
-        network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        numbers = ranges("cells", cells)
-        screen.print(f"{len(numbers)} cells for swarm {swarm}", markup=False)
-        run_async(lambda stop: be_cells(network, swarm, numbers, stop))
-        if as_json:
-            print_json({"swarm": swarm, "cells": numbers})
 
 
 @app.command()

@@ -32,6 +32,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object last."
 Tls = Annotated[
     str, typer.Option(metavar="DIR", help="Keys, made by `neurosnap keys DIR`.")
 ]
+Connect = Annotated[
+    str, typer.Option(metavar="ENDPOINT", help="Where the swarm's hub listens.")
+]
 Insecure = Annotated[
     bool, typer.Option("--insecure", help="Go over a network without keys.")
 ]
@@ -79,6 +82,16 @@ def ranges(name: str, text: str) -> list[int]:
     if not numbers or len(set(numbers)) < len(numbers):
         raise InvalidValueError(name, "must name each once", text)
     return sorted(numbers)
+
+
+def check_swarm(swarm: str) -> None:
+    """Refuse an id that could not stand in a key.
+
+    Raises:
+        InvalidValueError: It holds something else than letters and digits.
+    """
+    if not swarm.isalnum():
+        raise InvalidValueError("swarm", "must be letters and digits", swarm)
 
 
 def convert(kind: type[T], **given: object) -> T:

@@ -13,12 +13,15 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 
 Role: TypeAlias = Literal[
-    "hub", "coordinator", "world", "recorder", "cell", "worker", "watcher"
+    "hub", "coordinator", "world", "recorder", "cell", "worker", "watcher", "sensor"
 ]
 ROLES: tuple[Role, ...] = get_args(Role)
 
 ALL = tuple(wire.TOPICS)
 """Every topic."""
+
+READING = "reading"
+"""Where programs outside put what their sensors read: no message of ours."""
 
 
 class Rights(NamedTuple):
@@ -32,6 +35,13 @@ class Rights(NamedTuple):
     """Names it may show as alive, as key expressions."""
     watches: bool = False
     """It may follow who is alive."""
+    briefs: bool = False
+    """It answers what the run is."""
+    asks: bool = False
+    """It may ask that."""
+    told: bool = False
+    """It is told who listens to what it publishes: a stock client's declared publisher
+    sends nothing as long as it knows of nobody. Ours do not ask."""
 
 
 def _topics(keys: Iterable[str]) -> tuple[str, ...]:
@@ -43,16 +53,17 @@ RIGHTS: dict[Role, Rights] = {
     "hub": Rights(publishes=ALL),
     "coordinator": Rights(
         publishes=(
-            *("wiring", "loom", "wave", "state", "reach", "decide", "keyframe"),
-            *("fault", "leave"),
+            *("wiring", "loom", "wave", "state", "reach", "decide"),
+            *("keyframe", "anomaly", "fault", "leave"),
         ),
         reads=("observe", "settle", "tally", "fault", "leave"),
         announces=("coordinator",),
         watches=True,
+        briefs=True,
     ),
     "world": Rights(
         publishes=("observe", "fault", "leave"),
-        reads=("state", "decide"),
+        reads=("state", "decide", READING),
         announces=("world",),
     ),
     "recorder": Rights(reads=ALL, announces=("recorder",), watches=True),
@@ -67,8 +78,13 @@ RIGHTS: dict[Role, Rights] = {
         announces=("worker/*",),
     ),
     # Looks on, and leaves no trace.
-    "watcher": Rights(reads=ALL, watches=True),
+    "watcher": Rights(reads=ALL, watches=True, asks=True),
+    # Any program that knows something, and nothing of ours.
+    "sensor": Rights(publishes=(READING,), told=True),
 }
+
+BRIEF = "brief"
+"""What a coordinator answers to whoever wants to take part in its run."""
 
 FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that nobody has it."""
@@ -115,14 +131,23 @@ def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
     reads = ("**",) if rights.reads == ALL else _below(rights.reads)
     alive = tuple(f"alive/{who}" for who in rights.announces)
     everybody = ("alive/**",) if rights.watches else ()
+    answers = (BRIEF,) if rights.briefs else ()
+    asks = (BRIEF,) if rights.asks else ()
+    publishes = _below(rights.publishes)
     for message, flow, keys in (
-        ("put", "ingress", _below(rights.publishes)),
+        ("put", "ingress", publishes),
+        ("declare_subscriber", "egress", publishes if rights.told else ()),
         ("declare_subscriber", "ingress", reads),
         ("put", "egress", reads),
         ("liveliness_token", "ingress", alive),
         ("declare_liveliness_subscriber", "ingress", everybody),
+        ("liveliness_query", "ingress", everybody),
         ("liveliness_token", "egress", everybody),
-        ("query", "ingress", (FLUSHED,)),
+        ("declare_queryable", "ingress", answers),
+        ("query", "egress", answers),
+        ("reply", "ingress", answers),
+        ("reply", "egress", asks),
+        ("query", "ingress", (FLUSHED, *asks)),
     ):
         if keys:
             yield {

@@ -3,8 +3,8 @@
 Without a seed every message is delivered in the order it was published. With a seed the
 hub draws which link delivers next, so that messages of different senders overtake each
 other while each link keeps its own order, as the protocol promises; it can also repeat
-and lose messages and cut links, each of which leaves the trace the protocol promises: a
-gap in the sender's numbers.
+and lose messages, keep parts waiting and cut links. What is lost is counted, and leaves
+the trace the protocol promises: a gap in the sender's numbers.
 
 The hub is synchronous. Simulations call `step` themselves; where a loop is running, the
 hub delivers as part of it.
@@ -14,7 +14,7 @@ import asyncio
 import contextlib
 import random
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
@@ -24,16 +24,21 @@ from neurosnap import wire
 from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
+_TRIES = 4  # draws after which even a slow part gets what is for it
 
 
 @dataclass(frozen=True)
 class Faults:
-    """How badly a simulated network behaves; each a probability a message."""
+    """How badly a simulated network behaves."""
 
     duplicate: float = 0.0
-    """A message arrives once more, later."""
+    """The probability that a message arrives once more, later."""
     drop: float = 0.0
-    """A message does not arrive at one of its receivers."""
+    """The probability that a message does not arrive at one of its receivers."""
+    spared: frozenset[tuple[str, str]] = frozenset()
+    """Links, sender and receiver, that `drop` leaves alone."""
+    slow: frozenset[str] = frozenset()
+    """Parts that mostly get what is for them when nobody else has anything waiting."""
 
 
 def matches(expression: str, key: str) -> bool:
@@ -63,6 +68,8 @@ class MemoryHub:
     """
 
     def __init__(self, seed: int | None = None, faults: Faults | None = None) -> None:
+        self.lost: Counter[tuple[str, str]] = Counter()
+        """Deliveries that faults and cuts took, by sender and receiver."""
         self._random = None if seed is None else random.Random(seed)
         self._faults = faults or Faults()
         self._links: dict[tuple[str, str], deque[wire.Delivery]] = {}
@@ -88,6 +95,7 @@ class MemoryHub:
             waiting = self._links.pop(link, ())
             for _ in waiting:
                 self._queue.remove(link)
+                self.lost[link] += 1
 
     def heal(self, a: str, b: str) -> None:
         """Let messages between `a` and `b` pass again; what was lost stays lost."""
@@ -126,9 +134,7 @@ class MemoryHub:
         if not self._queue:
             return None
         if self._random is not None:
-            # Any waiting link may be next; which of its own messages it is does not
-            # matter, because a link keeps its order.
-            self._queue.rotate(self._random.randrange(len(self._queue)))
+            self._turn(self._random)
         link = self._queue.popleft()
         waiting = self._links[link]
         delivery = waiting.popleft()
@@ -136,6 +142,17 @@ class MemoryHub:
             waiting.append(delivery)
             self._queue.append(link)
         return link[1], delivery
+
+    def _turn(self, chance: random.Random) -> None:
+        """Bring forward the link that delivers next.
+
+        Any that waits may be; which of its own messages it is does not matter, because
+        a link keeps its order.
+        """
+        for _ in range(_TRIES):
+            self._queue.rotate(chance.randrange(len(self._queue)))
+            if self._queue[0][1] not in self._faults.slow:
+                return
 
     def _hand_over(self, receiver: str, delivery: wire.Delivery) -> None:
         for handler in self._route(delivery.key).get(receiver, ()):
@@ -161,11 +178,12 @@ class MemoryHub:
     def send(self, sender: str, delivery: wire.Delivery) -> None:
         """Put a delivery on its way to everybody who listens to its key."""
         for receiver in self._route(delivery.key):
-            if frozenset((sender, receiver)) in self._cut:
-                continue
-            if self._chance(self._faults.drop):
-                continue
             link = (sender, receiver)
+            if frozenset(link) in self._cut or (
+                link not in self._faults.spared and self._chance(self._faults.drop)
+            ):
+                self.lost[link] += 1
+                continue
             self._links.setdefault(link, deque()).append(delivery)
             self._queue.append(link)
         self._pump_soon()

@@ -6,13 +6,11 @@ with BLOCK; callbacks run on Zenoh's own receiving thread (``indirect=False``), 
 keeps the order across several subscriptions. A running number and the sender's clock
 travel as the attachment.
 
-Without credentials it stays on this machine; with them every link is mutual TLS, and
-the hub passes on only what `neurosnap.fabric.access` allows.
+How a session is configured is in `neurosnap.fabric.session`, what it connects to in
+`neurosnap.fabric.hub`.
 """
 
 import asyncio
-import json
-import struct
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -24,88 +22,21 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
-from neurosnap.fabric.access import FLUSHED, access_list
+from neurosnap.fabric.access import BRIEF, FLUSHED
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.inbox import Courier, Door, Inbox
+from neurosnap.fabric.poll import BESIDE, Poll, delivered
 from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
+from neurosnap.fabric.session import connecting
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
 _BLOCK = zenoh.CongestionControl.BLOCK
 _FLUSH = 5.0  # seconds the hub may take to have taken everything
+_ANSWER = 10.0  # seconds others may take to answer
 _CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
-_CHUNK = 4096  # deliveries handled before other tasks get their turn
-
-
-def configuration(mode: str, **settings: object) -> zenoh.Config:
-    """Return a Zenoh configuration that listens to nobody and looks for nobody.
-
-    Args:
-        mode: ``client`` or ``router``.
-        settings: More of Zenoh's keys, ``__`` for ``/``; values as JSON can say them.
-    """
-    config = zenoh.Config()
-    defaults: dict[str, object] = {
-        "mode": mode,
-        "listen/endpoints": [],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "scouting/delay": 0,
-        # On, no more than some 350 sessions connect to one router.
-        "transport/shared_memory/enabled": False,
-    }
-    named = {key.replace("__", "/"): value for key, value in settings.items()}
-    for key, value in (defaults | named).items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-def open_hub(
-    endpoints: Sequence[str],
-    sessions: int,
-    *,
-    credentials: Credentials | None = None,
-    insecure: bool = False,
-) -> zenoh.Session:
-    """Open the router all parts of a swarm connect to. Blocks; close it when done.
-
-    Args:
-        endpoints: What it listens on.
-        sessions: How many parts will connect.
-        credentials: The hub's; turns on mutual TLS and the access list.
-        insecure: May listen beyond this machine without credentials.
-
-    Raises:
-        InvalidValueError: An endpoint breaks the rule of `check_endpoint`.
-        FabricError: An endpoint is in use or cannot be listened on.
-    """
-    for endpoint in endpoints:
-        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
-    guard: dict[str, object] = {}
-    if credentials is not None:
-        guard = {
-            "transport__link__tls": credentials.to_listen(),
-            "access_control": access_list(),
-        }
-    try:
-        return zenoh.open(
-            configuration(
-                "router",
-                listen__endpoints=list(endpoints),
-                transport__unicast__max_sessions=sessions + 100,
-                transport__unicast__accept_pending=sessions + 100,
-                # A stalled part must not get its link closed and lose what waits.
-                transport__link__tx__queue__congestion_control__block__wait_before_close=60_000_000,
-                **guard,
-            )
-        )
-    except zenoh.ZError as error:
-        raise FabricError(
-            f"hub: must be able to listen on {', '.join(endpoints)}, got {error}"
-        ) from error
 
 
 class ZenohFabric:
@@ -150,7 +81,7 @@ class ZenohFabric:
         self._publishing = threading.Lock()
         self._declared: list[Any] = []
         self._doors: list[Door[Any]] = []
-        self._polls: list[_Poll] = []
+        self._polls: list[Poll] = []
 
     async def __aenter__(self) -> Self:
         """Open the session.
@@ -159,8 +90,9 @@ class ZenohFabric:
             FabricError: The hub cannot be reached.
         """
         self._failure = Failure()
+        config = connecting(self._endpoint, self._patience, self._credentials)
         try:
-            self._session = await self._off_loop(zenoh.open, self._config())
+            self._session = await self._off_loop(zenoh.open, config)
         except zenoh.ZError as error:
             raise FabricError(
                 f"{self.who}: must reach the hub at {self._endpoint}, got {error}"
@@ -178,23 +110,6 @@ class ZenohFabric:
         if self._swift:
             return call(*args, **kwargs)
         return await asyncio.to_thread(call, *args, **kwargs)
-
-    def _config(self) -> zenoh.Config:
-        guard: dict[str, object] = {}
-        if self._credentials is not None:
-            guard["transport__link__tls"] = self._credentials.to_connect()
-        return configuration(
-            "client",
-            connect__endpoints=[self._endpoint],
-            connect__timeout_ms=int(self._patience * 1000),
-            connect__retry={
-                "period_init_ms": 50,
-                "period_max_ms": 200,
-                "period_increase_factor": 1.5,
-            },
-            transport__link__tx__queue__congestion_control__block__wait_before_close=60_000_000,
-            **guard,
-        )
 
     async def __aexit__(
         self,
@@ -251,7 +166,7 @@ class ZenohFabric:
             self._prefix + key,
             payload,
             congestion_control=_BLOCK,
-            attachment=_BESIDE.pack(sequence, sent),
+            attachment=BESIDE.pack(sequence, sent),
         )
 
     async def subscribe(
@@ -263,7 +178,7 @@ class ZenohFabric:
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
             for subscriber in await self._off_loop(self._declare, keys, channel):
                 self._polls.append(
-                    _Poll(subscriber.handler, cut, handler, poll, self._failure)
+                    Poll(subscriber.handler, cut, handler, poll, self._failure)
                 )
             return
         kind = Courier if self._swift else Inbox
@@ -271,7 +186,7 @@ class ZenohFabric:
         self._doors.append(door)
 
         def hand_over(sample: zenoh.Sample) -> None:
-            delivery = _delivery(sample, cut)
+            delivery = delivered(sample, cut)
             if delivery is not None:
                 door.push(delivery)
 
@@ -295,6 +210,39 @@ class ZenohFabric:
                 f"{self._prefix}alive/{self.who}",
             )
         )
+
+    async def present(self) -> set[str]:
+        """Return the parts that are there now."""
+        prefix = f"{self._prefix}alive/"
+        get = self._session.liveliness().get
+
+        def look() -> set[str]:
+            found = (reply.ok for reply in get(f"{prefix}**", timeout=_ANSWER))
+            return {str(one.key_expr)[len(prefix) :] for one in found if one}
+
+        return await self._off_loop(look)
+
+    async def brief(self, content: bytes) -> None:
+        """Answer `content` to whoever asks what the run is. For coordinators."""
+        key = f"{self._prefix}{BRIEF}"
+
+        def answer(query: zenoh.Query) -> None:
+            query.reply(key, content)
+
+        self._declared.append(
+            await self._off_loop(self._session.declare_queryable, key, answer)
+        )
+
+    async def ask(self) -> bytes | None:
+        """Return what the coordinator says the run is; None: it has gone."""
+
+        def get() -> bytes | None:
+            for reply in self._session.get(f"{self._prefix}{BRIEF}", timeout=_ANSWER):
+                if reply.ok is not None:
+                    return reply.ok.payload.to_bytes()
+            return None
+
+        return await self._off_loop(get)
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens, those already there included."""
@@ -327,76 +275,3 @@ class ZenohFabric:
     def fail(self, error: BaseException) -> None:
         """Let `serve` raise `error`."""
         self._failure.set(error)
-
-
-class _Poll:
-    """Empties a channel every so often, for readers that need rate and not latency.
-
-    The samples wait in Zenoh's own channel, which costs neither a thread nor the GIL. A
-    full channel holds back the hub, and so the senders: a slow reader slows the run
-    down and loses nothing.
-    """
-
-    def __init__(
-        self,
-        channel: zenoh.Handler[zenoh.Sample],
-        cut: int,
-        handler: Handler,
-        every: float,
-        failure: Failure,
-    ) -> None:
-        self._channel = channel
-        self._cut = cut
-        self._handler = handler
-        self._every = every
-        self._failure = failure
-        self._loop = asyncio.get_running_loop()
-        self._timer = self._loop.call_later(every, self._turn)
-
-    def _turn(self) -> None:
-        try:
-            more = self._drain()
-        except BaseException as error:  # noqa: BLE001 - goes on to `serve`, whole
-            self._failure.set(error)
-            return
-        self._timer = self._loop.call_later(0.0 if more else self._every, self._turn)
-
-    def _drain(self) -> bool:
-        """Hand over up to a chunk of deliveries; tell whether more may wait."""
-        samples: list[zenoh.Sample] = []
-        while len(samples) < _CHUNK:
-            try:
-                sample = self._channel.try_recv()
-            except zenoh.ZError:  # empty, and closed for good
-                break
-            if sample is None:
-                break
-            samples.append(sample)
-        found = (_delivery(sample, self._cut) for sample in samples)
-        burst = [delivery for delivery in found if delivery is not None]
-        if burst:
-            self._handler(burst)
-        return len(samples) == _CHUNK
-
-    def finish(self) -> None:
-        """Hand over the rest, unless the part has failed.
-
-        Called once nothing more can arrive.
-        """
-        self._timer.cancel()
-        while not self._failure.happened and self._drain():
-            pass
-
-
-def _delivery(sample: zenoh.Sample, cut: int) -> wire.Delivery | None:
-    """Copy a sample out of Zenoh's hands; None for a stranger's."""
-    beside = sample.attachment
-    if beside is None:
-        return None
-    raw = beside.to_bytes()
-    if len(raw) != _BESIDE.size:
-        return None
-    number, sent = _BESIDE.unpack(raw)
-    return wire.Delivery(
-        str(sample.key_expr)[cut:], number, sent, sample.payload.to_bytes()
-    )

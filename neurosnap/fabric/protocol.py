@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from neurosnap import wire
+from neurosnap.fabric.waiting import wait_any
 
 Handler = Callable[[list[wire.Delivery]], None]
 PresenceHandler = Callable[[str, bool], None]
@@ -103,15 +104,7 @@ class Failure:
 
     async def wait(self, stop: asyncio.Event) -> None:
         """Return when `stop` is set, raise as soon as there is an error."""
-        if self._error is None and not stop.is_set():
-            waits = [
-                asyncio.create_task(event.wait(), name="fabric/wait")
-                for event in (stop, self._event)
-            ]
-            try:
-                await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for task in waits:
-                    task.cancel()
+        if self._error is None:
+            await wait_any(stop, self._event)
         if self._error is not None:
             raise self._error

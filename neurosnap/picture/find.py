@@ -67,7 +67,8 @@ def find(text: str, tick: int | None = None, limit: int = LIMIT) -> Model:
 def of_recording(path: Path, tick: int | None = None) -> Model:
     """Return what a recorded run had learned after a tick, and its state there.
 
-    What was observed by then takes the place of a realisation.
+    What was observed by then takes the place of a realisation, where every reading was
+    known.
     """
     recording = Recording.open(path)
     tick, snapshot = snapshot_at(recording, tick)
@@ -75,7 +76,7 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
     count, state, seen = len(poc), None, []
     for recorded in recording.messages(("observe", "state")):
         match recorded.message:
-            case wire.Observation(tick=now, bits=bits) if now <= tick:
+            case wire.Observation(tick=now, bits=bits, known=b"") if now <= tick:
                 seen.append(unpack(bits, count))
             case wire.State(tick=now, literals=literals) if now == tick:
                 state = unpack(literals, 2 * count)

@@ -5,7 +5,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.snapshot import Snapshot
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
-from neurosnap.sensorium import unpack
+from neurosnap.swarm.readings import readings
 
 
 def last_tick(recording: Recording) -> int:
@@ -41,7 +41,7 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
         if isinstance(frame, wire.KeyFrame) and now <= frame.tick <= wanted:
             now, snapshot = frame.tick, Snapshot.from_bytes(frame.snapshot)
     observations = {
-        recorded.message.tick: recorded.message.bits
+        recorded.message.tick: recorded.message
         for recorded in recording.messages(("observe",))
         if isinstance(recorded.message, wire.Observation)
         and now < recorded.message.tick <= wanted
@@ -50,5 +50,5 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
         if following not in observations:
             rule = f"must hold the observation of tick {following}"
             raise RecordingError(f"{recording.path}: {rule}, got none")
-        snapshot.learn(unpack(observations[following], len(options.sensors)))
+        snapshot.learn(*readings(observations[following], len(options.sensors)))
     return wanted, snapshot

@@ -15,7 +15,8 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import nearest
-from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.record.history import last_tick, snapshot_at
 from neurosnap.record.reader import Recorded, Recording
 

@@ -13,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeAlias
 
 import msgspec
 import numpy as np
@@ -21,15 +21,19 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.context import Senses
-from neurosnap.errors import MessageError, NeurosnapError, RecordingError, ShapeError
+from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
+from neurosnap.poc.archive import unpack_arrays
+from neurosnap.poc.snapshot import Snapshot
 from neurosnap.record.reader import Recorded, Recording
-from neurosnap.sensorium import complete, unpack
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.readings import readings, selection
 
 _INPUTS = ("observe", "settle", "tally")
-_OUTPUTS = ("wiring", "loom", "wave", "state", "reach", "decide", "keyframe")
+_OUTPUTS = ("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly")
 _SHOWN = 300  # characters of a message shown in a difference
+
+_Report: TypeAlias = wire.Settled | wire.Tally
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -137,9 +141,11 @@ class Replay:
         # Read ahead: senders overtake each other in a recording, too.
         self._outputs: deque[Recorded] = deque()
         self._observations: dict[int, wire.Observation] = {}
-        self._reports: dict[int, list[wire.Settled | wire.Tally]] = {}
+        self._reports: dict[int, list[tuple[_Report, bool]]] = {}
+        self._told: dict[str, int] = {}  # epoch of each part's last wiring
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
+        self._known: NDArray[np.bool_] | None = None  # of the last observation
         self._said: deque[wire.Message] = deque(self.core.begin())
         self._under_way = 0  # the tick of what is derived now
         self._exhausted = False  # read to the end in search of an input
@@ -193,12 +199,19 @@ class Replay:
     def _compare(self, recorded: Recorded, derived: wire.Message | None) -> None:
         """Hold what was derived against what was recorded."""
         message = recorded.message
-        if derived is None or wire.encode(derived) != recorded.payload:
+        if not _is_same(derived, recorded):
             self._differ(recorded, derived)
-        if isinstance(message, wire.State):
-            self._check_reached(recorded, message.wave, self._observed)
-        elif isinstance(message, wire.Reached):
-            self._check_reached(recorded, message.wave, message.signal)
+        match message:
+            case wire.State():
+                self._check_reached(recorded, message.wave, self._observed)
+            case wire.Reached():
+                self._check_reached(recorded, message.wave, message.signal)
+            case wire.Wiring():
+                self._told[f"cell/{message.cell}"] = message.epoch
+            case wire.Loom():
+                self._told[f"worker/{message.worker}"] = message.epoch
+            case _:
+                pass
         self.compared[wire.topic(message.key)] += 1
 
     def _check_reached(
@@ -235,7 +248,7 @@ class Replay:
                 return self._feed_reports(wave)
             case wire.Wiring() | wire.Loom() | wire.WaveStart() if self.core.in_flight:
                 return self._feed_deadline(recorded)
-            case wire.Wiring() | wire.Loom() | wire.WaveStart():
+            case wire.Anomaly() | wire.Wiring() | wire.Loom() | wire.WaveStart():
                 return self._feed_observation()
             case _:
                 return []
@@ -247,20 +260,32 @@ class Replay:
         observation = self._observations.pop(tick)
         count = len(self.options.sensors)
         try:
-            bits = unpack(observation.bits, count)
+            bits, known = readings(observation, count)
         except ShapeError as error:
             raise DifferenceError(f"tick {tick}: /observe: {error}") from error
-        self._check_senses(tick, bits, observation.begins)
-        self._observed = complete(bits)
+        self._check_senses(tick, bits, known, observation.begins)
+        self._known = known
+        self._observed = selection(bits, known)
         return self.core.receive(observation)
 
-    def _check_senses(self, tick: int, bits: NDArray[np.bool_], begins: bool) -> None:
+    def _check_senses(
+        self,
+        tick: int,
+        bits: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+        begins: bool,
+    ) -> None:
         """Hold what was sensed of the last step against what was decided in it."""
-        own = len(self.options.body.own)
-        action = -1 if begins else self.core.decision.action
-        derived = self._senses.observe(bits[:own], action, self.core.snapshot.state)
-        if not np.array_equal(derived, bits):
-            wrong = self.options.sensors[int((derived != bits).argmax())]
+        own = slice(len(self.options.body.own))
+        step = (-1 if begins else self.core.decision.action, self.core.snapshot.state)
+        before = None if self._known is None else self._known[own]
+        derived = selection(
+            self._senses.observe(bits[own], *step),
+            self._senses.known(None if known is None else known[own], *step, before),
+        )
+        differs = derived != selection(bits, known)
+        if differs.any():
+            wrong = self.options.sensors[int(differs.argmax()) >> 1]
             raise DifferenceError(
                 f"tick {tick}: /observe: {wrong} does not follow from the decision and"
                 f" the state of tick {tick - 1}"
@@ -272,12 +297,22 @@ class Replay:
         while wave in self.core.in_flight:
             if not self._read_until(lambda: wave in self._reports):
                 break
-            for report in self._reports.pop(wave):
-                reached.update(_fired(report))
-                said = self.core.receive(report)
+            for report, dated in self._reports.pop(wave):
+                said = self.core.receive(report if dated else self._dated(report))
+                if any(isinstance(message, wire.Fault) for message in said):
+                    continue  # it was refused then, too
+                reached.update(wire.fired(report))
                 if said:
                     return said
         return []
+
+    def _dated(self, report: _Report) -> _Report:
+        """Return a report of schema 1, which does not say by which wiring it is.
+
+        It is taken to be by the last: if it was not, what it says shows.
+        """
+        epoch = self._told.get(report.sender, 0)
+        return msgspec.structs.replace(report, epoch=epoch)
 
     def _feed_deadline(self, recorded: Recorded) -> list[wire.Message]:
         """Let the wave be late that was repeated here."""
@@ -303,15 +338,41 @@ class Replay:
                 case wire.Observation() as observation:
                     self._observations.setdefault(observation.tick, observation)
                 case wire.Settled() | wire.Tally() as report:
-                    self._reports.setdefault(report.wave, []).append(report)
+                    dated = b'"epoch":' in recorded.payload
+                    self._reports.setdefault(report.wave, []).append((report, dated))
                 case _:
                     self._outputs.append(recorded)
         return True
 
 
-def _fired(report: wire.Settled | wire.Tally) -> wire.Naturals:
-    """Return the literals that fired; none by a report that the core will refuse."""
+def _is_same(derived: wire.Message | None, recorded: Recorded) -> bool:
+    """Tell whether what was derived is what was recorded.
+
+    A key-frame from before may note less than one of today, but nothing else.
+    """
+    if derived is None:
+        return False
+    if wire.encode(derived) == recorded.payload:
+        return True
+    message = recorded.message
+    return (
+        isinstance(derived, wire.KeyFrame)
+        and isinstance(message, wire.KeyFrame)
+        and derived.tick == message.tick
+        and _notes(derived.snapshot, message.snapshot)
+    )
+
+
+def _notes(snapshot: bytes, older: bytes) -> bool:
+    """Tell whether a snapshot holds every array of an older one, bit for bit."""
     try:
-        return wire.fired(report)
-    except MessageError:
-        return ()
+        Snapshot.from_bytes(older)
+        arrays, wanted = unpack_arrays(snapshot), unpack_arrays(older)
+    except ValueError:
+        return False
+    return all(
+        name in arrays
+        and arrays[name].dtype == array.dtype
+        and np.array_equal(arrays[name], array)
+        for name, array in wanted.items()
+    )

@@ -5,6 +5,7 @@ there, so it is whole by itself: it replays, and resumes, like any other. What t
 one holds beyond the last whole tick is left out, and so are last words.
 """
 
+from itertools import islice
 from pathlib import Path
 
 from neurosnap import wire
@@ -17,17 +18,22 @@ from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
 
 
-def look_back(log: Path) -> tuple[RunOptions, Past]:
+def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
     """Find out where a recorded run can go on.
 
     Derives the run again on the way: what is resumed is known to be right.
+
+    Args:
+        log: Its recording.
+        most: Go on from no tick after this one. Whoever goes on with a run as it was
+            has to leave its last tick to be done: its end is a part of that.
 
     Raises:
         RecordingError: There is no whole tick in it, it lacks messages before the last
             one, or it is not the run it says it is.
     """
     recording = Recording.open(log)
-    tick = _last_whole_tick(recording)
+    tick = _last_whole_tick(recording, most)
     if tick == 0:
         raise RecordingError(f"{log}: must hold a whole tick to go on from, got none")
     counts = _counts(recording, tick)
@@ -48,10 +54,10 @@ def look_back(log: Path) -> tuple[RunOptions, Past]:
     return options_of(recording), past
 
 
-def _last_whole_tick(recording: Recording) -> int:
+def _last_whole_tick(recording: Recording, most: int | None) -> int:
     tick = 0
     try:
-        for tick in Replay(recording).ticks():  # noqa: B007 - the last one counts
+        for tick in islice(Replay(recording).ticks(), most):  # noqa: B007 - the last
             pass
     except DifferenceError as error:
         raise RecordingError(

@@ -9,7 +9,8 @@ Its invariants:
 - Nothing of a wave is done before its fence has been seen: the last wave announced to
   every cell, itself or one before (and, in a state wave, before the reading of its
   tick). The coordinator sends wirings before the fence, so what fires is always the
-  wiring the wave was meant for.
+  wiring the wave was meant for; its report says which that was, so that one that got
+  lost is noticed.
 - A message that came before changes nothing when it comes again.
 - A message that cannot be right is a fault and changes nothing; what is kept of those
   that may be right is bounded. What a stranger says just as the coordinator, the world
@@ -25,7 +26,8 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.swarm.part import decoded
+from neurosnap.swarm.credit import split_evenly
+from neurosnap.swarm.part import decoded, wrong_readings
 from neurosnap.swarm.wave import DEEPEST
 
 _READINGS = 8  # ticks a cell remembers; a wave is never further behind, or ahead
@@ -83,7 +85,8 @@ class Cell:
         self._epoch = 0
         self._wired = True
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
-        self._readings: dict[int, int] = {}  # tick -> the literal that was on
+        # tick -> the literal that was on; none where the reading is unknown
+        self._readings: dict[int, tuple[int, ...]] = {}
         self._bytes = 0  # in every observation; 0: none has come
         self._tick = 0  # the last it took part in
         self._waves: dict[int, _Wave] = {}
@@ -112,8 +115,8 @@ class Cell:
                 case wire.Observation():
                     self._latch(message, touched, out)
                 case wire.Wiring():
-                    self._rewire(message, out)
-        out.extend(self._report(wave) for wave in touched.values())
+                    self._rewire(message, touched, out)
+        self._report(touched, out)
         return out
 
     # What cannot be right ------------------------------------------------------------
@@ -184,7 +187,9 @@ class Cell:
             return f"observe: must hold sensor {self.cell}, got {size} bytes"
         if self._bytes and size != self._bytes:
             return f"observe: must hold {self._bytes} bytes as before, got {size}"
-        return self._wrong_tick("observe", observation.tick)
+        return wrong_readings(observation) or self._wrong_tick(
+            "observe", observation.tick
+        )
 
     def _wrong_tick(self, name: str, tick: int) -> str | None:
         if 0 < self._tick < tick - _READINGS:
@@ -295,8 +300,8 @@ class Cell:
         if tick > self._tick:
             self._tick = tick
             self._readings = {
-                read: literal
-                for read, literal in self._readings.items()
+                read: literals
+                for read, literals in self._readings.items()
                 if read <= tick + _READINGS
             }
 
@@ -304,7 +309,7 @@ class Cell:
         """Return the literals of this cell that a wave's signal holds."""
         if start.kind == "signal":
             return start.signal
-        return (self._readings[start.tick],)
+        return self._readings[start.tick]
 
     def _reach(
         self, literal: int, hops: int, credit: int, wave: _Wave, out: list[wire.Message]
@@ -314,7 +319,7 @@ class Cell:
             wave.credit.append(credit)
             return
         targets = self._targets[literal]
-        shares = wire.split_evenly(credit, len(targets) + 1)
+        shares = split_evenly(credit, len(targets) + 1)
         out.extend(
             wire.Pulse(wave.number, literal, target, hops + 1, share, wave.fence)
             for target, share in zip(targets, shares[1:], strict=True)
@@ -325,19 +330,23 @@ class Cell:
         wave.credit.append(shares[0])
         wave.pulses += len(targets)
 
-    def _report(self, wave: _Wave) -> wire.Settled:
-        report = wire.Settled(
-            wave=wave.number,
-            cell=self.cell,
-            part=wave.part,
-            literals=tuple(wave.literals),
-            hops=tuple(wave.hops),
-            credit=tuple(wave.credit),
-            pulses=wave.pulses,
-        )
-        wave.part += 1
-        wave.literals, wave.hops, wave.credit, wave.pulses = [], [], [], 0
-        return report
+    def _report(self, touched: dict[int, _Wave], out: list[wire.Message]) -> None:
+        """Report on the waves that owe it."""
+        for wave in touched.values():
+            report = wire.Settled(
+                wave=wave.number,
+                cell=self.cell,
+                part=wave.part,
+                literals=tuple(wave.literals),
+                hops=tuple(wave.hops),
+                credit=tuple(wave.credit),
+                pulses=wave.pulses,
+                epoch=self._epoch,
+            )
+            wave.part += 1
+            wave.literals, wave.hops, wave.credit, wave.pulses = [], [], [], 0
+            out.append(report)
+        touched.clear()
 
     # What the coordinator and the world say ------------------------------------------
 
@@ -351,15 +360,21 @@ class Cell:
             return
         self._bytes = len(observation.bits)
         byte, bit = divmod(self.cell, 8)
-        on = observation.bits[byte] >> bit & 1
-        self._readings[observation.tick] = 2 * self.cell + (1 - on)
+        off = not observation.bits[byte] >> bit & 1
+        known = not observation.known or observation.known[byte] >> bit & 1
+        self._readings[observation.tick] = (2 * self.cell + off,) if known else ()
         if len(self._readings) > _READINGS:
             del self._readings[min(self._readings)]
         for wave in list(self._waves.values()):
             if wave.start is not None and wave.start.tick == observation.tick:
                 self._open(wave, touched, out)
 
-    def _rewire(self, wiring: wire.Wiring, out: list[wire.Message]) -> None:
+    def _rewire(
+        self,
+        wiring: wire.Wiring,
+        touched: dict[int, _Wave],
+        out: list[wire.Message],
+    ) -> None:
         if wiring.epoch <= self._epoch:
             return
         if wiring.after not in (0, self._epoch):
@@ -369,6 +384,8 @@ class Cell:
             missed = f"must build on epoch {self._epoch}, got {wiring.after}"
             out.append(wire.Fault(self._who, f"wiring: {missed}"))
             return
+        # What fired before it fired by the wiring before it, and says so.
+        self._report(touched, out)
         own, complement = 2 * self.cell, 2 * self.cell + 1
         for literal, add, drop in (
             (own, wiring.add, wiring.drop),

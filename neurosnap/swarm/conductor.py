@@ -6,14 +6,12 @@ every cell has got its whole wiring again, because a change that was lost must n
 on.
 """
 
-from typing import cast
-
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, WaveLostError
-from neurosnap.poc.literals import Words, to_words
+from neurosnap.poc.literals import Words
 from neurosnap.swarm.looms import WorkerWires
 from neurosnap.swarm.wave import Wave
 from neurosnap.swarm.wires import CellWires, Wires
@@ -52,16 +50,13 @@ class Conductor:
         """The numbers of the waves that have not settled, oldest first."""
         return tuple(self._flying)
 
-    def rewire(self, edges: NDArray[np.bool_] | Words) -> list[wire.Message]:
+    def rewire(self, edges: Words) -> list[wire.Message]:
         """Return the messages that turn the cells' wiring into `edges`.
 
         Args:
-            edges: ``(2N, w)``, packed, or ``(2N, 2N)`` bool: ``edges[a, b]`` iff ``a``
-                pulses ``b``. Packed they are compared 64 at a time.
+            edges: ``(2N, w)``, packed: bit ``b`` of row ``a`` iff ``a`` pulses ``b``.
         """
-        if edges.dtype == np.bool_:
-            edges = to_words(cast("NDArray[np.bool_]", edges))
-        return self._fenced(self._wires.rewire(cast("Words", edges)))
+        return self._fenced(self._wires.rewire(edges))
 
     def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
         """Return the messages that turn the cells' wiring into `edges`.
@@ -87,12 +82,22 @@ class Conductor:
         tick: int = 0,
         signal: tuple[int, ...] = (),
         repeats: int = 0,
+        *,
+        seeds: int = 0,
     ) -> list[wire.Message]:
         """Begin a wave; return the messages that start it.
 
         A state wave is announced to every cell. A wave of a few literals goes to their
         cells only, as long as the wirings in force were fenced by a wave announced to
         all; its time then does not depend on how many cells there are.
+
+        Args:
+            kind: As in the message.
+            tick: Likewise.
+            signal: Likewise.
+            repeats: Likewise.
+            seeds: For a state wave without a signal, how many sensors' readings are
+                known: each starts it, and nobody else. 0: all are.
 
         Raises:
             InvalidValueError: A signal is empty, or names a literal twice: a wave of it
@@ -101,7 +106,7 @@ class Conductor:
         if kind == "signal" and not 0 < len(set(signal)) == len(signal):
             rule = "must be one or more literals, each once"
             raise InvalidValueError("signal", rule, signal)
-        seeds = self._sensors if kind == "state" else len(signal)
+        seeds = len(signal) or seeds or self._sensors
         number = self._next
         self._next += 1
         wave = Wave(number, tick, kind, seeds, signal, repeats)
@@ -120,10 +125,12 @@ class Conductor:
     def report(self, report: wire.Settled | wire.Tally) -> Wave | None:
         """Take in a report; return its wave if that has settled now.
 
-        A report on a wave that was given up is dropped.
+        A report on a wave that was given up is dropped. One by other edges than those
+        in force is refused with its credit, so that its wave will be late and repeated,
+        after whole wirings.
 
         Raises:
-            MessageError: The report cannot be right.
+            MessageError: The report cannot be right, or is by a wiring not in force.
         """
         cells = self._wires.cells_of(report)
         wave = self._flying.get(report.wave)
@@ -132,6 +139,7 @@ class Conductor:
                 rule = f"must be on a wave up to {self._next - 1}"
                 raise MessageError(f"{report.key}: {rule}, got {report.wave}")
             return None
+        self._wires.check_epoch(report)
         if isinstance(report, wire.Tally):
             wave.tally(report, cells)
         else:
@@ -160,7 +168,8 @@ class Conductor:
             raise WaveLostError(self._loss(wave, signal))
         del self._flying[number]
         whole = self.rewire_whole()
-        return [*whole, *self.start(wave.kind, wave.tick, signal, number)]
+        again = self.start(wave.kind, wave.tick, signal, number, seeds=wave.seeds)
+        return [*whole, *again]
 
     def _loss(self, wave: Wave, signal: tuple[int, ...]) -> str:
         silent = self._wires.named(wave.silent(signal, self._wires.targets))

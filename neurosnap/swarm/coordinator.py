@@ -16,9 +16,13 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
+from neurosnap.anomaly import Watcher
 from neurosnap.errors import MessageError, ShapeError
-from neurosnap.sensorium import complement, complete, pack, unpack
+from neurosnap.sensorium import complement, pack
 from neurosnap.swarm.conductor import Conductor
+from neurosnap.swarm.part import wrong_readings
+from neurosnap.swarm.readings import readings, selection
+from neurosnap.swarm.watching import announcement
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +53,8 @@ class Totals(msgspec.Struct, kw_only=True):
     """Edges of its Hasse wiring, an edge and its contrapositive counted as one."""
     incoherent: int = 0
     """Observations that contradicted what was learned."""
+    anomalies: int = 0
+    """Observations that contradicted what was believed before they were learned."""
     faults: int = 0
     """Messages dropped as bad or unexpected."""
 
@@ -64,6 +70,8 @@ class Coordinator:
         keyframe_every: Ticks between two whole snapshots on the wire.
         repeats: How often a wave that does not settle is sent again.
         workers: How many workers share the cells; 0: every cell is a part of its own.
+        hold: How long to go on judging observations by the order that the first of them
+            broke, in ticks; None: not to judge them.
     """
 
     def __init__(
@@ -76,6 +84,7 @@ class Coordinator:
         keyframe_every: int = 1000,
         repeats: int = 2,
         workers: int = 0,
+        hold: int | None = None,
     ) -> None:
         self.totals = Totals()
         self.finished = False
@@ -88,6 +97,8 @@ class Coordinator:
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
+        self._hold = hold
+        self._watcher = self._new_watcher()
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
         self._stopping = False
@@ -103,6 +114,7 @@ class Coordinator:
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
             workers=options.sharing,
+            hold=options.hold if options.watch else None,
         )
 
     @property
@@ -182,16 +194,38 @@ class Coordinator:
         if observation.tick != expected or self._signal:
             what = f"must be tick {expected}, once, got tick {observation.tick}"
             return [_fault(f"observe: {what}")]
+        if (wrong := wrong_readings(observation)) is not None:
+            return [_fault(wrong)]
         try:
-            bits = unpack(observation.bits, len(self._snapshot.sensorium))
+            bits, known = readings(observation, len(self._snapshot.sensorium))
         except ShapeError as error:
             return [_fault(f"observe: {error}")]
-        messages: list[wire.Message] = []
-        if self._snapshot.learn(bits):
+        messages = self._judge(observation.tick, bits, known)
+        if self._snapshot.learn(bits, known):
             self._graph = self._snapshot.poc_graph()
-            messages = self._conductor.rewire(self._graph.wires(self._wiring))
-        self._signal = tuple(np.flatnonzero(complete(bits)).tolist())
-        return [*messages, *self._conductor.start("state", observation.tick)]
+            messages += self._conductor.rewire(self._graph.wires(self._wiring))
+        self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
+        start = self._conductor.start(
+            "state", observation.tick, seeds=len(self._signal)
+        )
+        return [*messages, *start]
+
+    def _new_watcher(self) -> Watcher | None:
+        if self._hold is None:
+            return None
+        return Watcher(self._snapshot.sensorium, self._hold)
+
+    def _judge(
+        self, tick: int, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
+    ) -> list[wire.Message]:
+        """Hold an observation against what is believed, before it is learned."""
+        if self._watcher is None:
+            return []
+        found = self._watcher.watch(tick, self._graph, bits, known, self._snapshot)
+        if found is None:
+            return []
+        self.totals.anomalies += 1
+        return [announcement(found, self._snapshot.sensorium)]
 
     def _settle(self, report: wire.Settled | wire.Tally) -> list[wire.Message]:
         try:
@@ -212,7 +246,7 @@ class Coordinator:
         """Turn a settled state wave into the tick's state; send the planning waves."""
         state = reached & ~complement(reached)
         self._snapshot.adopt(state)
-        report = self._state(wave, state)
+        report = self._state(wave, reached, state)
         self._count(report)
         questions = self._policy.ask(wave.tick, state)
         self._answers = [reached] * len(questions)
@@ -254,13 +288,15 @@ class Coordinator:
     def _longest(self, signal: tuple[int, ...]) -> int:
         return int(self._graph.heights()[list(signal)].max(initial=0))
 
-    def _state(self, wave: Wave, state: NDArray[np.bool_]) -> wire.State:
+    def _state(
+        self, wave: Wave, reached: NDArray[np.bool_], state: NDArray[np.bool_]
+    ) -> wire.State:
         return wire.State(
             tick=wave.tick,
             wave=wave.number,
             literals=pack(state),
-            # An observation is complete, so its projection is unless it contradicts.
-            incoherent=int(state.sum()) < len(state) // 2,
+            # What it implies is the state, unless that contradicts itself.
+            incoherent=not np.array_equal(reached, state),
             depth=wave.depth,
             longest=self._longest(self._signal),
             height=self._graph.height(),
@@ -274,6 +310,8 @@ class Coordinator:
         self.totals.incoherent += state.incoherent
 
     def _keyframe(self) -> wire.KeyFrame:
+        """Return what somebody else may go on from: nothing older matters then."""
+        self._watcher = self._new_watcher()
         return wire.KeyFrame(self._tick, self._snapshot.to_bytes())
 
     def _finish(self) -> list[wire.Message]:

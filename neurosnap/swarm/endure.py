@@ -15,9 +15,15 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.errors import PartDiedError, RecordingError
+from neurosnap.errors import (
+    InvalidValueError,
+    PartDiedError,
+    RecordingError,
+    SwarmError,
+)
 from neurosnap.record.past import Past
 from neurosnap.record.resume import look_back
+from neurosnap.swarm.launch import new_swarm_id
 from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
@@ -47,26 +53,37 @@ async def run_on(
     on_restart: Callable[[Restart], None] = lambda _: None,
     past: Past | None = None,
     network: Network = PRIVATE,
+    swarm: str = "",
+    elsewhere: frozenset[str] = frozenset(),
 ) -> Outcome:
     """Run a swarm of processes to its end, whoever dies on the way.
 
     Args:
         options: What to run.
         log: Where to record. A run that has to go on keeps what it goes on from beside
-            it, ``<log>.broken``, until it has ended.
+            it, ``<log>.broken``. However the call ends, `log` is what got furthest and
+            nothing is beside it.
         stop: Ends the run in order.
         supervision: How often it goes on.
         on_progress: Told the tick as it grows.
         on_restart: Told of every restart.
         past: Where to go on from, for a run that is resumed.
         network: As in `run`.
+        swarm: As in `run`; each time the run goes on, it does so as the next
+            incarnation of this id.
+        elsewhere: As in `run`; who starts these parts does so in every incarnation.
 
     Raises:
+        InvalidValueError: Something of an earlier run is beside `log`.
         PartDiedError: A part died more often than allowed. What was recorded by then
             is readable.
         NeurosnapError: As from `run`.
     """
     broken = log.with_name(f"{log.name}.broken")
+    if broken.exists():  # its launcher was killed, and it may be all there is
+        rule = "must be taken away first: a run left it that was cut short"
+        raise InvalidValueError("log", rule, str(broken))
+    swarm = swarm or new_swarm_id()
     restarts, delay, reached = 0, supervision.backoff, 0
 
     def follow(tick: int) -> None:
@@ -74,42 +91,81 @@ async def run_on(
         reached = max(reached, tick)
         on_progress(tick)
 
-    while True:
-        try:
-            outcome = await run(options, log, stop, follow, past, network)
-        except PartDiedError as error:
-            given_up = restarts >= supervision.max_restarts
-            if supervision.restart == "never" or given_up or stop.is_set():
-                raise
-            gained, past = await asyncio.to_thread(_last_past, log, broken, past)
-            restarts += 1
-            delay = supervision.backoff if gained else min(2 * delay, _LONGEST)
-            tick = 0 if past is None else past.tick
-            on_restart(Restart(str(error), tick, max(0, reached - tick)))
-            reached = tick
-            await _pause(stop, delay)
-        else:
-            broken.unlink(missing_ok=True)
-            return msgspec.structs.replace(outcome, restarts=restarts)
+    try:
+        while True:
+            try:
+                outcome = await run(
+                    options,
+                    log,
+                    stop,
+                    follow,
+                    past,
+                    network,
+                    swarm=swarm,
+                    incarnation=restarts,
+                    elsewhere=elsewhere,
+                )
+            except SwarmError as error:
+                given_up = restarts >= supervision.max_restarts
+                if given_up or stop.is_set() or not _mends(supervision, error):
+                    raise
+                found = await asyncio.to_thread(_whole_part, log)
+                gained, past = _make_room(log, broken, found, past)
+                delay = supervision.backoff if gained else min(2 * delay, _LONGEST)
+                restarts += 1
+                tick = 0 if past is None else past.tick
+                on_restart(Restart(str(error), tick, max(0, reached - tick)))
+                reached = tick
+                await _pause(stop, delay)
+            else:
+                broken.unlink(missing_ok=True)  # the new recording holds all of it
+                return msgspec.structs.replace(outcome, restarts=restarts)
+    finally:
+        keep_furthest(log, broken)
 
 
-def _last_past(
-    log: Path, broken: Path, before: Past | None
+def _mends(supervision: Supervision, error: SwarmError) -> bool:
+    """Tell whether a run that failed so is to go on."""
+    if supervision.restart == "on-failure":
+        return isinstance(error, PartDiedError)
+    return supervision.restart == "always"
+
+
+def _whole_part(log: Path) -> Past | None:
+    """Return where a recorded run can go on; None: it has no whole tick."""
+    try:
+        return look_back(log)[1]
+    except RecordingError:
+        return None
+
+
+def _make_room(
+    log: Path, broken: Path, found: Past | None, before: Past | None
 ) -> tuple[bool, Past | None]:
-    """Return whether a run got further than it had, and where it can go on.
+    """Return whether a run got further than it had, and where it goes on.
 
     What it goes on from is out of the way of the new recording then.
     """
-    try:
-        _, found = look_back(log)
-    except RecordingError:  # it did not live to see a whole tick of its own
+    if found is None or (before is not None and found.tick <= before.tick):
         log.unlink(missing_ok=True)
-        return False, before
-    if before is not None and found.tick <= before.tick:
-        log.unlink()
         return False, before
     log.replace(broken)
     return True, msgspec.structs.replace(found, log=str(broken))
+
+
+def keep_furthest(log: Path, broken: Path) -> None:
+    """Let `log` be the one of two recordings that has more whole ticks, the only one.
+
+    Blocks for as long as it takes to derive both again. Where there is no `broken`,
+    nothing is done.
+    """
+    if not broken.exists():
+        return
+    after, before = _whole_part(log), _whole_part(broken)
+    if after is not None and (before is None or after.tick >= before.tick):
+        broken.unlink()
+    else:
+        broken.replace(log)
 
 
 async def _pause(stop: asyncio.Event, seconds: float) -> None:

@@ -22,6 +22,7 @@ from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.launch import new_swarm_id
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.outlet import OUTLET, publishes, run_outlet
 from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shares import shares
 from neurosnap.swarm.shell import conduct
@@ -115,6 +116,8 @@ class _Inline:
         for number, who in enumerate(hosts):
             work = self._host(number)
             group.create_task(self._play(who, work), name=who)
+        if publishes(self._options):
+            group.create_task(self._tell(), name=OUTLET)
         world = group.create_task(self._play("world", self._world), name="world")
         world.add_done_callback(lambda _: ending.set())
         stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
@@ -157,6 +160,10 @@ class _Inline:
         await run_world(
             self.source, self._options.body, fabric, self._leave, past=self._past
         )
+
+    async def _tell(self) -> None:
+        async with self._hub.fabric(OUTLET) as fabric:
+            await run_outlet(self._options, fabric, self._leave)
 
     async def _record(self, writer: Writer, parts: tuple[str, ...]) -> Completeness:
         async with self._hub.fabric("recorder") as fabric:

@@ -1,17 +1,24 @@
 """The coordinator as the job of a process of its own, and what it brings home."""
 
 import asyncio
+from collections.abc import Collection
 from typing import Self
 
 import msgspec
 
+from neurosnap.errors import SwarmError
+from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.record.past import Past
 from neurosnap.record.resume import restore
+from neurosnap.swarm.brief import Brief
 from neurosnap.swarm.coordinator import Coordinator, Totals
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.part import take_part
 from neurosnap.swarm.process import Reporter, Seat
 from neurosnap.swarm.shell import conduct
+
+_LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
+_LOOK = 0.1  # seconds between two looks at who is there
 
 
 class Result(msgspec.Struct):
@@ -39,13 +46,32 @@ async def be_coordinator(
     seat: Seat,
     stop: asyncio.Event,
     reporter: Reporter,
-    options: RunOptions,
-    past: Past | None,
+    brief: Brief,
+    patience: float | None,
     parts: tuple[str, ...],
 ) -> None:
-    """Learn, conduct and decide."""
-    core = coordinator_for(options, past)
+    """Learn, conduct and decide, and tell others what the run is.
+
+    Args:
+        seat: Its place.
+        stop: Ends the run in order.
+        reporter: Told that it is the only one, how far it is, what came of it.
+        brief: What the run is.
+        patience: Seconds the parts may take to come up; None: as many as that takes on
+            a small machine.
+        parts: Who must be there.
+
+    Raises:
+        SwarmError: The swarm has a coordinator already, or parts of an earlier one that
+            do not leave; and as from `conduct`.
+    """
+    core = coordinator_for(brief.options, brief.past)
+    if patience is None:
+        patience = 60.0 + 0.05 * len(parts)
     async with seat.fabric(swift=True) as fabric:
+        await _wait_alone(fabric, seat.swarm, brief.vacant)
+        await fabric.brief(brief.to_bytes())
+        reporter.ready()
         seconds = await take_part(
             fabric,
             conduct(
@@ -53,9 +79,30 @@ async def be_coordinator(
                 fabric,
                 stop,
                 parts=parts,
-                deadline=options.deadline,
-                patience=60.0 + 0.05 * len(parts),
+                deadline=brief.options.deadline,
+                patience=patience,
                 on_progress=reporter.progress,
             ),
         )
         reporter.done(Result.of(core, seconds))
+
+
+async def _wait_alone(fabric: ZenohFabric, swarm: str, vacant: Collection[str]) -> None:
+    """Wait until nobody is left of an earlier swarm of the same name.
+
+    Services come once there is a coordinator, so who is there before it is on the way
+    out: a recorder that would record two runs, a cell that would be missed.
+    """
+    there: set[str] = set()
+    try:
+        async with asyncio.timeout(_LEFTOVER):
+            while there := await fabric.present() & {"coordinator", *vacant}:
+                if "coordinator" in there:
+                    rule = "must have one coordinator, has one already"
+                    raise SwarmError(f"swarm {swarm}: {rule}")
+                await asyncio.sleep(_LOOK)
+    except TimeoutError:
+        rule = f"must have nobody left of an earlier one after {_LEFTOVER:g} s"
+        raise SwarmError(
+            f"swarm {swarm}: {rule}, has {', '.join(sorted(there))}"
+        ) from None

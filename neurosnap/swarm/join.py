@@ -1,91 +1,95 @@
-"""A share of a swarm's cells, on whatever machine reaches its hub."""
+"""What may join a swarm from elsewhere: cells, workers, its world, its recorder.
 
-import asyncio
-from collections.abc import Sequence
+Each is made from the coordinator's brief, and from what its own host alone can know.
+"""
 
-from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.access import Role
-from neurosnap.swarm.network import Network
-from neurosnap.swarm.process import Reporter, Seat, be_cell
-from neurosnap.swarm.supervisor import Supervisor, allow_files
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
-_GRACE = 10.0  # seconds a part may take to end
+import msgspec
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.record.recorder import be_recorder
+from neurosnap.source import open_source
+from neurosnap.swarm.brief import Brief
+from neurosnap.swarm.embody import body_of
+from neurosnap.swarm.process import Job, be_cell
+from neurosnap.swarm.run import describe
+from neurosnap.swarm.worker import be_worker
+from neurosnap.swarm.world import be_world
 
 
-async def join(
-    network: Network, swarm: str, cells: Sequence[int], stop: asyncio.Event
-) -> None:
-    """Be some of a swarm's cells, a process each, until its coordinator has gone.
+class Duty(NamedTuple):
+    """What one part does."""
 
-    They may come up before it does, or after; it waits for all it needs. No process
-    outlives the call.
+    who: str
+    """Its name."""
+    job: Job
+    arguments: tuple[object, ...]
+    lingers: bool = False
+    """It ends by itself, once it has heard the others' last words."""
+
+
+Share: TypeAlias = Callable[[str, Brief], Sequence[Duty]]
+"""Returns the parts a host starts in the swarm of a name; raises `InvalidValueError`
+where the run is not one for it. May block."""
+
+
+def cells(numbers: Sequence[int]) -> Share:
+    """Return the share of some cells, a process each."""
+    return lambda _, __: [Duty(f"cell/{n}", be_cell, (n,)) for n in numbers]
+
+
+def workers(numbers: Sequence[int]) -> Share:
+    """Return the share of some workers, with all the cells that are theirs."""
+
+    def share(_: str, brief: Brief) -> list[Duty]:
+        sizes = len(brief.options.sensors), brief.options.sharing
+        return [Duty(f"worker/{n}", be_worker, (n, *sizes)) for n in numbers]
+
+    return share
+
+
+def world(source: str) -> Share:
+    """Return the share of a world.
 
     Args:
-        network: Where the hub is; `Network.connect` names it.
-        swarm: The swarm's id.
-        cells: Which of its cells.
-        stop: Ends it before that; the swarm then misses these cells, and fails.
-
-    Raises:
-        InvalidValueError: The network or the cells cannot be.
-        SwarmError: A cell failed, or would not end.
+        source: What to open on this host. Only its arguments and its seed are taken
+            from the coordinator: to open what it names would be to let it choose a
+            module to import, or a file to read.
     """
-    if not network.connect:
-        rule = "must say where the hub of the swarm listens"
-        raise InvalidValueError("connect", rule, network.connect)
-    network.check()
-    names = [f"cell/{cell}" for cell in cells]
-    credentials = {
-        role: network.credentials(role) for role in ("cell", "watcher") if network.tls
-    }
 
-    def seat(who: str, role: Role) -> Seat:
-        return Seat(
-            who,
-            swarm,
-            network.connect,
-            credentials=credentials.get(role),
-            insecure=network.insecure,
-        )
+    def share(_: str, brief: Brief) -> list[Duty]:
+        options = brief.options
+        if Path(source).name != Path(options.source).name:
+            rule = f"must be what the coordinator runs, {options.source}"
+            raise InvalidValueError("source", rule, source)
+        opened = open_source(source, options.seed, options.arguments)
+        opened.close()
+        if body_of(opened, options.agent) != options.body:
+            rule = "must have the sensors and actions that the coordinator knows of"
+            raise InvalidValueError("source", rule, source)
+        own = msgspec.structs.replace(options, source=source)
+        return [Duty("world", be_world, (own, brief.past))]
 
-    allow_files(len(names) + 1)
-    async with Supervisor() as supervisor:
-        watcher = await supervisor.start(be_watcher, seat("watcher", "watcher"))
-        await supervisor.start_many(
-            be_cell,
-            [(seat(who, "cell"), (n,)) for who, n in zip(names, cells, strict=True)],
-        )
-        events = (supervisor.failed, stop, watcher.ended)
-        waits = [asyncio.create_task(event.wait(), name="join") for event in events]
-        try:
-            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in waits:
-                task.cancel()
-        late = await supervisor.end(names, _GRACE + 0.02 * len(names))
-        late += await supervisor.end(["watcher"], _GRACE)
-        if supervisor.error is not None:
-            raise supervisor.error
-    if late:
-        rule = "every part must end when asked to"
-        raise SwarmError(f"swarm: {rule}, killed: {', '.join(late)}")
+    return share
 
 
-async def be_watcher(seat: Seat, stop: asyncio.Event, reporter: Reporter) -> None:
-    """Look on until the swarm's coordinator has come and gone."""
-    gone = asyncio.Event()
+def recorder(new_log: Callable[[], Path]) -> Share:
+    """Return the share of a recorder.
 
-    def change(who: str, alive: bool) -> None:
-        if who == "coordinator" and not alive:
-            gone.set()
+    Args:
+        new_log: Returns where to record a swarm; asked once for each.
+    """
 
-    async with seat.fabric() as fabric:
-        await fabric.watch(change)
-        events = (gone, stop)
-        waits = [asyncio.create_task(event.wait(), name="watcher") for event in events]
-        try:
-            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in waits:
-                task.cancel()
-    reporter.done()
+    def share(swarm: str, brief: Brief) -> list[Duty]:
+        if brief.past is not None:
+            rule = "must be where the recording is that the run goes on from"
+            raise InvalidValueError("recorder", rule, "elsewhere")
+        heard = ("coordinator", "world", *brief.options.host_names())
+        metadata = {**describe(brief.options), "swarm": swarm}
+        arguments = (str(new_log()), metadata, None, heard)
+        return [Duty("recorder", be_recorder, arguments, lingers=True)]
+
+    return share

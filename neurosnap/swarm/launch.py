@@ -8,7 +8,7 @@ import asyncio
 import secrets
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,10 +17,13 @@ import msgspec
 
 from neurosnap.errors import SwarmError
 from neurosnap.fabric.access import Role, role_of
+from neurosnap.fabric.lookout import incarnation
+from neurosnap.fabric.waiting import wait_any
 from neurosnap.record.past import Past
 from neurosnap.record.recorder import be_recorder
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm.network import PRIVATE, Network
+from neurosnap.swarm.outlet import OUTLET
 from neurosnap.swarm.process import Job, Seat, be_cell, be_hub
 from neurosnap.swarm.registry import noted
 from neurosnap.swarm.shares import hosts
@@ -30,7 +33,7 @@ from neurosnap.swarm.worker import be_worker
 if TYPE_CHECKING:
     from neurosnap.fabric.credentials import Credentials
 
-_SERVICES = 4  # hub, recorder, coordinator, world
+_SERVICES = 5  # hub, recorder, coordinator, world, outlet
 _GRACE = 10.0  # seconds a part may take to end
 
 
@@ -41,13 +44,17 @@ class Plan:
     cells: int
     """How many cells."""
     conductor: Job
-    """The coordinator's job; gets `conductor_arguments`, then the parts to wait for."""
+    """The coordinator's job; gets `conductor_arguments`, then the parts to wait for.
+    On a hub that others may use it says when it knows that it is the only one."""
     conductor_arguments: tuple[object, ...]
     workers: int = 0
     """How many processes share the cells; 0: every cell is one."""
     world: Job | None = None
     """The world's job, where there is one."""
     world_arguments: tuple[object, ...] = ()
+    outlet: Job | None = None
+    """The job of who tells others of the run, where there is one; it only looks on."""
+    outlet_arguments: tuple[object, ...] = ()
     log: Path | None = None
     """Where to record; None: not at all."""
     metadata: Mapping[str, str] = field(default_factory=dict)
@@ -60,8 +67,11 @@ class Plan:
     """Where its hub listens, and who may connect."""
     swarm: str = ""
     """Its id; empty: a random one."""
+    incarnation: int = 0
+    """How often a swarm of this id went before it, of which it is the continuation."""
     elsewhere: frozenset[str] = frozenset()
-    """The cells that somebody else starts, by the names of their parts."""
+    """The parts that somebody else starts, by name. With the recorder among them, it
+    is waited for, too."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +150,7 @@ class _Launch:
             self._credentials[role] = network.credentials(role)
         return Seat(
             who,
-            self.swarm,
+            incarnation(self.swarm, self._plan.incarnation),
             network.endpoint(role, self._endpoint),
             first,
             self._credentials[role],
@@ -156,7 +166,7 @@ class _Launch:
             ends = (
                 [conductor.ended] if world is None else [conductor.ended, world.ended]
             )
-            await _first((self._supervisor.failed, stop, *ends))
+            await wait_any(self._supervisor.failed, stop, *ends)
             stopped, ended = stop.is_set(), conductor.done_at or time.perf_counter()
         finally:
             late = await self._end()
@@ -182,13 +192,14 @@ class _Launch:
             self._folder,
             self._plan.network.audit,
         )
-        await _first((self._supervisor.failed, stop, hub.ready))
+        await wait_any(self._supervisor.failed, stop, hub.ready)
         if self._supervisor.error is not None:
             raise self._supervisor.error
 
     async def _start_parts(self) -> tuple[Child, Child | None, Child | None]:
         start, plan = self._supervisor.start, self._plan
         heard = self._hosts if plan.world is None else ["world", *self._hosts]
+        awaited = ["recorder", *heard] if "recorder" in plan.elsewhere else heard
         recorder = world = None
         if plan.log is not None:
             recorder = await start(
@@ -199,15 +210,22 @@ class _Launch:
                 plan.past,
                 ("coordinator", *heard),
             )
-            heard = ["recorder", *heard]
+            awaited = ["recorder", *heard]
         conductor = await start(
             plan.conductor,
             self._seat("coordinator"),
             *plan.conductor_arguments,
-            tuple(heard),
+            tuple(awaited),
         )
-        if plan.world is not None:
+        if plan.network.connect:
+            # A hub of others may have a swarm of this id: it must not hear our parts.
+            await wait_any(self._supervisor.failed, conductor.ready, conductor.ended)
+            if self._supervisor.error is not None:
+                raise self._supervisor.error
+        if plan.world is not None and "world" not in plan.elsewhere:
             world = await start(plan.world, self._seat("world"), *plan.world_arguments)
+        if plan.outlet is not None:
+            await start(plan.outlet, self._seat(OUTLET), *plan.outlet_arguments)
         job, more = (
             (be_cell, ())
             if not plan.workers
@@ -236,7 +254,7 @@ class _Launch:
                 await self._supervisor.kill(["recorder"])
         late = await end(["coordinator"], self._plan.patience)
         late += await end(["world", *self._hosts], _GRACE + 0.02 * len(self._hosts))
-        late += await end(["recorder"], 2 * _GRACE)
+        late += await end(["recorder", OUTLET], 2 * _GRACE)
         late += await end(["hub"], _GRACE)
         return late
 
@@ -255,13 +273,3 @@ async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) ->
     while True:
         on_progress(supervisor.tick)
         await asyncio.sleep(0.05)
-
-
-async def _first(events: Iterable[asyncio.Event]) -> None:
-    """Return when one of `events` is set."""
-    waits = [asyncio.create_task(event.wait(), name="launch/wait") for event in events]
-    try:
-        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in waits:
-            task.cancel()

@@ -14,7 +14,7 @@ from neurosnap.errors import MessageError
 from neurosnap.poc.literals import Words
 from neurosnap.swarm.mesh import parted
 from neurosnap.swarm.shares import shares
-from neurosnap.swarm.wires import members
+from neurosnap.swarm.wires import members, outdated
 
 FRAME = 1 << 16
 """The most edges a message adds, and the most it drops: half a megabyte each."""
@@ -36,6 +36,9 @@ class WorkerWires:
         self._frame = frame
         self._edges = np.empty(0, np.int64)
         self._told = [0] * workers  # epoch of each worker's last frame
+        # Epochs at which a worker has the edges in force: the last frame of the last
+        # change, and of each whole wiring since. Between, it has a part of them.
+        self._in_force = [{0} for _ in range(workers)]
 
     def rewire(self, wires: Words) -> list[wire.Message]:
         """Return what the workers whose cells change are told."""
@@ -47,26 +50,23 @@ class WorkerWires:
         gained = np.setdiff1d(edges, self._edges, assume_unique=True)
         lost = np.setdiff1d(self._edges, edges, assume_unique=True)
         self._edges = edges.copy()
-        return [
-            loom
-            for worker in range(len(self._hosted))
-            for loom in self._looms(
-                worker,
-                self._own(worker, gained),
-                self._own(worker, lost),
-                self._told[worker],
-            )
-        ]
+        looms: list[wire.Message] = []
+        for worker, told in enumerate(self._told):
+            gains, losses = self._own(worker, gained), self._own(worker, lost)
+            looms += self._looms(worker, gains, losses, told)
+            if self._told[worker] != told:
+                self._in_force[worker] = {self._told[worker]}
+        return looms
 
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of every worker whose cells have or had out-edges."""
         nothing = self._edges[:0]
-        return [
-            loom
-            for worker, told in enumerate(self._told)
-            if told
-            for loom in self._looms(worker, self._own(worker, self._edges), nothing, 0)
-        ]
+        looms: list[wire.Message] = []
+        for worker, told in enumerate(self._told):
+            if told:
+                looms += self._looms(worker, self._own(worker, self._edges), nothing, 0)
+                self._in_force[worker].add(self._told[worker])
+        return looms
 
     def targets(self, literal: int) -> Sequence[int]:
         """Return the targets of a literal, ascending."""
@@ -80,6 +80,12 @@ class WorkerWires:
             got = report.sender.replace("/", " ")
             raise MessageError(f"{report.key}: must be a worker's, got {got}")
         return self._hosted[report.worker]
+
+    def check_epoch(self, report: wire.Settled | wire.Tally) -> None:
+        """Refuse a worker's report by edges it had before, in part, or never."""
+        worker = self._hosted.index(self.cells_of(report))
+        if report.epoch not in self._in_force[worker]:
+            raise outdated(report, self._told[worker])
 
     def named(self, cells: Sequence[int]) -> list[str]:
         """Return the names of the workers, and how many of `cells` each has."""

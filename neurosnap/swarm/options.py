@@ -52,6 +52,11 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How many processes share the cells, where one has many."""
     keyframe_every: Annotated[int, msgspec.Meta(ge=1)] = 1000
     """Ticks between two whole snapshots in the recording."""
+    watch: bool = False
+    """Whether to tell of observations that contradict what is believed."""
+    hold: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Ticks to go on judging observations by the order that the first of them broke,
+    with `watch`; pays where one exception is enough to give up an implication."""
     deadline: Annotated[float, msgspec.Meta(gt=0)] = 10.0
     """Seconds a wave may take before it is given up and sent again."""
 

@@ -1,4 +1,7 @@
-"""What every part of a swarm does, whatever its role: listen, work, say so, leave."""
+"""What every part of a swarm does, whatever its role: listen, work, say so, leave.
+
+And what parts of every role have to refuse.
+"""
 
 from collections.abc import Awaitable, Iterable
 from typing import TypeVar
@@ -21,11 +24,34 @@ async def take_part(fabric: Fabric, work: Awaitable[T]) -> T:
     try:
         result = await work
     except Exception as error:
-        fabric.publish(wire.Fault(fabric.who, f"{type(error).__name__}: {error}"))
-        fabric.publish(wire.Leave(fabric.who))
+        # In one go, so that nothing of its own comes between: it shows who failed.
+        fault = wire.Fault(fabric.who, f"{type(error).__name__}: {error}")
+        fabric.publish(fault, wire.Leave(fabric.who))
         raise
     fabric.publish(wire.Leave(fabric.who))
     return result
+
+
+def wrong_readings(observation: wire.Observation) -> str | None:
+    """Return why an observation cannot be partial as it says; None: it may be.
+
+    One without any known reading is none: nothing would start its wave.
+    """
+    if not observation.known:
+        return None
+    size, got = len(observation.bits), len(observation.known)
+    if got != size:
+        return f"observe: must say which of {size} bytes are known, got {got} bytes"
+    bits, known = (
+        int.from_bytes(packed, "little")
+        for packed in (observation.bits, observation.known)
+    )
+    if not known:
+        return "observe: must hold a reading that is known, got none"
+    if beyond := bits & ~known:
+        sensor = beyond.bit_length() - 1
+        return f"observe: must be 0 where it is not known, got sensor {sensor} on"
+    return None
 
 
 def decoded(fabric: Fabric, deliveries: Iterable[wire.Delivery]) -> list[wire.Message]:

@@ -23,9 +23,10 @@ from typing import Annotated, TypeAlias
 
 import msgspec
 
-from neurosnap.errors import NeurosnapError
+from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.fabric.credentials import Credentials
-from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.refusals import telling_refusals
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.part import take_part
@@ -66,6 +67,8 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
     who: str
     what: str
+    died: bool = False
+    """It would be able to if another part had not died."""
 
 
 Report: TypeAlias = Ready | Progress | Done | Failed
@@ -135,9 +138,9 @@ class Reporter:
         """Say what came of it. Only for parts with a pipe of their own."""
         self._send(Done(self._who, msgspec.Raw(msgspec.json.encode(result))))
 
-    def failed(self, what: str) -> None:
+    def failed(self, what: str, *, died: bool = False) -> None:
         """Say why it cannot go on; the end of a long text is what counts."""
-        self._send(Failed(self._who, what[-_LONGEST:]))
+        self._send(Failed(self._who, what[-_LONGEST:], died))
 
     def _send(self, report: Report) -> None:
         with contextlib.suppress(BrokenPipeError):  # nobody is left to be told
@@ -209,7 +212,7 @@ def child(
     try:
         asyncio.run(live())
     except NeurosnapError as error:
-        reporter.failed(str(error))
+        reporter.failed(str(error), died=isinstance(error, PartDiedError))
         sys.exit(1)
     except Exception:  # noqa: BLE001 - the process ends here, and says why
         reporter.failed(traceback.format_exc())

@@ -11,11 +11,13 @@ import msgspec
 from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm import jobs
+from neurosnap.swarm.brief import Brief
 from neurosnap.swarm.coordinator import Totals
 from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.launch import Plan, run_processes
 from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.outlet import be_outlet, publishes
 from neurosnap.swarm.world import be_world
 
 _PACKAGES = ("neurosnap", "eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
@@ -47,7 +49,9 @@ async def run(
     past: Past | None = None,
     network: Network = PRIVATE,
     swarm: str = "",
+    incarnation: int = 0,
     elsewhere: frozenset[str] = frozenset(),
+    patience: float | None = None,
 ) -> Outcome:
     """Run a swarm to its end, or until `stop` is set.
 
@@ -59,7 +63,10 @@ async def run(
         past: Where to go on from, for a run that is resumed.
         network: Where the hub of a swarm of processes listens, and to whom.
         swarm: Its id; empty: a random one.
-        elsewhere: The cells that somebody else starts, as `join` does.
+        incarnation: How often a swarm of this id went before it.
+        elsewhere: The parts that somebody else starts, as `serve` does.
+        patience: Seconds all parts may take to come up; None: a minute, and more for
+            many.
 
     Raises:
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
@@ -71,19 +78,24 @@ async def run(
         result, completeness = inline.result, inline.completeness
         total, stopped = inline.seconds, inline.stopped
     else:
+        vacant = tuple(sorted(elsewhere))
+        brief = Brief(options=options, past=past, vacant=vacant)
         plan = Plan(
             cells=len(options.sensors),
             workers=options.sharing,
             conductor=jobs.be_coordinator,
-            conductor_arguments=(options, past),
+            conductor_arguments=(brief, patience),
             world=be_world,
             world_arguments=(options, past),
+            outlet=be_outlet if publishes(options) else None,
+            outlet_arguments=(options,),
             log=log,
             metadata=metadata,
             past=past,
             patience=options.deadline + 10.0,
             network=network,
             swarm=swarm,
+            incarnation=incarnation,
             elsewhere=elsewhere,
         )
         ending = await run_processes(plan, stop, on_progress)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from typing import Protocol
 
 from neurosnap import wire
-from neurosnap.errors import NeurosnapError, SwarmError
+from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.swarm.part import decoded
 
@@ -150,7 +150,8 @@ class _Shell:
                     self._publish([wire.Fault("coordinator", what)])
                 elif isinstance(message, wire.Leave):
                     self.left.add(message.who)
-                    self._publish(self._core.stop())
+                    if "/" not in message.who:  # without its cells no tick would end
+                        self._publish(self._core.stop())
                 else:
                     self._publish(self._core.receive(message))
         self._on_progress(self._core.tick)
@@ -210,11 +211,15 @@ class _Presence:
             asyncio.get_running_loop().call_later(_LAST_WORD, self._miss, who)
 
     def _miss(self, who: str) -> None:
-        """Fail, unless `who` is gone in order or the run has ended meanwhile."""
-        if who not in self._shell.left and not self._shell.over.is_set():
-            self._fabric.fail(
-                SwarmError(f"{who}: must stay until the run ends, is gone")
-            )
+        """Fail, unless `who` is gone in order or the run has ended meanwhile.
+
+        A cell, or a worker, has no order to go in before that.
+        """
+        left = who in self._shell.left
+        if self._shell.over.is_set() or (left and "/" not in who):
+            return
+        kind = SwarmError if left else PartDiedError
+        self._fabric.fail(kind(f"{who}: must stay until the run ends, is gone"))
 
     async def wait_complete(
         self, serving: asyncio.Task[None], stop: asyncio.Event, patience: float

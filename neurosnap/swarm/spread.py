@@ -131,7 +131,7 @@ def outgoing(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
 
 @njit(cache=True)
 def split(credit: int, parts: int) -> tuple[int, int]:
-    """Return what `neurosnap.wire.split_evenly` does, in two numbers.
+    """Return what `neurosnap.swarm.credit.split_evenly` does, in two numbers.
 
     Returns:
         How many of the shares are larger, and the exponent of the smaller ones; that of

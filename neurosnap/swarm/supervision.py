@@ -4,15 +4,16 @@ from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
-RestartKind: TypeAlias = Literal["never", "on-failure"]
+RestartKind: TypeAlias = Literal["never", "on-failure", "always"]
 
 
 class Supervision(msgspec.Struct, frozen=True, kw_only=True):
     """What happens when a part dies."""
 
     restart: RestartKind = "on-failure"
-    """Whether the run goes on. A part that says why it cannot go on is not started
-    again: it would say the same."""
+    """Whether the run goes on. ``on-failure``: when a part was killed or vanished, and
+    not when one says why it cannot go on, since it would say the same again.
+    ``always``: then, too."""
     max_restarts: Annotated[int, msgspec.Meta(ge=0)] = 10
     """How often, before the run is given up."""
     backoff: Annotated[float, msgspec.Meta(ge=0)] = 0.1

@@ -61,7 +61,7 @@ class Supervisor:
         self.tick = 0
         self._context = multiprocessing.get_context("forkserver")
         self._children: dict[str, Child] = {}
-        self._reasons: dict[str, str] = {}
+        self._reasons: dict[str, Failed] = {}
         self._expected: set[str] = set()
         self._killed: set[str] = set()  # by this supervisor
         self._loop = asyncio.get_running_loop()
@@ -168,8 +168,8 @@ class Supervisor:
                 if child_ is not None:
                     child_.result = bytes(result)
                     child_.done_at = time.perf_counter()
-            case Failed(what=what):
-                self._reasons[report.who] = what
+            case Failed():
+                self._reasons[report.who] = report
 
     def _ended(self, who: str) -> None:
         """Take in that a child has ended."""
@@ -188,7 +188,8 @@ class Supervisor:
             rule = "must not end before it is asked to"
             self._blame(PartDiedError(f"{who}: {rule}, ended with {how}"))
         else:
-            self._blame(SwarmError(f"{who}: {reason}"))
+            kind = PartDiedError if reason.died else SwarmError
+            self._blame(kind(f"{who}: {reason.what}"))
 
     def _blame(self, error: SwarmError) -> None:
         """Let the first error be the run's, but for a death.

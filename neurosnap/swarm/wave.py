@@ -31,7 +31,7 @@ class Wave:
         kind: ``state`` or ``signal``.
         seeds: How many literals fire at the start.
         signal: Those literals; may be empty in a state wave, where each of `seeds`
-            cells fires its own reading.
+            cells whose reading is known fires it.
         repeats: The number of the wave given up for this one; 0 for none.
     """
 
@@ -47,6 +47,7 @@ class Wave:
         self.number = number
         self.tick = tick
         self.kind = kind
+        self.seeds = seeds
         self.signal = signal
         self.repeats = repeats
         self.hops: dict[int, int] = {}

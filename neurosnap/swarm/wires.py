@@ -56,6 +56,20 @@ class Wires(Protocol):
         """
         ...
 
+    def check_epoch(self, report: wire.Settled | wire.Tally) -> None:
+        """Refuse a report of somebody whose edges were not those in force.
+
+        That of the last wiring is not the only epoch that does: a wiring sent whole to
+        all changes the edges of nobody who had them, and may still be on its way.
+
+        Args:
+            report: Of somebody here; see `cells_of`.
+
+        Raises:
+            MessageError: A wiring was lost, or is on its way still.
+        """
+        ...
+
     def named(self, cells: Sequence[int]) -> list[str]:
         """Return whom it takes to hear from `cells`, as text."""
         ...
@@ -74,6 +88,7 @@ class CellWires:
         self._wires = to_words(np.zeros((2 * sensors, 2 * sensors), np.bool_))
         self._epoch = 0
         self._told = [0] * sensors  # epoch of each cell's last wiring
+        self._changed = [0] * sensors  # and of the last that changed its edges
 
     def rewire(self, wires: Words) -> list[wire.Message]:
         """Return what the cells that change are told; 64 edges are compared at once."""
@@ -83,7 +98,11 @@ class CellWires:
         if not cells:
             return []
         self._wires ^= flips
-        return self._wirings(cells, flips, [self._told[cell] for cell in cells])
+        after = [self._told[cell] for cell in cells]
+        wirings = self._wirings(cells, flips, after)
+        for cell in cells:
+            self._changed[cell] = self._epoch
+        return wirings
 
     def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
         """Return what the cells that change are told. O(N²) time and memory."""
@@ -106,6 +125,12 @@ class CellWires:
         if isinstance(report, wire.Tally) or report.cell >= len(self._told):
             raise MessageError(f"{report.key}: must be a cell's, got {_sender(report)}")
         return range(report.cell, report.cell + 1)
+
+    def check_epoch(self, report: wire.Settled | wire.Tally) -> None:
+        """Refuse a cell's report by edges it had before, or never."""
+        (cell,) = self.cells_of(report)
+        if not self._changed[cell] <= report.epoch <= self._told[cell]:
+            raise outdated(report, self._told[cell])
 
     def named(self, cells: Sequence[int]) -> list[str]:
         """Return the cells' own names."""
@@ -135,6 +160,13 @@ class CellWires:
                 )
             )
         return messages
+
+
+def outdated(report: wire.Settled | wire.Tally, told: int) -> MessageError:
+    """Return the error for a report by other edges than those of epoch `told`."""
+    rule = f"must be by the wiring in force, of epoch {told}"
+    got = f"got epoch {report.epoch} from {_sender(report)}"
+    return MessageError(f"{report.key}: {rule}, {got}")
 
 
 def members(sets: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -17,12 +17,13 @@ from collections.abc import Collection, Iterable, Sequence
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.swarm.mesh import Mesh
-from neurosnap.swarm.part import decoded, take_part
+from neurosnap.swarm.part import decoded, take_part, wrong_readings
 from neurosnap.swarm.process import Reporter, Seat
 from neurosnap.swarm.shares import shares
 from neurosnap.swarm.spread import Ints, Pulses, carried, outgoing, spread, warm
@@ -76,7 +77,8 @@ class Worker:
         self._mesh = Mesh(hosted, worker)
         self._epoch = 0
         self._wired = True
-        self._readings: dict[int, Ints] = {}  # tick -> the literals that were on
+        # tick -> the literals that were on, of the cells whose reading is known
+        self._readings: dict[int, Ints] = {}
         self._tick = 0  # the last it took part in
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
@@ -251,6 +253,7 @@ class Worker:
                 hops=reached[fired.literals - net.first].tobytes(),
                 credit=carried(fired.back, fired.least),
                 pulses=fired.pulses,
+                epoch=self._epoch,
             )
         )
         wave.part += 1
@@ -262,6 +265,8 @@ class Worker:
         if len(observation.bits) != size:
             got = f"got {len(observation.bits)}"
             raise MessageError(f"observe: must hold {size} bytes, {got}")
+        if (wrong := wrong_readings(observation)) is not None:
+            raise MessageError(wrong)
         self._check_tick("observe", observation.tick)
 
     def _check_tick(self, name: str, tick: int) -> None:
@@ -272,9 +277,10 @@ class Worker:
     def _latch(self, observation: wire.Observation) -> None:
         if observation.tick in self._readings:
             return
-        packed = np.frombuffer(observation.bits, np.uint8)
-        bits = np.unpackbits(packed, bitorder="little")
         cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)
+        if observation.known:
+            cells = cells[_unpacked(observation.known)[cells] > 0]
+        bits = _unpacked(observation.bits)
         self._readings[observation.tick] = 2 * cells + (1 - bits[cells])
         if len(self._readings) > _READINGS:
             del self._readings[min(self._readings)]
@@ -307,6 +313,11 @@ class Worker:
         self._mesh.change(loom)
         self._epoch = loom.epoch
         self._wired = True
+
+
+def _unpacked(data: bytes) -> NDArray[np.uint8]:
+    """Return packed bits, and those that fill the last byte."""
+    return np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
 
 
 async def run_worker(

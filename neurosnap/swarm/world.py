@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from neurosnap import wire
 from neurosnap.agent.context import Body, Senses
-from neurosnap.errors import ShapeError
+from neurosnap.errors import MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.record.past import Past
 from neurosnap.sensorium import pack, unpack
@@ -17,6 +17,95 @@ from neurosnap.swarm.process import Reporter, Seat
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+
+class World:
+    """A source and what is sensed of it, tick by tick.
+
+    Args:
+        source: Where observations come from; the caller closes it.
+        body: What is made of them.
+        past: For a run that is resumed: the source is brought to where it was, unless
+            it is live. What that shows next follows no action of the run.
+    """
+
+    def __init__(self, source: Source, body: Body, past: Past | None = None) -> None:
+        self._source = source
+        self._senses = Senses(body)
+        self._choices = len(body.choices)
+        self._literals = 2 * len(body.sensors)
+        self._tick = 0  # of the last observation
+        self._answered = -1  # the tick of the last decision taken up
+        self._state: NDArray[np.bool_] | None = None
+        self._known: NDArray[np.bool_] | None = None  # of the last own readings
+        self._began = past is not None
+        self._is_elsewhere = past is not None and source.live
+        if past is not None:
+            self._go_on(past)
+
+    def _go_on(self, past: Past) -> None:
+        if not self._source.live:
+            self._source.first()
+            for action in past.actions:
+                self._source.step(action)
+            self._known = self._source.known
+        self._tick, self._answered = past.tick, past.tick - 1
+        self._state = unpack(past.state, self._literals)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """What it has to hear of."""
+        return ("state", "decide") if self._senses.looks_back else ("decide",)
+
+    def hear(self, message: wire.Message) -> wire.Decision | None:
+        """Take in a message; return it if it is a decision to be answered.
+
+        A decision that came before changes nothing.
+
+        Raises:
+            MessageError: It cannot be right.
+        """
+        match message:
+            case wire.State() if message.tick == self._tick:
+                try:
+                    self._state = unpack(message.literals, self._literals)
+                except ShapeError as error:
+                    raise MessageError(f"state: {error}") from error
+            case wire.Decision() if message.tick > self._answered:
+                free = self._tick == 0 or not self._choices
+                fits = free or 0 <= message.action < self._choices
+                if message.tick > self._tick or not fits:
+                    rule = f"must be for tick {self._tick}, of {self._choices} choices"
+                    raise MessageError(f"decide: {f'{rule}, got {message}':.200}")
+                self._answered = message.tick
+                return message
+            case _:
+                pass
+        return None
+
+    def answer(self, decision: wire.Decision) -> wire.Observation | None:
+        """Return the observation that follows a decision; None: the source is over.
+
+        With a live source it takes as long as that does.
+        """
+        source = self._source
+        bits = source.step(decision.action) if self._began else source.first()
+        if bits is None:
+            return None
+        begins = source.begins or self._is_elsewhere
+        self._began, self._is_elsewhere = True, False
+        self._tick += 1
+        step = (-1 if begins else decision.action, self._state)
+        known = self._senses.known(source.known, *step, self._known)
+        self._known = source.known
+        if source.known is not None:
+            bits = bits & source.known
+        return wire.Observation(
+            tick=self._tick,
+            bits=pack(self._senses.observe(bits, *step)),
+            begins=begins,
+            known=b"" if known is None else pack(known),
+        )
 
 
 async def run_world(
@@ -31,65 +120,63 @@ async def run_world(
 
     Reads ``decide``, and ``state`` where a sensor looks back at it; publishes
     ``observe``. The decision of tick `t` makes the observation of `t + 1`, unless that
-    begins a trajectory: then it follows no action, and none is sensed. A decision that
-    came before changes nothing. A tick's state comes before its decision, both from
-    the coordinator.
+    begins a trajectory: then it follows no action, and none is sensed. A tick's state
+    comes before its decision, both from the coordinator.
+
+    A live source is waited for on a thread of its own, so that neither messages nor
+    `stop` have to wait; it is closed at the end.
 
     Args:
         source: Where observations come from; the caller closes it.
         body: What is made of them.
         fabric: Entered by the caller.
         stop: Ends it.
-        past: For a run that is resumed: the source is brought to where it was without
-            publishing anything.
+        past: For a run that is resumed.
     """
-    senses = Senses(body)
-    choices = len(body.choices)
-    literals = 2 * len(body.sensors)
-    tick = 0
-    state: NDArray[np.bool_] | None = None
+    world = World(source, body, past)
     over = asyncio.Event()
+    decisions: asyncio.Queue[wire.Decision] = asyncio.Queue()
     loop = asyncio.get_running_loop()
-    if past is not None:
-        source.first()
-        for action in past.actions:
-            source.step(action)
-        tick, state = past.tick, unpack(past.state, literals)
 
     def handle(deliveries: list[wire.Delivery]) -> None:
-        nonlocal tick, state
         for message in decoded(fabric, deliveries):
-            if isinstance(message, wire.State) and message.tick == tick:
-                try:
-                    state = unpack(message.literals, literals)
-                except ShapeError as error:
-                    fabric.publish(wire.Fault("world", f"state: {error}"))
-            if not isinstance(message, wire.Decision) or message.tick < tick:
-                continue  # it came before
-            fits = tick == 0 or not choices or 0 <= message.action < choices
-            if message.tick > tick or not fits:
-                what = f"must be for tick {tick}, of {choices} choices, got {message}"
-                fabric.publish(wire.Fault("world", f"decide: {what:.200}"))
+            try:
+                decision = world.hear(message)
+            except MessageError as error:
+                fabric.publish(wire.Fault("world", str(error)))
                 continue
-            bits = source.first() if tick == 0 else source.step(message.action)
-            if bits is None:
+            if decision is None:
+                continue
+            if source.live:
+                loop.call_soon_threadsafe(decisions.put_nowait, decision)
+                continue
+            observation = world.answer(decision)
+            if observation is None:
                 loop.call_soon_threadsafe(over.set)
                 return
-            tick += 1
-            action = -1 if source.begins else message.action
-            bits = senses.observe(bits, action, state)
-            fabric.publish(wire.Observation(tick, pack(bits), source.begins))
+            fabric.publish(observation)
 
-    topics = ("state", "decide") if senses.looks_back else ("decide",)
-    await fabric.subscribe(topics, handle)
+    async def wait_for_it() -> None:
+        while True:
+            decision = await decisions.get()
+            observation = await asyncio.to_thread(world.answer, decision)
+            if observation is None:
+                return
+            fabric.publish(observation)
+
+    await fabric.subscribe(world.topics, handle)
     await fabric.announce()
+    end = wait_for_it() if source.live else over.wait()
     serving = asyncio.create_task(fabric.serve(stop), name="world/serve")
-    ending = asyncio.create_task(over.wait(), name="world/over")
+    ending = asyncio.create_task(end, name="world/over")
     try:
         await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
-        if serving.done():
-            await serving
+        for task in (serving, ending):
+            if task.done():
+                await task
     finally:
+        if source.live:
+            source.close()
         serving.cancel()
         ending.cancel()
 
@@ -102,7 +189,7 @@ async def be_world(
     past: Past | None,
 ) -> None:
     """Be the world, or the file of readings."""
-    source = open_source(options.source, options.seed, options.arguments)
+    source = open_source(options.source, options.seed, options.arguments, seat)
     try:
         async with seat.fabric(swift=True) as fabric:
             work = run_world(source, options.body, fabric, stop, past=past)

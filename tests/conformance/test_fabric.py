@@ -19,8 +19,9 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
+from neurosnap.fabric.hub import open_hub
 from neurosnap.fabric.memory import MemoryHub
-from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.protocol import Fabric
 
 PATIENCE = 20.0  # seconds until a test that waits has failed
@@ -74,7 +75,7 @@ class Seen:
 
 BE_HUB = """
 import sys
-from neurosnap.fabric.over_zenoh import open_hub
+from neurosnap.fabric.hub import open_hub
 session = open_hub([sys.argv[1]], sessions=20)
 print("ready", flush=True)
 sys.stdin.read()

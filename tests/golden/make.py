@@ -18,14 +18,14 @@ BEGIN = 1_700_000_000_000_000_000
 
 MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (0, wire.Decision(0, 1, "the run opens")),
-    (0, wire.Observation(1, b"\x05", True)),
+    (0, wire.Observation(1, b"\x05", True, b"\x05")),
     (1, wire.Wiring(0, 1, 0, (2,), (), (5,), ())),
     (2, wire.Wiring(0, 2, 1, (), (2,), (), (5,))),
     (3, wire.WaveStart(1, 1, "state", 2, 1)),
     (0, wire.Pulse(1, 0, 2, 1, 4, 1)),
     (1, wire.Pulse(1, 0, 5, 1, 4)),
     (0, wire.Settled(1, 1, 0, (2,), (1,), (4,), 0)),
-    (2, wire.Settled(1, 0, 0, (0, 1), (0, 3), (3, 3), 2)),
+    (2, wire.Settled(1, 0, 0, (0, 1), (0, 3), (3, 3), 2, 2)),
     (4, wire.WaveStart(2, 1, "signal", 1, 2, (0, 5), 1, 1, 2)),
     (5, wire.State(1, 1, b"\x15", False, 1, 1, 1, 2, 2)),
     (6, wire.Reached(1, 2, (0, 5), b"\x25", 1, 1, 1, 1)),
@@ -34,7 +34,13 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (0, wire.Fault("cell/2", "wiring/0: must hold its own messages")),
     (9, wire.Loom(1, 3, 2, bytes((0, 0, 0, 0, 2, 0, 0, 0)), b"")),
     (0, wire.Burst(2, 0, 1, 0, bytes(4), b"\2\0\0\0", b"\1\0\0\0", b"\4\0\0\0")),
-    (0, wire.Tally(2, 1, 0, b"\2\0\0\0", b"\1\0\0\0", (2, 4), 0)),
+    (0, wire.Tally(2, 1, 0, b"\2\0\0\0", b"\1\0\0\0", (2, 4), 0, 3)),
+    (
+        10,
+        wire.Anomaly(
+            1, 1, (1,), (0, 1), True, 1, (0,), (0,), (2,), (7.0,), (0.5,), (1,)
+        ),
+    ),
     # The world's number 1 is lost, and number 2 is its last word.
     (2, wire.Leave("world")),
 )
@@ -73,7 +79,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 10})
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 11})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

@@ -36,9 +36,12 @@ VERBS = (
     "model",
     "doctor",
     "hub",
-    "join",
     "ps",
     "stop",
+    "coordinate",
+    "world",
+    "record",
+    "join",
     "keys",
 )
 RUN_KEYS = {

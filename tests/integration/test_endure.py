@@ -2,22 +2,27 @@
 
 import asyncio
 import signal
+import socket
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import psutil
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import PartDiedError
+from neurosnap.errors import InvalidValueError, PartDiedError, SwarmError
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.source import Argument, open_source
+from neurosnap.swarm import join
 from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.endure import Restart, run_on
+from neurosnap.swarm.endure import Restart, keep_furthest, run_on
+from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
+from neurosnap.swarm.service import Served, serve
 from neurosnap.swarm.supervision import Supervision
 from tools.soak import VICTIMS, soak
 
@@ -67,25 +72,32 @@ class Disturbed:
         )
 
     def run(self, *killings: tuple[int, tuple[str, ...]]) -> Outcome:
-        """Make the run; at each of the ticks the parts named are killed together."""
-        ahead = list(killings)
+        """Make the run; in each of its lives, parts are killed together at a tick."""
+        return asyncio.run(self.running(*killings))
+
+    async def running(
+        self, *killings: tuple[int, tuple[str, ...]], **where: Any
+    ) -> Outcome:
+        """Make the run; `where` as `run_on` takes it."""
 
         def on_progress(tick: int) -> None:
-            if ahead and tick >= ahead[0][0]:
-                _, victims = ahead.pop(0)
+            life = len(self.restarts)
+            if life == len(done) < len(killings) and tick >= killings[life][0]:
                 found = {one.name(): one for one in parts()}
-                for victim in victims:
-                    found[victim].send_signal(signal.SIGKILL)
+                if found.keys() >= set(killings[life][1]):
+                    done.append(life)
+                    for victim in killings[life][1]:
+                        found[victim].send_signal(signal.SIGKILL)
 
-        return asyncio.run(
-            run_on(
-                self._options,
-                self._log,
-                asyncio.Event(),
-                self._supervision,
-                on_progress=on_progress,
-                on_restart=self.restarts.append,
-            )
+        done: list[int] = []
+        return await run_on(
+            self._options,
+            self._log,
+            asyncio.Event(),
+            self._supervision,
+            on_progress=on_progress,
+            on_restart=self.restarts.append,
+            **where,
         )
 
 
@@ -137,6 +149,62 @@ def test_whoever_dies_the_run_comes_to_the_same(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
 
 
+ELSEWHERE = (1, 3)  # cells
+SWARM = "demo"
+
+
+def endpoint() -> str:
+    """Where a hub may listen now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.mark.parametrize(
+    "victims",
+    [("coordinator",), ("cell/1",), ("cell/0",), ("hub",), ("recorder", "cell/3")],
+    ids="+".join,
+)
+def test_a_run_with_cells_elsewhere_comes_to_the_same(
+    victims: tuple[str, ...], tmp_path: Path
+) -> None:
+    options = options_for(150)
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    inline = msgspec.structs.replace(options, cells="inline")
+    undisturbed = asyncio.run(run(inline, calm, asyncio.Event()))
+    disturbed, served, where = Disturbed(options, log), list[Served](), endpoint()
+
+    async def both() -> Outcome:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(
+                serve(
+                    join.cells(ELSEWHERE),
+                    Network(connect=where),
+                    SWARM,
+                    asyncio.Event(),
+                    on_served=served.append,
+                )
+            )
+            return await disturbed.running(
+                (20, victims),
+                (70, victims),
+                network=Network(listen=where),
+                swarm=SWARM,
+                elsewhere=frozenset(f"cell/{cell}" for cell in ELSEWHERE),
+            )
+
+    outcome = asyncio.run(both())
+    assert outcome.restarts == 2
+    assert outcome.totals.ticks == undisturbed.totals.ticks == 150
+    assert outcome.implications == undisturbed.implications
+    assert course(log) == course(calm)
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 150)
+    assert [one.swarm for one in served] == ["demo", "demo-1", "demo-2"]
+    assert [bool(one.trouble) for one in served] == [True, True, False]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
+
+
 def test_a_run_that_dies_too_often_is_given_up(tmp_path: Path) -> None:
     log = tmp_path / "log"
     disturbed = Disturbed(options_for(5000), log, max_restarts=1)
@@ -153,6 +221,103 @@ def test_a_run_is_not_continued_unless_wanted(tmp_path: Path) -> None:
         disturbed.run((20, ("cell/0",)))
     assert not disturbed.restarts
     assert verify(log).ticks > 0
+
+
+def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "log"
+    disturbed = Disturbed(options_for(5000), log, max_restarts=2)
+    # Once it goes on, its hub dies at the first sight of it: nothing is recorded.
+    with pytest.raises(PartDiedError, match=r"^hub: must not end before"):
+        disturbed.run((20, ("world",)), (0, ("hub",)), (0, ("hub",)))
+    first, second = disturbed.restarts
+    assert first.tick == second.tick > 0
+    assert verify(log).ticks == first.tick
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def recorded(path: Path, ticks: int) -> Path:
+    options = msgspec.structs.replace(options_for(ticks), cells="inline")
+    asyncio.run(run(options, path, asyncio.Event()))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("after", "before", "kept"),
+    [(9, 5, 9), (5, 9, 9), (6, 6, 6), (None, 4, 4), (-1, 4, 4), (3, -1, 3)],
+)
+def test_of_two_recordings_the_further_stays(
+    after: int | None, before: int, kept: int, tmp_path: Path
+) -> None:
+    log, broken = tmp_path / "log", tmp_path / "log.broken"
+    for path, ticks in ((log, after), (broken, before)):
+        if ticks is not None and ticks > 0:
+            recorded(path, ticks)
+        elif ticks is not None:
+            path.write_bytes(b"no recording")
+    keep_furthest(log, broken)
+    assert verify(log).ticks == kept
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def test_a_recording_alone_is_left_alone(tmp_path: Path) -> None:
+    log = recorded(tmp_path / "log", 3)
+    content = log.read_bytes()
+    keep_furthest(log, tmp_path / "log.broken")
+    assert log.read_bytes() == content
+
+
+def test_what_an_earlier_run_left_is_not_overwritten(tmp_path: Path) -> None:
+    left = tmp_path / "log.broken"
+    left.write_bytes(b"all there is")
+    rule = "log: must be taken away first: a run left it that was cut short"
+    with pytest.raises(InvalidValueError, match=rule):
+        Disturbed(options_for(5), tmp_path / "log").run()
+    assert left.read_bytes() == b"all there is"
+
+
+FAILING = """
+import gymnasium
+import numpy as np
+
+
+class Failing(gymnasium.Env):
+    observation_space = gymnasium.spaces.MultiBinary(3)
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        self.steps = 0
+        return np.zeros(3, np.int8), {}
+
+    def step(self, action):
+        self.steps += 1
+        if self.steps > 5:
+            raise RuntimeError("the sensors are off")
+        return np.array([self.steps % 2, 0, 1], np.int8), 0.0, False, False, {}
+
+
+gymnasium.register("test/Failing-v0", Failing, disable_env_checker=True)
+"""
+
+
+@pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 2)])
+def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
+    restart: str, times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "failing.py").write_text(FAILING)
+    monkeypatch.syspath_prepend(tmp_path)
+    name = "failing:test/Failing-v0"
+    source = open_source(name, 1)
+    source.close()
+    options = RunOptions(source=name, body=body_of(source, "walker"), ticks=50)
+    log = tmp_path / "log"
+    disturbed = Disturbed(options, log, restart=restart, max_restarts=2)
+    with pytest.raises(SwarmError, match="the sensors are off") as raised:
+        disturbed.run()
+    assert not isinstance(raised.value, PartDiedError)
+    assert [event.tick for event in disturbed.restarts] == [6] * times
+    assert verify(log).ticks == 6
 
 
 @pytest.mark.timeout(150)

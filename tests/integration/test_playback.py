@@ -14,7 +14,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.context import Body
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.record.history import snapshot_at
 from neurosnap.record.playback import Played, play, play_on
 from neurosnap.record.reader import Recording

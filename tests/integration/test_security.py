@@ -32,8 +32,9 @@ from neurosnap.fabric.access import RIGHTS, Role, role_of
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.keyring import read_credentials
 from neurosnap.fabric.keys import make_keys
-from neurosnap.fabric.over_zenoh import ZenohFabric, configuration
+from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.protocol import Handler, PresenceHandler
+from neurosnap.fabric.session import configuration
 from neurosnap.record.playback import play_on
 from neurosnap.record.reader import Recording
 from neurosnap.record.recorder import run_recorder
@@ -58,7 +59,7 @@ BE_HUB = """
 import sys
 from pathlib import Path
 from neurosnap.fabric.keyring import read_credentials
-from neurosnap.fabric.over_zenoh import open_hub
+from neurosnap.fabric.hub import open_hub
 from neurosnap.fabric.refusals import telling_refusals
 with telling_refusals(audit=True) as refusals:
     credentials = read_credentials(Path(sys.argv[2]), "hub")
@@ -257,9 +258,9 @@ def options() -> RunOptions:
 
 
 # What the table allows and this run need not do: nothing goes wrong, no sensor looks
-# back at a state, and no cells share a worker.
+# back at a state, none is read outside, and no cells share a worker.
 UNSAID = {"coordinator": {"fault", "loom"}, "world": {"fault"}, "cell": {"fault"}}
-UNHEARD = {"coordinator": {"tally"}, "world": {"state"}}
+UNHEARD = {"coordinator": {"tally"}, "world": {"state", "reading"}}
 
 
 async def test_a_swarm_runs_and_does_what_the_table_says(

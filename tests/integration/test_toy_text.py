@@ -1000,6 +1000,7 @@ def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> Non
     agent = Agent(options.body, options.new_policy(), options.new_snapshot())
     bits, own = source.first(), len(source.sensors)
     decisions = []
+    assert bits is not None
     for one in observed(tmp_path / "log"):
         sensed = unpack(one.bits, len(options.body.sensors))
         np.testing.assert_array_equal(sensed[:own], bits)

@@ -20,6 +20,7 @@ from neurosnap import wire
 from neurosnap.agent.walker import Walker
 from neurosnap.fabric.memory import Faults, MemoryHub
 from neurosnap.poc.graph import PocGraph, WiringKind
+from neurosnap.poc.literals import to_words
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import pack, unpack
 from neurosnap.swarm.cell import Cell
@@ -212,12 +213,12 @@ class Network:
         assert whole == (number in self.settled)
 
     def rewire(self, edges: NDArray[np.bool_]) -> None:
-        for message in self.conductor.rewire(edges):
+        for message in self.conductor.rewire(to_words(edges)):
             self._coordinator.publish(message)
 
     def rewire_at_once(self, edges: NDArray[np.bool_]) -> None:
         """Wire the cells without the hub, where it is one that loses messages."""
-        for message in self.conductor.rewire(edges):
+        for message in self.conductor.rewire(to_words(edges)):
             host = next(h for h in self.hosts.values() if message.key in keys_of(h))
             assert host.receive([message]) == []
 

@@ -303,7 +303,7 @@ def test_a_wave_that_reaches_less_than_the_order_says_is_an_error() -> None:
     probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
     start = probe.begin()[-1]
     assert isinstance(start, wire.WaveStart)
-    lie = wire.Settled(start.wave, 0, 0, (0,), (0,), (start.credit,), 0)
+    lie = wire.Settled(start.wave, 0, 0, (0,), (0,), (start.credit,), 0, epoch=1)
     rule = r"^wave 1: must reach all above its signal, got 1 of 3 literals$"
     with pytest.raises(SwarmError, match=rule):
         probe.receive(lie)

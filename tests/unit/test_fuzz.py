@@ -21,9 +21,10 @@ from neurosnap.sensorium import pack
 from neurosnap.swarm import cell as cells
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.conductor import Conductor
-from neurosnap.swarm.part import decoded
+from neurosnap.swarm.part import decoded, wrong_readings
 from neurosnap.swarm.wave import DEEPEST, Wave
 from tools import fuzz, fuzz_bytes
+from tools.fuzz_messages import altered
 from tools.fuzz_run import honest_run
 from tools.fuzz_targets import Count, FuzzError, Twins
 
@@ -411,3 +412,11 @@ def test_a_schema_that_is_no_number_of_ours_is_refused(
     path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
     with pytest.raises(RecordingError, match=r": schema: must be in \[1, \d\], got '"):
         Recording.open(path)
+
+
+def test_partial_observations_that_may_be_right_are_tried_and_others_too() -> None:
+    chance, whole = random.Random(0), wire.Observation(3, b"\x5a\x03")
+    tried = [altered(whole, chance) for _ in range(400)]
+    partial = [one for one in tried if isinstance(one, wire.Observation) and one.known]
+    right = sum(wrong_readings(one) is None for one in partial)
+    assert 40 < right < len(partial) - 40

@@ -50,8 +50,14 @@ def opened() -> list[Path]:
     return [Path(file.path) for file in psutil.Process().open_files()]
 
 
+def first(source: Source) -> NDArray[np.bool_]:
+    bits = source.first()
+    assert bits is not None
+    return bits
+
+
 def everything(source: Source, actions: Iterator[int] | None = None) -> list[list[int]]:
-    seen = [source.first().astype(int).tolist()]
+    seen = [first(source).astype(int).tolist()]
     while (bits := source.step(0 if actions is None else next(actions))) is not None:
         seen.append(bits.astype(int).tolist())
     return seen
@@ -59,7 +65,7 @@ def everything(source: Source, actions: Iterator[int] | None = None) -> list[lis
 
 def walked(source: Source, steps: int = 100) -> NDArray[np.bool_]:
     rng = np.random.default_rng(0)
-    seen = [source.first()]
+    seen = [first(source)]
     for _ in range(steps):
         bits = source.step(int(rng.integers(len(source.actions))))
         assert bits is not None
@@ -78,7 +84,7 @@ class TestCsv:
 
     def test_observations_are_bool(self, readings: Path) -> None:
         source = open_source(str(readings), seed=0)
-        assert source.first().dtype == np.bool_
+        assert first(source).dtype == np.bool_
         bits = source.step(0)
         assert bits is not None
         assert bits.dtype == np.bool_
@@ -284,7 +290,7 @@ class TestWorlds:
         assert len(source.sensors) == 20
         assert len(source.actions) == (4 if "Grid" in name else 2)
         assert source.length is None
-        bits = source.first()
+        bits = first(source)
         assert bits.shape == (20,)
         assert bits.dtype == np.bool_
         source.close()
@@ -313,7 +319,7 @@ class TestWorlds:
 
     def test_observations_are_the_callers_to_keep(self) -> None:
         source = open_source("neurosnap/Cycle-v0", seed=0)
-        kept = source.first()
+        kept = first(source)
         copy = kept.copy()
         source.step(0)
         np.testing.assert_array_equal(kept, copy)
@@ -580,9 +586,9 @@ class TestOtherEnvironments:
     def test_a_buffer_used_again_does_not_change_what_was_given(self) -> None:
         with custom() as name:
             source = open_source(name, seed=0)
-        first = source.first()
+        start = first(source)
         source.step(0)
-        assert not first.any()
+        assert not start.any()
 
     @pytest.mark.parametrize(
         "gives", [np.zeros(3, np.int8), np.array([0, 2]), [0.5, 1]]

@@ -1,6 +1,5 @@
 """Every message comes back as it went, and nothing else comes through."""
 
-from fractions import Fraction
 from typing import Any
 
 import msgspec.inspect as kinds
@@ -19,6 +18,8 @@ def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
     match kind:
         case kinds.IntType():
             return st.integers(kind.ge, kind.le)
+        case kinds.FloatType():
+            return st.floats(allow_nan=False, allow_infinity=False)
         case kinds.VarTupleType():
             return st.lists(values(kind.item_type), max_size=5).map(tuple)
         case kinds.LiteralType():
@@ -149,15 +150,6 @@ def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
             assert message.sender == message.who
         case _:
             assert message.sender == "coordinator"
-
-
-@given(credit=st.integers(0, 10_000), parts=st.integers(1, 300))
-def test_split_shares_add_up_to_the_whole(credit: int, parts: int) -> None:
-    shares = wire.split_evenly(credit, parts)
-    assert len(shares) == parts
-    assert sum(Fraction(1, 2**share) for share in shares) == Fraction(1, 2**credit)
-    assert shares == sorted(shares)
-    assert shares[-1] - shares[0] <= 1
 
 
 def test_a_cell_listens_to_what_is_for_it_and_to_nothing_else() -> None:

@@ -190,6 +190,58 @@ class TestSenses:
         first = Senses(body).observe(np.array(bits, np.bool_))
         assert first.tolist() == oracles.sensed(body, bits, None, set())
 
+    @given(bodies(), st.data())
+    def test_what_a_sensor_is_made_of_decides_whether_it_is_known(
+        self, body: Body, data: st.DataObject
+    ) -> None:
+        count = len(body.own)
+        readings = st.lists(st.booleans(), min_size=count, max_size=count)
+        now, before = data.draw(readings), data.draw(readings)
+        held: dict[int, bool | None] = {
+            sensor: data.draw(st.sampled_from([True, False, None]))
+            for sensor in range(len(body.sensors))
+        }
+        state = np.zeros(2 * len(body.sensors), np.bool_)
+        state[[2 * s + (not on) for s, on in held.items() if on is not None]] = True
+
+        def was(literal: int) -> bool | None:
+            """Whether a literal was on; None: unknown."""
+            on = held[literal // 2]
+            if on is None:  # with a reading it was contradicted
+                return False if before[literal // 2] else None
+            return on != bool(literal % 2)
+
+        senses, own = Senses(body), np.array(now, np.bool_)
+        for number, taken in enumerate(oracles.choices(body)):
+            expected: list[bool | None] = [True if known else None for known in now]
+            felt = [action in taken for action in range(len(body.actions))]
+            expected += felt if body.senses_actions else []
+            for action, literal in body.context:  # of a conjunction, one off decides
+                expected.append(was(literal) if action in taken else False)
+            known = senses.known(own, number, state, np.array(before, np.bool_))
+            told = np.ones(len(expected), np.bool_) if known is None else known
+            assert told.tolist() == [value is not None for value in expected]
+            seen = senses.observe(own, number, state)
+            assert seen.tolist() == [value is True for value in expected]
+
+    @given(bodies(), st.data())
+    def test_at_the_beginning_no_more_is_unknown_than_is_read(
+        self, body: Body, data: st.DataObject
+    ) -> None:
+        count = len(body.own)
+        flags = st.lists(st.booleans(), min_size=count, max_size=count)
+        now, before = (np.array(data.draw(flags), np.bool_) for _ in range(2))
+        rest = [True] * (len(body.sensors) - count)
+        known = Senses(body).known(now, -1, None, before)
+        told = [True] * len(body.sensors) if known is None else known.tolist()
+        assert told == [*now.tolist(), *rest]
+
+    def test_all_is_known_where_nothing_is_said(self) -> None:
+        senses = Senses(Body.full(["a"], ["go"]))
+        assert senses.known(None) is None
+        assert senses.known(np.array([True])) is None
+        assert senses.known(None, 0, np.zeros(8, np.bool_), None) is None
+
     def test_without_an_action_the_state_before_does_not_count(self) -> None:
         senses = Senses(Body.full(["a"], ["go"]))
         everything = np.ones(8, np.bool_)

@@ -8,7 +8,9 @@ import zenoh
 from neurosnap import wire
 from neurosnap.fabric.access import (
     ALL,
+    BRIEF,
     FLUSHED,
+    READING,
     RIGHTS,
     ROLES,
     Rights,
@@ -34,6 +36,7 @@ KEYS = {
     "loom": "loom/3",
     "burst": "burst/3",
     "tally": "tally",
+    "anomaly": "anomaly",
 }
 """A key of every topic."""
 
@@ -150,8 +153,9 @@ def test_cells_and_workers_may_listen_to_what_they_listen_to() -> None:
 
 def test_every_topic_is_somebodys_to_publish_and_somebodys_to_read() -> None:
     parts = [rights for role, rights in RIGHTS.items() if role != "hub"]
-    assert {topic for rights in parts for topic in rights.publishes} == set(KEYS)
-    assert {topic for rights in parts for topic in rights.reads} == set(KEYS)
+    known = {*KEYS, READING}
+    assert {topic for rights in parts for topic in rights.publishes} == known
+    assert {topic for rights in parts for topic in rights.reads} == known
 
 
 @pytest.mark.parametrize("topic", ["wiring", "loom", "wave", "state", "decide"])
@@ -171,3 +175,58 @@ def test_what_is_outside_the_swarms_prefix_is_nobodys() -> None:
 )
 def test_a_parts_role_is_the_first_word_of_its_name(who: str, role: str) -> None:
     assert role_of(who) == role
+
+
+READINGS = (READING, f"{READING}/door", f"{READING}/kitchen/door")
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("key", READINGS)
+def test_sensors_put_readings_and_the_world_gets_them(role: str, key: str) -> None:
+    wanted = {
+        "sensor": {("put", "ingress"), ("declare_subscriber", "egress")},
+        "world": {("declare_subscriber", "ingress"), ("put", "egress")},
+    }
+    if RIGHTS[role].reads == ALL:  # type: ignore[index]
+        wanted[role] = wanted["world"]
+    found = {
+        (message, flow)
+        for message in MESSAGES
+        for flow in ("ingress", "egress")
+        if allows(role, message, flow, key)
+    }
+    assert found == wanted.get(role, set())
+
+
+def test_a_sensor_is_told_of_who_listens_to_readings_and_to_nothing_else() -> None:
+    assert allows("sensor", "declare_subscriber", "egress", f"{READING}/**")
+    assert not allows("sensor", "declare_subscriber", "egress", "**")
+    assert not any(
+        allows("sensor", "declare_subscriber", flow, key)
+        for flow in ("ingress", "egress")
+        for key in KEYS.values()
+    )
+
+
+def test_a_reading_is_no_message_of_ours() -> None:
+    assert READING not in wire.TOPICS
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_one_role_tells_what_the_run_is_and_one_may_ask(role: str) -> None:
+    tells, asks = role == "coordinator", role == "watcher"
+    for message, flow in (
+        ("declare_queryable", "ingress"),
+        ("query", "egress"),
+        ("reply", "ingress"),
+    ):
+        assert allows(role, message, flow, BRIEF) == tells
+        assert not allows(role, message, flow, "**")
+    assert allows(role, "query", "ingress", BRIEF) == asks
+    assert allows(role, "reply", "egress", BRIEF) == asks
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_who_is_there_may_be_asked_by_those_who_watch(role: str) -> None:
+    watches = role in ("coordinator", "recorder", "watcher")
+    assert allows(role, "liveliness_query", "ingress", "alive/**") == watches

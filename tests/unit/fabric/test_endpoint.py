@@ -6,7 +6,8 @@ import pytest
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.endpoint import check_endpoint, nearest
-from neurosnap.fabric.over_zenoh import ZenohFabric, open_hub
+from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.over_zenoh import ZenohFabric
 
 HERE = [
     "tcp/127.0.0.1:7447",

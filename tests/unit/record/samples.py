@@ -26,6 +26,9 @@ EACH: dict[str, wire.Message] = {
     "leave": wire.Leave("world"),
     "loom": wire.Loom(1, 2, 1, bytes(8), bytes(range(16))),
     "burst": wire.Burst(1, 0, 1, 2, bytes(4), b"\x08\0\0\0", b"\1\0\0\0", bytes(4)),
+    "anomaly": wire.Anomaly(
+        9, 8, (1,), (1, 2), True, 1, (0,), (2,), (5,), (40.0,), (0.0,), (3,)
+    ),
     "tally": wire.Tally(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
 }
 """One message for each topic."""

@@ -10,6 +10,7 @@ from tests.unit.record.samples import EACH
 _TYPES: dict[str, Any] = {
     "string": str,
     "integer": int,
+    "number": float,
     "boolean": bool,
     "array": list,
     "object": dict,
@@ -57,7 +58,7 @@ def misfits(value: Any, rule: dict[str, Any]) -> list[str]:
 
 
 def _number(value: Any) -> float:
-    return value if isinstance(value, int) else 0
+    return value if isinstance(value, int | float) else 0
 
 
 @pytest.mark.parametrize("topic", wire.TOPICS)

@@ -86,7 +86,7 @@ def test_a_pulse_makes_it_pulse_its_targets_and_report() -> None:
     assert cell.receive([start(), pulse(0, hops=3, credit=1)]) == [
         wire.Pulse(1, OWN, 4, 4, 3, 1),
         wire.Pulse(1, OWN, 7, 4, 3, 1),
-        wire.Settled(1, 1, 0, (OWN,), (3,), (2,), 2),
+        wire.Settled(1, 1, 0, (OWN,), (3,), (2,), 2, epoch=1),
     ]
 
 
@@ -94,7 +94,7 @@ def test_a_signal_makes_it_fire_at_no_hops() -> None:
     cell = wired(4)
     assert cell.receive([start(1, 0, OWN, 5, credit=2)]) == [
         wire.Pulse(1, OWN, 4, 1, 3, 1),
-        wire.Settled(1, 1, 0, (OWN,), (0,), (3,), 1),
+        wire.Settled(1, 1, 0, (OWN,), (0,), (3,), 1, epoch=1),
     ]
 
 
@@ -122,7 +122,7 @@ def test_it_fires_once_a_wave() -> None:
     first = cell.receive([start(), pulse(0)])
     again = cell.receive([pulse(6, hops=9, credit=7)])
     assert len(sent(first)) == 1
-    assert again == [wire.Settled(1, 1, 1, (), (), (7,), 0)]
+    assert again == [wire.Settled(1, 1, 1, (), (), (7,), 0, epoch=1)]
 
 
 def test_it_fires_again_in_another_wave() -> None:
@@ -221,7 +221,7 @@ def test_a_wave_it_was_not_told_of_makes_it_fire_all_the_same() -> None:
     cell.receive([start(3)])
     assert cell.receive([pulse(0, wave=5, fence=3, credit=1)]) == [
         wire.Pulse(5, OWN, 4, 2, 2, 3),
-        wire.Settled(5, 1, 0, (OWN,), (1,), (2,), 1),
+        wire.Settled(5, 1, 0, (OWN,), (1,), (2,), 1, epoch=1),
     ]
 
 
@@ -252,7 +252,7 @@ def test_a_pulse_may_overtake_the_start_and_no_credit_is_lost() -> None:
     (report,) = reports(cell.receive([pulse(0, wave=2, fence=1)]))
     assert (report.literals, report.hops) == ((OWN,), (1,))
     assert cell.receive([ask(2, 1, OWN, credit=1)]) == [
-        wire.Settled(2, 1, 1, (), (), (1,), 0)
+        wire.Settled(2, 1, 1, (), (), (1,), 0, epoch=1)
     ]
 
 
@@ -329,6 +329,77 @@ def test_a_pulse_that_comes_again_while_held_counts_once() -> None:
     assert given_out(cell.receive([start()])) == share(2)
 
 
+# Unknown readings ---------------------------------------------------------------------
+
+
+def partly(tick: int, *known: int) -> wire.Message:
+    """An observation of which only these of three sensors are known: they are on."""
+    bits = pack([sensor in known for sensor in range(3)])
+    return wire.Observation(tick, bits, known=bits)
+
+
+def test_a_cell_whose_reading_is_unknown_starts_no_wave_and_passes_pulses_on() -> None:
+    cell = wired(4)
+    assert cell.receive([partly(1, 0, 2), state_wave(1, 1)]) == []
+    out = cell.receive([pulse(0, credit=2)])
+    assert [(p.target, p.hops) for p in sent(out)] == [(4, 2)]
+    assert given_out(out) == share(2)
+
+
+def test_it_holds_pulses_until_it_knows_that_its_reading_is_unknown() -> None:
+    cell = wired(4)
+    assert cell.receive([state_wave(1, 1), pulse(0)]) == []
+    assert len(sent(cell.receive([partly(1, 0, 2)]))) == 1
+
+
+def test_a_known_reading_among_unknown_ones_starts_a_wave() -> None:
+    (report,) = reports(wired().receive([partly(1, 1), state_wave(1, 1)]))
+    assert report.literals == (OWN,)
+
+
+def test_what_was_not_observed_does_not_fire_in_a_repeat_either() -> None:
+    assert wired(4).receive([state_wave(1, 1, 0, 5)]) == []
+
+
+@pytest.mark.parametrize(
+    ("bits", "known", "what"),
+    [
+        (b"\x02", b"\x02\x00", "must say which of 1 bytes are known, got 2 bytes"),
+        (b"\x02", b"\x05", "must be 0 where it is not known, got sensor 1 on"),
+        (b"\x00", b"\x00", "must hold a reading that is known, got none"),
+    ],
+)
+def test_an_observation_that_contradicts_itself_is_a_fault(
+    bits: bytes, known: bytes, what: str
+) -> None:
+    cell = wired(4)
+    wrong = wire.Observation(1, bits, known=known)
+    assert cell.receive([wrong]) == [wire.Fault("cell/1", f"observe: {what}")]
+    (report,) = reports(cell.receive([observation(1, on=False), state_wave(1, 1)]))
+    assert report.literals == (COMPLEMENT,)
+
+
+# By which wiring it acts --------------------------------------------------------------
+
+
+def test_it_says_by_which_wiring_it_acted_and_what_comes_after_does_not_count() -> None:
+    cell = wired(4)
+    changed = wire.Wiring(1, 2, 1, add=(8,), drop=(4,))
+    out = cell.receive([start(1, OWN), changed, pulse(0), start(2, OWN)])
+    assert out == [
+        wire.Pulse(1, OWN, 4, 1, 1, 1),
+        wire.Settled(1, 1, 0, (OWN,), (0,), (1,), 1, epoch=1),
+        wire.Pulse(2, OWN, 8, 1, 1, 2),
+        wire.Settled(1, 1, 1, (), (), (3,), 0, epoch=2),
+        wire.Settled(2, 1, 0, (OWN,), (0,), (1,), 1, epoch=2),
+    ]
+
+
+def test_a_cell_that_was_never_wired_says_so() -> None:
+    (report,) = reports(Cell(1).receive([start(1, OWN)]))
+    assert report.epoch == 0
+
+
 # Forgetting ---------------------------------------------------------------------------
 
 
@@ -337,7 +408,9 @@ def test_it_forgets_waves_that_have_settled() -> None:
     cell.receive([start(1), start(2), pulse(0), pulse(0, wave=2)])
     cell.receive([start(3, below=2)])
     assert cell.receive([pulse(6, wave=1), start(1, OWN)]) == []
-    assert cell.receive([pulse(6, wave=2)]) == [wire.Settled(2, 1, 1, (), (), (3,), 0)]
+    assert cell.receive([pulse(6, wave=2)]) == [
+        wire.Settled(2, 1, 1, (), (), (3,), 0, epoch=1)
+    ]
     assert set(cell._waves) == {2, 3}
 
 
@@ -420,7 +493,7 @@ def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
     assert cell.receive([start(1), message]) == [wire.Fault("cell/1", what)]
     assert cell.receive([pulse(0)]) == [
         wire.Pulse(1, OWN, 4, 2, 4, 1),
-        wire.Settled(1, 1, 0, (OWN,), (1,), (4,), 1),
+        wire.Settled(1, 1, 0, (OWN,), (1,), (4,), 1, epoch=1),
     ]
 
 

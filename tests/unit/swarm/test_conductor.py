@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError, WaveLostError
+from neurosnap.poc.literals import to_words
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.conductor import Conductor
 
@@ -28,6 +29,10 @@ def edges(*pairs: tuple[int, int]) -> Edges:
 CHAIN = edges((0, 2), (2, 4), (5, 3), (3, 1))
 
 
+def rewire(conductor: Conductor, wanted: Edges) -> list[wire.Message]:
+    return conductor.rewire(to_words(wanted))
+
+
 def begin(
     conductor: Conductor, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
 ) -> wire.WaveStart:
@@ -37,8 +42,8 @@ def begin(
     return start
 
 
-def settled(wave: int, literal: int, *credit: int) -> wire.Settled:
-    return wire.Settled(wave, literal // 2, 0, (literal,), (0,), credit, 0)
+def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.Settled:
+    return wire.Settled(wave, literal // 2, 0, (literal,), (0,), credit, 0, epoch)
 
 
 def told(cells: list[Cell]) -> Edges:
@@ -67,7 +72,7 @@ def test_its_messages_give_the_cells_the_edges(
             messages = conductor.rewire_whole()
         else:
             wanted = edges(*step)
-            messages = conductor.rewire(wanted)
+            messages = rewire(conductor, wanted)
         for message in messages:
             assert isinstance(message, wire.Wiring)
             assert cells[message.cell].receive([message]) == []
@@ -76,13 +81,13 @@ def test_its_messages_give_the_cells_the_edges(
 
 def test_only_cells_whose_edges_changed_are_told() -> None:
     conductor = Conductor(SENSORS)
-    conductor.rewire(CHAIN)
+    rewire(conductor, CHAIN)
     more = CHAIN | edges((4, 6), (7, 5))
-    assert conductor.rewire(more) == [
+    assert rewire(conductor, more) == [
         wire.Wiring(2, 2, 1, add=(6,)),
         wire.Wiring(3, 2, 0, add_complement=(5,)),
     ]
-    assert conductor.rewire(CHAIN) == [
+    assert rewire(conductor, CHAIN) == [
         wire.Wiring(2, 3, 2, drop=(6,)),
         wire.Wiring(3, 3, 2, drop_complement=(5,)),
     ]
@@ -90,24 +95,24 @@ def test_only_cells_whose_edges_changed_are_told() -> None:
 
 def test_edges_that_did_not_change_are_no_message() -> None:
     conductor = Conductor(SENSORS)
-    assert conductor.rewire(edges()) == []
-    conductor.rewire(CHAIN)
-    assert conductor.rewire(CHAIN.copy()) == []
+    assert rewire(conductor, edges()) == []
+    rewire(conductor, CHAIN)
+    assert rewire(conductor, CHAIN.copy()) == []
 
 
 def test_it_keeps_edges_of_its_own() -> None:
     conductor = Conductor(SENSORS)
     mine = CHAIN.copy()
-    conductor.rewire(mine)
+    rewire(conductor, mine)
     mine[0, 6] = True
-    assert conductor.rewire(mine) == [wire.Wiring(0, 2, 1, add=(6,))]
+    assert rewire(conductor, mine) == [wire.Wiring(0, 2, 1, add=(6,))]
 
 
 def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
     conductor = Conductor(SENSORS)
     assert conductor.rewire_whole() == []
-    conductor.rewire(CHAIN)
-    conductor.rewire(edges((0, 2)))
+    rewire(conductor, CHAIN)
+    rewire(conductor, edges((0, 2)))
     assert conductor.rewire_whole() == [
         wire.Wiring(0, 4, 0, add=(2,)),
         wire.Wiring(1, 4, 0),
@@ -132,6 +137,24 @@ def test_a_state_wave_starts_in_every_cell() -> None:
     assert start == wire.WaveStart(1, 7, "state", 2, 1, fence=1)
     done = [conductor.report(settled(1, 2 * s, 2)) for s in range(SENSORS)]
     assert [wave is None for wave in done] == [True, True, True, False]
+
+
+def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
+    conductor = Conductor(SENSORS)
+    (start,) = conductor.start("state", 7, seeds=2)
+    assert start == wire.WaveStart(1, 7, "state", 1, 1, fence=1)
+    assert conductor.report(settled(1, 0, 1)) is None
+    (start,) = conductor.repeat(1, (0, 5))
+    assert start == wire.WaveStart(2, 7, "state", 1, 2, (0, 5), 1, 2)
+    assert conductor.report(settled(2, 0, 1)) is None
+    assert conductor.report(settled(2, 5, 1)) is not None
+
+
+def test_a_state_wave_keeps_its_credit_when_it_is_repeated_without_a_signal() -> None:
+    conductor = Conductor(SENSORS)
+    conductor.start("state", 7, seeds=1)
+    (start,) = conductor.repeat(1, ())
+    assert start == wire.WaveStart(2, 7, "state", 0, 2, (), 1, 2)
 
 
 def test_a_settled_wave_is_handed_out_and_forgotten() -> None:
@@ -208,13 +231,13 @@ def test_a_wave_of_many_is_announced_to_all() -> None:
 @pytest.mark.parametrize("whole", [False, True])
 def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
     conductor = Conductor(SENSORS)
-    conductor.rewire(CHAIN)
+    rewire(conductor, CHAIN)
     conductor.start("state", 1)
     assert told_of(conductor.start("signal", 1, (0,))) == [(0, 1)]
     if whole:
         conductor.rewire_whole()
     else:
-        conductor.rewire(edges())
+        rewire(conductor, edges())
     assert told_of(conductor.start("signal", 1, (0,))) == [(-1, 3)]
     assert told_of(conductor.start("signal", 1, (0,))) == [(0, 3)]
 
@@ -231,12 +254,78 @@ def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
     assert max(np.diff(announced)) <= 70
 
 
+# By which wiring a cell acted ---------------------------------------------------------
+
+
+def allows(conductor: Conductor, part: int, epoch: int) -> bool:
+    """Tell whether cell 1 may report on the newest wave by an epoch."""
+    report = wire.Settled(conductor.waves, 1, part, (), (), (9,), 0, epoch)
+    try:
+        return conductor.report(report) is None
+    except MessageError as error:
+        return not str(error).endswith(f"got epoch {epoch} from cell 1")
+
+
+def taken(conductor: Conductor) -> list[int]:
+    """Return the epochs by which cell 1 may report on the newest wave."""
+    return [epoch for epoch in range(9) if allows(conductor, epoch, epoch)]
+
+
+def test_a_cell_reports_by_the_edges_in_force_or_is_refused() -> None:
+    conductor = Conductor(SENSORS)
+    conductor.start("state", 1)
+    assert taken(conductor) == [0]
+    rewire(conductor, CHAIN)
+    conductor.start("state", 2)
+    assert taken(conductor) == [1]
+    rewire(conductor, CHAIN | edges((0, 6)))  # says nothing to cell 1
+    conductor.start("state", 3)
+    assert taken(conductor) == [1]
+    rewire(conductor, edges())
+    conductor.start("state", 4)
+    assert taken(conductor) == [3]
+
+
+def test_a_whole_wiring_changes_the_edges_of_nobody_who_had_them() -> None:
+    conductor = Conductor(SENSORS)
+    rewire(conductor, CHAIN)
+    conductor.start("signal", 0, (2,))
+    conductor.start("signal", 0, (0,))
+    conductor.repeat(2, ())
+    assert conductor.report(settled(1, 2, 0, epoch=1)) is not None
+    assert taken(conductor) == [1, 2]
+    rewire(conductor, edges((2, 6)))
+    conductor.start("signal", 0, (2,))
+    assert taken(conductor) == [3]
+
+
+def test_a_report_by_a_lost_wiring_counts_for_nothing_and_a_repeat_mends_it() -> None:
+    conductor = Conductor(SENSORS)
+    rewire(conductor, CHAIN)
+    conductor.start("signal", 0, (5,))
+    with pytest.raises(MessageError, match=r"of epoch 1, got epoch 0 from cell 2$"):
+        conductor.report(settled(1, 5, 0))
+    assert conductor.in_flight == (1,)
+    conductor.repeat(1, ())
+    wave = conductor.report(settled(2, 5, 0, epoch=2))
+    assert wave is not None
+    assert wave.hops == {5: 0}
+
+
+def test_what_is_said_by_old_edges_of_a_wave_given_up_is_dropped() -> None:
+    conductor = Conductor(SENSORS)
+    conductor.start("signal", 0, (5,))
+    conductor.repeat(1, ())
+    rewire(conductor, CHAIN)
+    assert conductor.report(settled(1, 5, 0)) is None
+
+
 # Repeats ------------------------------------------------------------------------------
 
 
 def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
     conductor = Conductor(SENSORS)
-    conductor.rewire(CHAIN)
+    rewire(conductor, CHAIN)
     conductor.start("signal", 4, (0, 5))
     assert conductor.repeat(1, ()) == [
         wire.Wiring(0, 2, 0, add=(2,)),
@@ -280,12 +369,12 @@ def test_what_is_given_up_is_settled_only_once_older_waves_are() -> None:
 
 def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
     conductor = Conductor(SENSORS, repeats=2)
-    conductor.rewire(CHAIN)
+    rewire(conductor, CHAIN)
     conductor.start("state", 9)
     observed = (0, 2, 5, 7)
     conductor.repeat(1, observed)
     conductor.repeat(2, observed)
-    conductor.report(settled(3, 0, 4))
+    conductor.report(settled(3, 0, 4, epoch=1))
     expected = (
         r"^wave 3 \(tick 9\): must settle within its deadline, got 3 tries;"
         r" missing credit 0\.9375, silent cells: cell/1, cell/2, cell/3$"
@@ -296,9 +385,9 @@ def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
 
 def test_a_target_that_never_fired_is_named() -> None:
     conductor = Conductor(SENSORS, repeats=0)
-    conductor.rewire(CHAIN)
+    rewire(conductor, CHAIN)
     conductor.start("signal", 0, (0,))
-    conductor.report(settled(1, 0, 1))
+    conductor.report(settled(1, 0, 1, epoch=1))
     expected = r"missing credit 0\.5, silent cells: cell/1$"
     with pytest.raises(WaveLostError, match=expected):
         conductor.repeat(1, ())

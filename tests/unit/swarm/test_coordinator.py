@@ -17,6 +17,7 @@ from neurosnap.poc.snapshot import EmpiricalSnapshot
 from neurosnap.sensorium import complete, pack, unpack
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.coordinator import Coordinator
+from tests.property import oracles
 
 SENSORS = 3
 M = TypeVar("M")
@@ -231,14 +232,95 @@ def test_the_state_is_what_the_cells_reported_and_nothing_else() -> None:
     core.receive(observed(1, "000"))
     # Nobody has learned that sensor 1 is on, and yet its cell says so.
     reports = [
-        wire.Settled(1, 0, 0, (1,), (0,), (2,), 0),
-        wire.Settled(1, 1, 0, (3, 2), (0, 1), (2,), 0),
-        wire.Settled(1, 2, 0, (5,), (0,), (2,), 0),
+        wire.Settled(1, 0, 0, (1,), (0,), (2,), 0, epoch=2),
+        wire.Settled(1, 1, 0, (3, 2), (0, 1), (2,), 0, epoch=2),
+        wire.Settled(1, 2, 0, (5,), (0,), (2,), 0, epoch=2),
     ]
     (state,) = only(wire.State, [m for r in reports for m in core.receive(r)])
     assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [1, 5]
     assert state.incoherent
     assert state.depth == 1
+
+
+# Unknown readings ---------------------------------------------------------------------
+
+
+def partly(tick: int, row: str) -> wire.Observation:
+    """An observation, `?` standing for what is unknown."""
+    known = pack([digit != "?" for digit in row])
+    return wire.Observation(tick, pack(bits(row)), known=known)
+
+
+def test_what_is_implied_of_an_unknown_reading_is_in_the_state() -> None:
+    swarm = Swarm(new())
+    swarm.run(ROWS[:4])  # sensor 0 implies sensor 1
+    said = swarm.say([partly(5, "1??")])
+    start = only(wire.WaveStart, said)[0]
+    assert (start.kind, start.credit) == ("state", 0)
+    (state,) = only(wire.State, said)
+    assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [0, 2]
+    assert not state.incoherent
+    (state,) = only(wire.State, swarm.say([partly(6, "?1?")]))
+    assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [2]
+
+
+def test_what_is_unknown_is_not_learned_from() -> None:
+    swarm, snapshot = Swarm(new()), EmpiricalSnapshot(SENSORS, threshold=0.2)
+    swarm.run(ROWS[:4])
+    swarm.say([partly(5, "1?0")])
+    for row in ROWS[:4]:
+        snapshot.learn(bits(row))
+    snapshot.learn(bits("1?0"), np.array([True, False, True]))
+    assert swarm.coordinator.snapshot.clock == 5
+    for a, b in oracles.proper_pairs(2 * SENSORS):
+        assert swarm.coordinator.snapshot.weight(a, b) == snapshot.weight(a, b)
+
+
+def test_a_partial_observation_that_contradicts_what_was_learned_says_so() -> None:
+    swarm = Swarm(new())
+    swarm.run(ROWS[:7])
+    (state,) = only(wire.State, swarm.say([partly(8, "10?")]))
+    assert state.incoherent
+    assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [5]
+
+
+def test_everything_known_is_the_same_said_or_not() -> None:
+    said, plain = Swarm(new()), Swarm(new())
+    said.run(ROWS[:4])
+    plain.run(ROWS[:4])
+    whole = wire.Observation(5, pack(bits(ROWS[4])), known=b"\x07")
+    assert said.say([whole]) == plain.observe(5, ROWS[4])
+
+
+@pytest.mark.parametrize(
+    ("known", "what"),
+    [
+        (b"\x07\x00", "must say which of 1 bytes are known, got 2 bytes"),
+        (b"\x06", "must be 0 where it is not known, got sensor 0 on"),
+        (b"\x09", "packed bits: must be 0 beyond the first 3 bits, got b'\\t'"),
+    ],
+)
+def test_an_observation_that_contradicts_itself_is_a_fault(
+    known: bytes, what: str
+) -> None:
+    core = new()
+    core.begin()
+    wrong = wire.Observation(1, b"\x01", known=known)
+    assert core.receive(wrong) == [wire.Fault("coordinator", f"observe: {what}")]
+    assert core.snapshot.clock == 0
+    assert only(wire.WaveStart, core.receive(observed(1, "000")))
+
+
+def test_a_late_wave_is_repeated_with_what_is_known() -> None:
+    swarm = Swarm(new())
+    swarm.run(ROWS[:4])
+    swarm.lost = lambda m: isinstance(m, wire.Settled)
+    swarm.say([partly(5, "?10")])
+    swarm.lost = lambda _: False
+    said = swarm.say(swarm.coordinator.overdue(swarm.coordinator.in_flight[0]))
+    start = only(wire.WaveStart, said)[0]
+    assert (start.kind, start.signal, start.credit) == ("state", (2, 5), 1)
+    assert only(wire.State, said)
 
 
 # Planning waves -----------------------------------------------------------------------
@@ -263,13 +345,15 @@ def test_answers_come_in_the_order_of_the_questions_however_waves_settle() -> No
     core = new(policy)
     core.begin()
     core.receive(observed(1, "000"))
-    reports = [wire.Settled(1, c, 0, (2 * c + 1,), (0,), (2,), 0) for c in range(3)]
+    reports = [
+        wire.Settled(1, c, 0, (2 * c + 1,), (0,), (2,), 0, epoch=2) for c in range(3)
+    ]
     said = [message for report in reports for message in core.receive(report)]
     assert [m.wave for m in only(wire.WaveStart, said)] == [2, 3]
-    (reached,) = core.receive(wire.Settled(3, 1, 0, (3,), (0,), (0,), 0))
+    (reached,) = core.receive(wire.Settled(3, 1, 0, (3,), (0,), (0,), 0, epoch=2))
     assert isinstance(reached, wire.Reached)
     assert (reached.wave, reached.signal) == (3, (3,))
-    said = core.receive(wire.Settled(2, 0, 0, (0,), (0,), (0,), 0))
+    said = core.receive(wire.Settled(2, 0, 0, (0,), (0,), (0,), 0, epoch=2))
     assert [type(m) for m in said] == [wire.Reached, wire.Decision]
     answers = [np.flatnonzero(a).tolist() for a in policy.answers[-1]]
     assert answers == [[0], [3]]
@@ -327,7 +411,7 @@ def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -
             r"settle: must be a cell's, got cell 9",
         ),
         (
-            wire.Settled(1, 0, 0, (1,), (0,), (0, 0), 0),
+            wire.Settled(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=2),
             r"settle: must give back at most the credit given out, got cell 0,"
             r" credit [0, 0]",
         ),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError, WaveLostError
+from neurosnap.poc.literals import Words, to_words
 from neurosnap.swarm.conductor import Conductor
 from neurosnap.swarm.looms import WorkerWires
 from neurosnap.swarm.shares import shares
@@ -15,18 +16,17 @@ from neurosnap.swarm.worker import Worker
 
 SENSORS, WORKERS = 7, 3
 LITERALS = 2 * SENSORS
-Edges = NDArray[np.bool_]
 CHAIN = [(0, 2), (2, 4), (4, 6), (3, 1), (5, 3), (7, 5)]
 
 literals = st.integers(0, LITERALS - 1)
 wirings = st.sets(st.tuples(literals, literals), max_size=20)
 
 
-def edges(pairs: set[tuple[int, int]] | list[tuple[int, int]]) -> Edges:
+def edges(pairs: set[tuple[int, int]] | list[tuple[int, int]]) -> Words:
     made = np.zeros((LITERALS, LITERALS), np.bool_)
     for a, b in pairs:
         made[a, b] = True
-    return made
+    return to_words(made)
 
 
 def joined(pairs: set[tuple[int, int]]) -> NDArray[np.int64]:
@@ -38,10 +38,15 @@ def packed(*numbers: int) -> bytes:
 
 
 def tally(
-    wave: int, worker: int, fired: dict[int, int], *credit: int, part: int = 0
+    wave: int,
+    worker: int,
+    fired: dict[int, int],
+    *credit: int,
+    part: int = 0,
+    epoch: int = 0,
 ) -> wire.Tally:
     hops = packed(*fired.values())
-    return wire.Tally(wave, worker, part, packed(*fired), hops, credit, 0)
+    return wire.Tally(wave, worker, part, packed(*fired), hops, credit, 0, epoch)
 
 
 def known(workers: list[Worker]) -> set[tuple[int, int]]:
@@ -215,7 +220,7 @@ def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
     conductor = Conductor(SENSORS, repeats=0, workers=WORKERS)
     conductor.rewire(edges([*CHAIN, (0, 8), (0, 13)]))
     conductor.start("signal", 0, (0,))
-    conductor.report(tally(1, 0, {0: 0, 2: 1}, 1))
+    conductor.report(tally(1, 0, {0: 0, 2: 1}, 1, epoch=1))
     expected = (
         r"^wave 1 \(tick 0\): must settle within its deadline, got 1 tries; missing"
         r" credit 0\.5, silent cells: 1 of worker/0, 1 of worker/1, 1 of worker/2$"
@@ -233,3 +238,33 @@ def test_a_repeat_wires_every_worker_anew_first() -> None:
     assert len(wirings_) == 2
     assert isinstance(start, wire.WaveStart)
     assert (start.wave, start.repeats) == (2, 1)
+
+
+def allows(wires: WorkerWires, worker: int, epoch: int) -> bool:
+    """Tell whether a worker may report by an epoch."""
+    try:
+        wires.check_epoch(tally(1, worker, {}, 1, epoch=epoch))
+    except MessageError as error:
+        return not str(error).endswith(f"got epoch {epoch} from worker {worker}")
+    return True
+
+
+def in_force(wires: WorkerWires) -> list[list[int]]:
+    """Return the epochs by which each worker may report."""
+    return [
+        [epoch for epoch in range(20) if allows(wires, worker, epoch)]
+        for worker in range(WORKERS)
+    ]
+
+
+def test_a_worker_reports_by_all_frames_of_a_wiring_or_is_refused() -> None:
+    wires = WorkerWires(SENSORS, WORKERS, frame=2)
+    assert in_force(wires) == [[0], [0], [0]]
+    wires.rewire_to(joined({(0, 2), (2, 4), (4, 6), (6, 8)}))
+    assert in_force(wires) == [[2], [1], [0]]
+    wires.rewire_whole()  # the worker's frames are 3 and 4, and it may have neither
+    assert in_force(wires) == [[2, 4], [1, 2], [0]]
+    wires.rewire_to(joined({(0, 2), (2, 4), (4, 6), (6, 10)}))
+    assert in_force(wires) == [[2, 4], [3], [0]]
+    wires.rewire_to(joined({(0, 4), (6, 10)}))
+    assert in_force(wires) == [[6], [3], [0]]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
+from neurosnap.swarm.credit import split_evenly
 from neurosnap.swarm.wave import Wave
 
 
@@ -88,7 +89,7 @@ def spread(seeds: int, chance: random.Random, most: int) -> list[wire.Settled]:
         share = shares.pop(chance.randrange(len(shares)))
         back = [share]
         if len(reports) + len(shares) < most:
-            back, on = [], wire.split_evenly(share, chance.randint(1, 5))
+            back, on = [], split_evenly(share, chance.randint(1, 5))
             back.append(on.pop(0))
             shares += on
         cell = len(reports)

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from neurosnap import wire
 from neurosnap.sensorium import pack
 from neurosnap.swarm.cell import Cell
+from neurosnap.swarm.credit import split_evenly
 from neurosnap.swarm.shares import shares
 from neurosnap.swarm.spread import carried, split
 from neurosnap.swarm.wave import DEEPEST
@@ -84,7 +85,7 @@ def share(credit: int) -> Fraction:
 def test_pulses_among_its_own_cells_stay_inside() -> None:
     worker = wired((6, 8), (8, 10))
     assert worker.receive([start(1, 6)]) == [
-        wire.Tally(1, ME, 0, packed(6, 8, 10), packed(0, 1, 2), (0,), 2)
+        wire.Tally(1, ME, 0, packed(6, 8, 10), packed(0, 1, 2), (0,), 2, epoch=1)
     ]
 
 
@@ -95,7 +96,7 @@ def test_pulses_to_others_leave_in_one_burst_each_before_the_report() -> None:
         wire.Burst(
             1, ME, 2, 0, packed(6, 9), packed(17, 16), packed(1, 1), packed(3, 2)
         ),
-        wire.Tally(1, ME, 0, packed(6, 9), packed(0, 0), (2, 3), 4),
+        wire.Tally(1, ME, 0, packed(6, 9), packed(0, 0), (2, 3), 4, epoch=1),
     ]
 
 
@@ -108,11 +109,62 @@ def test_the_fewest_hops_in_a_burst_count_whatever_came_first() -> None:
     assert sum(map(share, tally.credit)) == 3 * share(3)
 
 
+@given(
+    st.lists(
+        st.sampled_from([True, False, None]), min_size=SENSORS, max_size=SENSORS
+    ).filter(lambda row: any(on is not None for on in row))
+)
+def test_of_the_readings_those_of_its_cells_that_are_known_fire(
+    row: list[bool | None],
+) -> None:
+    worker, cells = Worker(ME, HOSTED), [Cell(cell) for cell in HOSTED[ME]]
+    told = wire.Observation(
+        1,
+        pack([on is True for on in row]),
+        known=pack([on is not None for on in row]),
+    )
+    expected = {
+        2 * cell + (row[cell] is False): 0
+        for cell in HOSTED[ME]
+        if row[cell] is not None
+    }
+    said = worker.receive([told, state_wave(1, 1)])
+    fired = [fired_in(tally) for tally in said if isinstance(tally, wire.Tally)]
+    assert fired == ([expected] if expected else [])
+    by_cells = [m for cell in cells for m in cell.receive([told, state_wave(1, 1)])]
+    literals = [m.literals for m in by_cells if isinstance(m, wire.Settled)]
+    assert sorted(literals) == [(literal,) for literal in sorted(expected)]
+
+
+def test_a_worker_of_unknown_readings_only_passes_pulses_on() -> None:
+    worker = wired((6, 8))
+    unknown = wire.Observation(1, b"\x01\x00", known=b"\x01\x00")
+    assert worker.receive([unknown, state_wave(1, 1)]) == []
+    (tally,) = worker.receive([burst((0, 6, 1, 5))])
+    assert isinstance(tally, wire.Tally)
+    assert fired_in(tally) == {6: 1, 8: 2}
+
+
+def test_an_observation_that_contradicts_itself_is_a_fault() -> None:
+    wrong = wire.Observation(1, b"\x01\x00", known=b"\x02\x00")
+    what = "observe: must be 0 where it is not known, got sensor 0 on"
+    assert wired().receive([wrong]) == [wire.Fault("worker/1", what)]
+
+
+def test_it_says_by_which_frame_it_acted_and_what_comes_after_does_not_count() -> None:
+    worker = wired((6, 8))
+    changed = wire.Loom(ME, 2, 1, edges([(6, 10)]), edges([(6, 8)]))
+    assert worker.receive([start(1, 6), changed, start(2, 6)]) == [
+        wire.Tally(1, ME, 0, packed(6, 8), packed(0, 1), (0,), 1, epoch=1),
+        wire.Tally(2, ME, 0, packed(6, 10), packed(0, 1), (0,), 1, epoch=2),
+    ]
+
+
 def test_it_fires_once_a_wave_and_again_in_another() -> None:
     worker = wired((6, 8))
     worker.receive([start(1, 6)])
     (tally,) = worker.receive([burst((0, 6, 4, 5))])
-    assert tally == wire.Tally(1, ME, 1, b"", b"", (5,), 0)
+    assert tally == wire.Tally(1, ME, 1, b"", b"", (5,), 0, epoch=1)
     (tally,) = worker.receive([start(2, 6)])
     assert isinstance(tally, wire.Tally)
     assert fired_in(tally) == {6: 0, 8: 1}
@@ -393,7 +445,7 @@ def test_a_literal_named_twice_fires_once_as_it_does_in_a_cell() -> None:
 def test_credit_is_split_as_a_cell_splits_it(credit: int, parts: int) -> None:
     larger, exponent = split(credit, parts)
     shares_ = [exponent - (number < larger) for number in range(parts)]
-    assert shares_ == wire.split_evenly(credit, parts)
+    assert shares_ == split_evenly(credit, parts)
 
 
 @given(st.lists(st.integers(0, 90), min_size=1, max_size=60), st.integers(1, 40))

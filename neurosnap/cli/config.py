@@ -1,0 +1,134 @@
+"""``neurosnap config``: files that describe a run, and flags that go before them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import typer
+
+from neurosnap.cli.shared import Json, app, errors, print_json, say
+from neurosnap.errors import InvalidValueError
+from neurosnap.source import Argument
+
+if TYPE_CHECKING:
+    from neurosnap.config.prepare import Prepared
+
+FLAGS = {
+    "ticks": "run.ticks",
+    "seed": "run.seed",
+    "agent": "agent.kind",
+    "target": "agent.target",
+    "explore": "agent.explore",
+    "snapshot": "snapshot.kind",
+    "threshold": "snapshot.threshold",
+    "decay": "snapshot.decay",
+    "wiring": "cells.wiring",
+    "cells": "cells.kind",
+    "workers": "cells.workers",
+    "deadline": "cells.deadline",
+    "out": "recording.path",
+    "record": "recording.record",
+    "restart": "supervision.restart",
+    "max_restarts": "supervision.max_restarts",
+    "backoff": "supervision.backoff",
+    "listen": "network.listen",
+    "connect": "network.connect",
+    "tls": "network.tls",
+    "insecure": "network.insecure",
+    "audit": "network.audit",
+}
+"""The keys that the flags of a run stand for."""
+_PATHS = {"out", "tls"}
+
+config = typer.Typer(help="Check files that describe a run.", no_args_is_help=True)
+app.add_typer(config, name="config")
+
+
+@config.command()
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A TOML file.")],
+    static: Annotated[
+        bool, typer.Option("--static", help="Open nothing that the file names.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Find all that would keep a run from starting, with the lines it stands in."""
+    from neurosnap.config.faults import ConfigError
+    from neurosnap.config.load import load
+    from neurosnap.config.prepare import prepare
+
+    with errors():
+        try:
+            loaded = load(file)
+            if not static:
+                prepare(loaded)
+        except ConfigError as error:
+            if as_json:
+                faults = {"faults": error.faults, "more": error.more}
+                print_json({"file": str(file), **faults})
+            raise
+        say(as_json).print(f"{file}: no faults", markup=False, soft_wrap=True)
+        if as_json:
+            print_json({"file": str(file), "faults": [], "more": 0})
+
+
+@config.command()
+def schema() -> None:
+    """Print the JSON Schema of such files, for editors."""
+    from neurosnap.config.schema import schema as schema_of_config
+
+    with errors():
+        text = msgspec.json.format(msgspec.json.encode(schema_of_config()), indent=2)
+        typer.echo(text.decode())
+
+
+def described(context: typer.Context) -> "Prepared":
+    """Return what a run is started with, by the arguments of a verb.
+
+    Its `source` may be a file that describes a run, with the ending ``.toml``; flags go
+    before it if they were given, and their defaults do not.
+
+    Args:
+        context: The verb's; its parameters are `source`, `given` and some of `FLAGS`.
+
+    Raises:
+        InvalidValueError: Something is wrong with it; what a file says has its line.
+    """
+    from neurosnap.config.load import load
+    from neurosnap.config.prepare import prepare
+
+    name = str(context.params["source"])
+    file = Path(name) if name.lower().endswith(".toml") else None
+    keys = {flag: key for flag, key in FLAGS.items() if _was_given(context, flag)}
+    names = {key: flag for flag, key in keys.items()}
+    overrides = {key: context.params[flag] for flag, key in keys.items()}
+    for flag in keys.keys() & _PATHS:
+        # Flags are relative to where they are typed, and not to the file.
+        path = Path(context.params[flag])
+        overrides[keys[flag]] = str(path if file is None else path.absolute())
+    if file is None:
+        # A file of readings, too: whoever opens it tells them apart.
+        overrides |= {"source.kind": "world", "source.id": name}
+        names["source.id"] = "source"
+    for key, value in _arguments(context.params["given"] or []).items():
+        overrides[f"source.arguments.{key}"] = value
+    return prepare(load(file, overrides, names))
+
+
+def _was_given(context: typer.Context, flag: str) -> bool:
+    source = context.get_parameter_source(flag)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def _arguments(given: list[str]) -> dict[str, Argument]:
+    """Return the world's arguments: JSON's numbers, true, false; anything else text."""
+    arguments: dict[str, Argument] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.isidentifier():
+            raise InvalidValueError("set", "must be NAME=VALUE", text)
+        try:
+            arguments[name] = msgspec.json.decode(value, type=Argument)
+        except msgspec.DecodeError:
+            arguments[name] = value
+    return arguments

@@ -1,0 +1,196 @@
+"""What a run is started with, made of its description.
+
+Whatever can be refused before a run starts is refused here, and all of it at once: the
+source is opened, the agent fitted to it, keys are read and the recording's place looked
+at. Nothing is started, made or written.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from neurosnap.config.check import Problem, known_keys
+from neurosnap.config.lines import Keys
+from neurosnap.config.load import Loaded
+from neurosnap.config.recordings import LOGS, free_path, new_path
+from neurosnap.config.tables import Config
+from neurosnap.errors import InvalidValueError
+from neurosnap.outside.open import settle
+from neurosnap.source import open_source
+from neurosnap.swarm.embody import body_of, drawn_to
+from neurosnap.swarm.network import Network
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.supervision import Supervision
+
+FOREVER = 2**31 - 1
+"""Ticks of a run that ends when it is told to: the most a message can say."""
+_CALLED = {"source": ("id", "path"), "out": ("path",), "network": ("tls",)}
+"""The keys of what has another name where it is refused, or that of a file in it."""
+
+
+class Prepared(msgspec.Struct, frozen=True):
+    """What a run is started with."""
+
+    options: RunOptions
+    """What to run."""
+    log: Path | None
+    """Where to record, in a folder that may have to be made; None: not at all."""
+    supervision: Supervision
+    """What happens when a part dies."""
+    network: Network
+    """How the parts reach each other."""
+
+
+def prepare(loaded: Loaded) -> Prepared:
+    """Return what a run is started with.
+
+    Args:
+        loaded: Its description.
+
+    Raises:
+        ConfigError: What is described cannot be run: everything that was found is
+            named, each with its line. What needs the source is not looked for where
+            that cannot be opened.
+    """
+    config, folder = loaded.config, loaded.origin.folder
+    judge = _Judge(config)
+    name, _ = config.source.opening(folder)
+    network = config.network
+    if network.tls:
+        network = msgspec.structs.replace(network, tls=str(folder / network.tls))
+    log: Path | None = None
+    options: RunOptions | None = None
+    with judge.of("source", "agent"):
+        options = _options(config, folder)
+    if options is not None:
+        with judge.of("snapshot"):
+            options.new_snapshot()
+        with judge.of("agent"):
+            options.new_policy()
+        with judge.of("cells"):
+            options.host_names()
+    with judge.of("recording"):
+        log = _log(config, folder, name)
+    with judge.of("network"):
+        network.check()
+    if judge.found or options is None:
+        raise loaded.origin.error(judge.found)
+    return Prepared(options, log, config.supervision, network)
+
+
+def _options(config: Config, folder: Path) -> RunOptions:
+    """Return the options; the source is opened for the names of its sensors.
+
+    Raises:
+        InvalidValueError: The source cannot be opened, or the agent does not fit it.
+    """
+    name, given = config.source.opening(folder)
+    arguments = settle(name, given)
+    agent, seed = config.agent, config.run.seed
+    target = _names(agent.target)
+    if agent.kind == "excited":
+        place = ",".join(target) if target else None
+        arguments |= drawn_to(name, seed, arguments, place)
+        target = ()
+    opened = open_source(name, seed, arguments)
+    opened.close()
+    optional: dict[str, Any] = {
+        "ticks": _at_most(config.run.ticks, FOREVER if opened.live else opened.length),
+        "threshold": config.snapshot.threshold,
+        "decay": config.snapshot.decay,
+    }
+    return RunOptions(
+        source=name,
+        arguments=arguments,
+        body=body_of(opened, agent.kind),
+        agent=agent.kind,
+        target=target,
+        explore=agent.explore,
+        seed=seed,
+        snapshot=config.snapshot.kind,
+        wiring=config.cells.wiring,
+        cells=config.cells.kind,
+        workers=config.cells.workers,
+        deadline=config.cells.deadline,
+        keyframe_every=config.recording.keyframe_every,
+        **{name: value for name, value in optional.items() if value is not UNSET},
+    )
+
+
+def _names(target: object) -> tuple[str, ...]:
+    """Return a target as names, however it is written."""
+    if target is UNSET:
+        return ()
+    if isinstance(target, tuple):
+        return target
+    return tuple(name.strip() for name in str(target).split(","))
+
+
+def _at_most(asked: int | UnsetType, length: int | None) -> int | UnsetType:
+    """Return how many ticks to run: at most as many as the source has."""
+    if length is None:
+        return asked
+    return length if asked is UNSET else min(asked, length)
+
+
+def _log(config: Config, folder: Path, source: str) -> Path | None:
+    """Return where to record.
+
+    Raises:
+        InvalidValueError: It cannot be recorded there.
+    """
+    recording = config.recording
+    if not recording.record:
+        return None
+    if recording.path is UNSET:
+        given = recording.folder
+        return new_path(source, LOGS if given is UNSET else folder / given)
+    return free_path(folder / recording.path)
+
+
+class _Judge:
+    """Collects what is refused, with the keys that it is about."""
+
+    def __init__(self, config: Config) -> None:
+        self._leaves = dict(_leaves(msgspec.to_builtins(config), ()))
+        self._known = [*self._leaves, *known_keys(Config)]
+        self.found: list[Problem] = []
+
+    @contextmanager
+    def of(self, *tables: str) -> Iterator[None]:
+        """Judge what is made of some tables; what is refused ends the block."""
+        try:
+            yield
+        except InvalidValueError as error:
+            self.found.append(self._problem(error, tables))
+
+    def _problem(self, error: InvalidValueError, tables: tuple[str, ...]) -> Problem:
+        """Return an error as a problem with the key it is about.
+
+        It is about a key that has its name, or else a text as its value, since whoever
+        refuses a value may know it by another name; or else about the first table.
+        """
+        mine = [keys for keys in self._known if keys[0] in tables]
+        for keys in mine:
+            if keys[-1] in _CALLED.get(error.name, (error.name,)):
+                return Problem(keys, error.rule, error.value)
+        for keys in mine:
+            value = self._leaves.get(keys)
+            if value and isinstance(value, str) and value == error.value:
+                return Problem(keys, error.rule, error.value)
+        first = [keys for keys in mine if keys[-1] in _CALLED.get(tables[0], tables)]
+        return Problem(first[0], str(error), UNSET)
+
+
+def _leaves(value: object, at: Keys) -> Iterator[tuple[Keys, object]]:
+    """Return what stands in tables and lists, with the way to it."""
+    if isinstance(value, dict | tuple):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in items:
+            yield from _leaves(item, (*at, key))
+    else:
+        yield at, value

@@ -1,0 +1,7 @@
+"""Sensors that are outside: their readings come when they come, or do not come at all.
+
+The core is pure: a `Board` holds the latest reading of every sensor, a `Pace` says when
+a tick is due. An `OutsideSource` puts both behind a lock, and a feeder brings it what
+arrives: lines of standard input (`ndjson`), messages on a swarm's own keys
+(`zenoh_keys`).
+"""

@@ -1,0 +1,166 @@
+"""The latest reading of every sensor, and which of them can still be believed.
+
+No clock and no threads: every time is an argument, in seconds on one clock that never
+goes back. It holds one reading a sensor, however many come.
+
+What is known at a time `now`:
+
+- A sensor that never read is unknown, and so is one whose latest reading says so.
+- A reading is believed until it is `stale_after` seconds old; from then on the sensor
+  is unknown. Without a bound it is believed for ever.
+- A reading older than the one held is late: it is dropped and counted. Of two equally
+  old ones the one that comes last is held.
+- A reading cannot be younger than its arrival: one from the future was stamped by a
+  clock that is ahead, is taken as of its arrival, and counted where it is ahead by more
+  than `TOLERANCE`. To refuse it would silence a sensor for the error of a clock; to
+  believe its stamp would make every honest reading after it late.
+- A sensor with `seen_within` does not say what it reads, only that it is there: it is
+  on until that many seconds after any message, and off otherwise. Silence means that it
+  is off only once it was listened to for that long; until then it is unknown.
+"""
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.sensorium import Sensorium
+
+TOLERANCE = 1.0
+"""Seconds that clocks may differ by without a word."""
+
+Bits: TypeAlias = NDArray[np.bool_]
+Spans: TypeAlias = float | Sequence[float | None] | None
+"""Seconds, one for all sensors or one a sensor; None: no such bound."""
+
+
+class Board:
+    """The latest reading of each sensor; not to be used from two threads at once.
+
+    Args:
+        sensors: Their names, as `Sensorium` takes them.
+        stale_after: Seconds after which a reading is believed no more, above 0.
+        seen_within: For sensors that are on while messages come: for how many seconds
+            after one, above 0. Staleness means nothing for these.
+
+    Raises:
+        InvalidValueError: There is no sensor, a name is none, or a span is not above 0.
+        ShapeError: There are spans, but not one a sensor.
+    """
+
+    def __init__(
+        self,
+        sensors: Sequence[str],
+        *,
+        stale_after: Spans = None,
+        seen_within: Spans = None,
+    ) -> None:
+        self.sensors: tuple[str, ...] = Sensorium(sensors).names
+        if not self.sensors:
+            raise InvalidValueError("sensors", "must be one at least", self.sensors)
+        count = len(self.sensors)
+        stale = _spans("stale_after", stale_after, count)
+        seen = _spans("seen_within", seen_within, count)
+        self._seen: Bits = np.isfinite(seen)
+        self._span = np.where(self._seen, seen, stale)
+        self._on: Bits = np.zeros(count, np.bool_)
+        self._some: Bits = np.zeros(count, np.bool_)
+        self._at = np.full(count, -np.inf)
+        self._until = np.full(count, -np.inf)
+        self._silent_from = np.where(self._seen, -np.inf, np.inf)
+        self.late = 0
+        """Readings dropped because a younger one was there."""
+        self.ahead = 0
+        """Readings stamped more than `TOLERANCE` later than they came."""
+
+    def begin(self, now: float) -> None:
+        """Take note that listening begins; before, silence means nothing."""
+        self._silent_from = np.where(self._seen, now + self._span, np.inf)
+
+    def deafen(self) -> None:
+        """Take note that nobody listens: who is there cannot be told until `begin`."""
+        self._silent_from[:] = np.inf
+        self._some &= ~self._seen
+
+    def put(self, sensor: int, on: bool | None, at: float, now: float) -> bool:
+        """Take in one reading. O(1).
+
+        Args:
+            sensor: Whose, in [0, N).
+            on: What it read; None: it says itself that it does not know. A sensor with
+                `seen_within` is there whatever it says.
+            at: When it was read.
+            now: When it came, never before any time given earlier.
+
+        Returns:
+            Whether it was taken; a late one is not.
+        """
+        if at > now:
+            self.ahead += at > now + TOLERANCE
+            at = now
+        if at < self._at[sensor]:
+            self.late += 1
+            return False
+        self._at[sensor] = at
+        self._until[sensor] = at + self._span[sensor]
+        if self._seen[sensor]:
+            on = True
+        self._some[sensor] = on is not None
+        self._on[sensor] = bool(on)
+        return True
+
+    def put_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
+        """Take in a reading of every sensor, as `put` would one after the other. O(N).
+
+        Args:
+            on: ``(N,)``, what they read; False where they do not know.
+            some: ``(N,)``, which of them know.
+            at: When they were read.
+            now: When they came, never before any time given earlier.
+
+        Returns:
+            Which were taken, ``(N,)``; a late one is not.
+        """
+        if at > now:
+            self.ahead += len(self.sensors) * (at > now + TOLERANCE)
+            at = now
+        taken: Bits = at >= self._at
+        self._at[taken] = at
+        self._until[taken] = at + self._span[taken]
+        self._some[taken] = (some | self._seen)[taken]
+        self._on[taken] = (on | self._seen)[taken]
+        self.late += int(np.count_nonzero(~taken))
+        return taken
+
+    def observation(self, now: float) -> tuple[Bits, Bits]:
+        """Return what is read, and what of it is known. O(N).
+
+        Args:
+            now: Never before any time given earlier.
+
+        Returns:
+            The readings and which are known: ``(N,)`` each, new arrays; a reading that
+            is not known is 0.
+        """
+        believed = self._some & (now < self._until)
+        return self._on & believed, believed | (now >= self._silent_from)
+
+    def next_change(self, now: float) -> float | None:
+        """Return when `observation` changes next if nothing comes; None: never."""
+        turns = np.concatenate((self._until[self._some], self._silent_from))
+        ahead = turns[(turns > now) & np.isfinite(turns)]
+        return float(ahead.min()) if ahead.size else None
+
+
+def _spans(name: str, given: Spans, count: int) -> NDArray[np.float64]:
+    """Return one span a sensor, infinite where there is none."""
+    each = given if isinstance(given, Sequence) else [given] * count
+    if len(each) != count:
+        raise ShapeError(name, f"must be {count}, one a sensor", len(each))
+    spans = np.array([np.inf if span is None else span for span in each], np.float64)
+    wrong = ~(spans > 0)
+    if wrong.any():
+        raise InvalidValueError(name, "must be above 0", float(spans[wrong][0]))
+    return spans

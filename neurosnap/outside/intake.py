@@ -1,0 +1,29 @@
+"""Handing in what a JSON object says, whichever way it came."""
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.outside.reading import Names, Single, read
+from neurosnap.outside.source import OutsideSource
+
+
+def hand_in(source: OutsideSource, payload: bytes, *, wait: bool) -> None:
+    """Hand in what one JSON object says.
+
+    Args:
+        source: Takes it.
+        payload: The object, as `neurosnap.outside.reading` has it.
+        wait: Wait while too many whole readings do; see `OutsideSource.give`.
+
+    Raises:
+        InvalidValueError: It is no reading, or none of this source.
+    """
+    reading = read(payload)
+    if isinstance(reading, Single):
+        source.put(reading.sensor, reading.on, reading.at)
+    elif isinstance(reading, Names):
+        if reading.sensors != source.sensors:
+            rule = "must be those the run began with"
+            raise InvalidValueError("sensors", rule, reading.sensors)
+    else:
+        for name in reading.strangers(source.sensors):
+            source.put(name, None)
+        source.give(reading.in_order(source.sensors), reading.at, wait=wait)

@@ -1,0 +1,120 @@
+"""When a tick is due: by the clock, or when something has changed.
+
+Both are pure: they are told the time, in seconds on a clock that never goes back, and
+say how long to wait. Whoever asks gives no tick while nothing at all is known.
+"""
+
+from typing import Protocol
+
+from neurosnap.errors import InvalidValueError
+
+
+class Pace(Protocol):
+    """Says when the next tick is due."""
+
+    skipped: int
+    """Ticks that were due and never given."""
+
+    def begin(self, now: float) -> None:
+        """Begin at `now`; nothing else is asked before."""
+
+    def wait(self, now: float, changed: bool) -> float | None:
+        """Return for how many seconds to wait for the next tick, if nothing changes.
+
+        Args:
+            now: The time.
+            changed: Something differs from what the last tick gave.
+
+        Returns:
+            0: It is due. None: It never is, unless something changes.
+        """
+
+    def given(self, now: float) -> None:
+        """Take note that a tick was given, due or not."""
+
+
+class Clocked:
+    """A tick every `interval` seconds, the first one at once.
+
+    A tick that is late, since the swarm was busy or nothing was known, is given as soon
+    as it can be. Further ones that were due meanwhile are skipped and counted, not
+    caught up on: they would all show the same board. The next is due when it would have
+    been anyway, so lateness does not add up.
+
+    Args:
+        interval: Seconds, above 0.
+
+    Raises:
+        InvalidValueError: It is not above 0.
+    """
+
+    def __init__(self, interval: float) -> None:
+        if not 0 < interval < float("inf"):
+            raise InvalidValueError("interval", "must be above 0, finite", interval)
+        self._interval = interval
+        self._began = 0.0
+        self._next = 0
+        self.skipped = 0
+
+    def begin(self, now: float) -> None:
+        """Let the first tick be due `now`."""
+        self._began, self._next = now, 0
+
+    def wait(self, now: float, changed: bool) -> float | None:
+        """Return the time left; whether anything `changed` does not matter."""
+        return max(0.0, self._began + self._next * self._interval - now)
+
+    def given(self, now: float) -> None:
+        """Go on to the first tick due later than `now`, if one is due at all."""
+        if self.wait(now, changed=True):
+            return
+        following = max(int((now - self._began) // self._interval), self._next) + 1
+        if self._began + following * self._interval <= now:  # the division was inexact
+            following += 1
+        self.skipped += following - self._next - 1
+        self._next = following
+
+
+class OnChange:
+    """A tick as soon as something differs from what the last one gave.
+
+    What changes and changes back before a tick could be given is no change.
+
+    Args:
+        min_interval: Seconds between two ticks at least, 0 or more.
+        max_interval: Seconds between two ticks at most, changed or not; above 0, and
+            `min_interval` or more; None: without change there is no tick.
+
+    Raises:
+        InvalidValueError: An interval is out of its range.
+    """
+
+    def __init__(
+        self, min_interval: float = 0.0, max_interval: float | None = None
+    ) -> None:
+        if not 0 <= min_interval < float("inf"):
+            rule = "must be 0 or more, finite"
+            raise InvalidValueError("min_interval", rule, min_interval)
+        if max_interval is not None and not 0 < max_interval >= min_interval:
+            rule = "must be above 0, and min_interval or more"
+            raise InvalidValueError("max_interval", rule, max_interval)
+        self._least = min_interval
+        self._most = max_interval
+        self._last: float | None = None
+        self.skipped = 0
+        """Always 0: a change that is undone in time is none."""
+
+    def begin(self, now: float) -> None:
+        """Let the first tick be due with the first change."""
+        self._last = None
+
+    def wait(self, now: float, changed: bool) -> float | None:
+        """Return the time left until a change may show, or none has to."""
+        if self._last is None:
+            return 0.0 if changed else None
+        span = self._least if changed else self._most
+        return None if span is None else max(0.0, self._last + span - now)
+
+    def given(self, now: float) -> None:
+        """Count both intervals from `now`."""
+        self._last = now

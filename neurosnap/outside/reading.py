@@ -1,0 +1,150 @@
+r"""What a program says about its sensors: one JSON object, the same on every way in.
+
+A single reading, which takes its place on the board::
+
+    {"sensor": "door", "on": true, "at": 1690000000.0}
+
+A whole reading, which gets a tick of its own; what it does not name is unknown::
+
+    {"bits": {"door": true, "motion": 0}, "at": 1690000000.0}
+    {"tick": 12, "bits": [1, 0]}
+
+The names, for whoever has not said them otherwise; before everything else::
+
+    {"sensors": ["door", "motion"]}
+
+A value is true, false, 1, 0, ``"on"``, ``"off"``, ``"true"``, ``"false"``, ``"1"`` or
+``"0"``, in capitals or not; null where the sensor does not know. ``at`` is in seconds
+since the epoch, and may be missing: then it is the time of arrival. ``tick`` is the
+program's own number, for people who read along; nothing depends on it. Another field is
+refused: it might be a misspelt one.
+"""
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.sensorium import Sensorium
+
+LIMIT = 1 << 20
+"""Bytes of one object, at most."""
+
+_WORDS = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
+_Value: TypeAlias = bool | int | str | None
+_UNSET = msgspec.UNSET
+
+
+class Single(msgspec.Struct, frozen=True):
+    """What one sensor read."""
+
+    sensor: str
+    on: bool | None
+    at: float | None = None
+
+
+class Whole(msgspec.Struct, frozen=True):
+    """What all sensors read, in the order of the names, or by name."""
+
+    bits: tuple[bool | None, ...] | dict[str, bool | None]
+    at: float | None = None
+
+    def in_order(self, sensors: Sequence[str]) -> tuple[bool | None, ...]:
+        """Return one reading a sensor; None where there is none.
+
+        Raises:
+            ShapeError: They come without names, and not one a sensor.
+        """
+        if isinstance(self.bits, dict):
+            return tuple(self.bits.get(name) for name in sensors)
+        if len(self.bits) != len(sensors):
+            rule = f"must be {len(sensors)}, one a sensor"
+            raise ShapeError("bits", rule, len(self.bits))
+        return self.bits
+
+    def strangers(self, sensors: Sequence[str]) -> set[str]:
+        """Return the names in it that are none of `sensors`."""
+        if not isinstance(self.bits, dict):
+            return set()
+        return set(self.bits).difference(sensors)
+
+
+class Names(msgspec.Struct, frozen=True):
+    """The sensors, in order."""
+
+    sensors: tuple[str, ...]
+
+
+Reading: TypeAlias = Single | Whole | Names
+
+
+class _Object(msgspec.Struct, forbid_unknown_fields=True):
+    """Every field there is; which go together is checked where they are told apart."""
+
+    sensor: str | msgspec.UnsetType = _UNSET
+    on: _Value | msgspec.UnsetType = _UNSET
+    bits: list[_Value] | dict[str, _Value] | msgspec.UnsetType = _UNSET
+    at: float | msgspec.UnsetType | None = _UNSET
+    tick: int | msgspec.UnsetType | None = _UNSET
+    sensors: tuple[str, ...] | msgspec.UnsetType = _UNSET
+
+
+_SHAPES: tuple[tuple[set[str], set[str]], ...] = (
+    ({"sensor", "on"}, {"at"}),
+    ({"bits"}, {"at", "tick"}),
+    ({"sensors"}, set()),
+)
+"""Fields that must be there, and that may be."""
+
+_decoder = msgspec.json.Decoder(_Object)
+
+
+def read(payload: bytes) -> Reading:
+    """Return what is said in one JSON object.
+
+    Raises:
+        InvalidValueError: It is none, is longer than `LIMIT`, has fields that do not go
+            together, or a value that is none.
+    """
+    if len(payload) > LIMIT:
+        raise InvalidValueError("reading", f"must be up to {LIMIT} bytes", len(payload))
+    try:
+        said = _decoder.decode(payload)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        rule = f"must be a reading in JSON ({error})"
+        raise InvalidValueError("reading", rule, payload[:40]) from error
+    fields = {name for name, value in _fields(said) if value is not _UNSET}
+    if not any(must <= fields <= must | may for must, may in _SHAPES):
+        rule = "must have the fields sensor and on, or bits, or sensors"
+        raise InvalidValueError("reading", rule, sorted(fields))
+    at = None if said.at is _UNSET else said.at
+    if said.sensors is not _UNSET:
+        return Names(Sensorium(said.sensors).names)
+    if isinstance(said.bits, dict):
+        return Whole({name: value(on) for name, on in said.bits.items()}, at)
+    if said.bits is not _UNSET:
+        return Whole(tuple(value(on) for on in said.bits), at)
+    return Single(str(said.sensor), value(said.on), at)
+
+
+def value(said: object) -> bool | None:
+    """Return what a sensor read; None: it does not know.
+
+    Raises:
+        InvalidValueError: `said` is no such value.
+    """
+    if said is None:
+        return None
+    if isinstance(said, str):
+        found = _WORDS.get(said.strip().lower())
+    else:
+        found = said == 1 if isinstance(said, int) and said in (0, 1) else None
+    if found is None:
+        rule = "must be true, false, 1, 0, on, off or null"
+        raise InvalidValueError("reading", rule, said)
+    return found
+
+
+def _fields(said: _Object) -> list[tuple[str, object]]:
+    return [(name, getattr(said, name)) for name in said.__struct_fields__]

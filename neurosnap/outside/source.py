@@ -1,0 +1,334 @@
+"""A source whose readings come from outside, whenever they like.
+
+Two threads meet here. A feeder's thread hands readings in; the world's thread waits in
+`first` or `step` until a tick is due. Both hold one lock for a few microseconds, and
+what waits between them is bounded: a reading replaces the one before it, and of whole
+readings no more than `WAITING` are kept.
+
+Whole readings come first: each is a tick of its own, in the order they came, and the
+pace is not asked. Only when none waits does the pace decide when the board is shown.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from neurosnap.errors import ShapeError
+from neurosnap.outside.board import Bits, Board
+from neurosnap.outside.pace import Pace
+from neurosnap.outside.refusals import Refusals
+from neurosnap.outside.stamps import Stamps
+from neurosnap.outside.statistics import Statistics
+
+WAITING = 1024
+"""Whole readings that may wait for their tick."""
+
+_LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
+
+
+class Feeder(Protocol):
+    """Brings readings to a source, from a thread of its own."""
+
+    def start(self, source: "OutsideSource") -> None:
+        """Begin, and return without waiting for anybody; called once.
+
+        From then on it may call, from any thread, the source's `put`, `give`,
+        `refuse`, `end` and `fail`; what it cannot do it tells by `fail`.
+        """
+
+    def stop(self) -> None:
+        """End, and return once nothing more is handed in; also without a start, twice.
+
+        The source is closed already: a feeder that waits in `give` is on its way out.
+        """
+
+
+class OutsideSource:
+    """A live `Source` over a board and a pace.
+
+    Args:
+        board: Holds the latest readings; nobody else may touch it from now on.
+        pace: Says when a tick is due; likewise.
+        feeder: Is started with the first tick and stopped by `close`; None: whoever has
+            the source hands readings in.
+        actions: The names of the atomic actions.
+        exclusive: Exactly one of them is taken at each step.
+        actuate: Carries out the choice that `step` is called with, if there are
+            actions; on the world's thread, so it should not take long.
+        clock: Seconds that never go back.
+        wall: Seconds since the epoch, which is what readings are stamped in.
+        condition: The lock, and how to wait; for tests.
+    """
+
+    live: bool = True
+    length: int | None = None
+
+    def __init__(
+        self,
+        board: Board,
+        pace: Pace,
+        *,
+        feeder: Feeder | None = None,
+        actions: Sequence[str] = (),
+        exclusive: bool = True,
+        actuate: Callable[[int], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], float] = time.time,
+        condition: threading.Condition | None = None,
+    ) -> None:
+        self.sensors: tuple[str, ...] = board.sensors
+        self.orders: tuple[int, ...] = (0,) * len(board.sensors)
+        self.actions: tuple[str, ...] = tuple(actions)
+        self.exclusive: bool = exclusive
+        self.begins: bool = False
+        self.known: Bits | None = None
+        self.resumed = False
+        """It goes on with a run that had its first tick before."""
+        self._board = board
+        self._pace = pace
+        self._feeder = feeder
+        self._actuate = actuate
+        self._clock = clock
+        self._wall = wall
+        self._condition = threading.Condition() if condition is None else condition
+        self._number = {name: k for k, name in enumerate(board.sensors)}
+        self._waiting: deque[tuple[Bits, Bits]] = deque()
+        self._shown: tuple[Bits, Bits] | None = None
+        self._unshown: Bits = np.zeros(len(board.sensors), np.bool_)
+        self._stamps = Stamps(clock(), wall())
+        # A feeder is not started once it was stopped, and not stopped halfway.
+        self._feeding = threading.Lock()
+        self._sensitive = True  # a reading may bring the next tick nearer
+        self._started = self._ended = self._closed = False
+        self._error: BaseException | None = None
+        self._refusals = Refusals(clock)
+        self._ticks = self._taken = self._coalesced = self._dropped = 0
+
+    def first(self) -> Bits | None:
+        """Start the feeder, unless it is on its way, and wait for the first tick.
+
+        Returns:
+            As `step`.
+
+        Raises:
+            NeurosnapError: As `step`.
+        """
+        self._shown = None
+        return self._tick(begins=True)
+
+    def step(self, action: int) -> Bits | None:
+        """Let `action` be carried out, and wait for the next tick.
+
+        It may be the first call, where a run goes on that had its first tick before.
+
+        Args:
+            action: The choice; not looked at where there are no actions.
+
+        Returns:
+            The readings, ``(N,)``, and in `known` which of them are; None: the source
+            is closed, or its feeder has come to an end.
+
+        Raises:
+            NeurosnapError: What the feeder failed of.
+        """
+        if self.actions and self._actuate is not None:
+            self._actuate(action)
+        begins = not self._started
+        self.resumed |= begins
+        return self._tick(begins=begins)
+
+    def close(self) -> None:
+        """Let go whoever waits, and stop the feeder; from any thread, also twice."""
+        with self._condition:
+            self._closed = True
+            self._refusals.flush()
+            self._condition.notify_all()
+        with self._feeding:
+            if self._feeder is not None:
+                self._feeder.stop()
+
+    def put(self, sensor: str, on: bool | None, at: float | None = None) -> None:
+        """Take in one reading; from any thread, and without waiting.
+
+        A name that is none of `sensors` is counted and named once: a run has the
+        sensors it began with.
+
+        Args:
+            sensor: Its name.
+            on: What it read; None: it does not know.
+            at: When, in seconds since the epoch; None: now.
+        """
+        with self._condition:
+            number = self._number.get(sensor)
+            if number is None:
+                self._refusals.refuse_sensor(sensor)
+                return
+            now = self._clock()
+            if not self._board.put(number, on, self._as_of(at, now), now):
+                return
+            self._taken += 1
+            self._coalesced += int(self._unshown[number])
+            self._unshown[number] = True
+            if self._sensitive:  # once a burst: whoever waits has to look but once
+                self._sensitive = False
+                self._condition.notify_all()
+
+    def give(
+        self,
+        readings: Sequence[bool | None],
+        at: float | None = None,
+        *,
+        wait: bool = False,
+    ) -> None:
+        """Take in a whole reading, which gets a tick of its own; from any thread.
+
+        Args:
+            readings: One a sensor; None: unknown. A reading without any known one is
+                taken in and gets no tick.
+            at: When they were read, as for `put`. Staleness and lateness do not matter
+                for its own tick, only for what is left on the board.
+            wait: Where `WAITING` of them wait, wait as well, until one had its tick or
+                the source is closed. Otherwise the oldest is dropped and counted.
+
+        Raises:
+            ShapeError: There is not one a sensor.
+        """
+        if len(readings) != len(self.sensors):
+            rule = f"must be {len(self.sensors)}, one a sensor"
+            raise ShapeError("readings", rule, len(readings))
+        on = np.array([reading is True for reading in readings])
+        known = np.array([reading is not None for reading in readings])
+        with self._condition:
+            while wait and len(self._waiting) >= WAITING and not self._closed:
+                self._condition.wait()
+            now = self._clock()
+            taken = self._board.put_all(on, known, self._as_of(at, now), now)
+            self._taken += int(np.count_nonzero(taken))
+            self._coalesced += int(np.count_nonzero(taken & self._unshown))
+            self._unshown &= ~taken  # a whole reading is shown by a tick of its own
+            if known.any():
+                if len(self._waiting) >= WAITING:
+                    self._waiting.popleft()
+                    self._dropped += 1
+                self._waiting.append((on, known))
+            self._condition.notify_all()
+
+    def refuse(self, text: str) -> None:
+        """Count what is no reading, and say so; a line a second at most.
+
+        Args:
+            text: What it was, as ``name: rule, got value``.
+        """
+        with self._condition:
+            self._refusals.refuse(text)
+
+    def hears(self, on: bool) -> None:
+        """Take note that the feeder listens from now on, or does not; from any thread.
+
+        While nobody listens, silence says nothing of a sensor with `seen_within`. A
+        feeder listens from its start, unless it says otherwise.
+        """
+        with self._condition:
+            if on:
+                self._board.begin(self._clock())
+            else:
+                self._board.deafen()
+            self._condition.notify_all()
+
+    def end(self) -> None:
+        """Let the source be over once all that came was shown."""
+        with self._condition:
+            self._ended = True
+            self._condition.notify_all()
+
+    def fail(self, error: BaseException) -> None:
+        """Let whoever waits for a tick get `error`, unless the source is closed."""
+        with self._condition:
+            self._error = error
+            self._condition.notify_all()
+
+    def statistics(self) -> Statistics:
+        """Return what came in so far; from any thread."""
+        with self._condition:
+            return Statistics(
+                ticks=self._ticks,
+                taken=self._taken,
+                coalesced=self._coalesced,
+                late=self._board.late,
+                ahead=self._board.ahead,
+                refused=self._refusals.count,
+                dropped=self._dropped,
+                skipped=self._pace.skipped,
+            )
+
+    def _tick(self, *, begins: bool) -> Bits | None:
+        if not self._started:
+            self._start()
+        with self._condition:
+            shown = self._next()
+            if shown is None:
+                return None
+            self._pace.given(self._clock())
+            self._ticks += 1
+            self._shown = shown
+            self._condition.notify_all()  # there is room for one more
+        bits, known = shown
+        self.begins = begins
+        self.known = None if known.all() else known
+        return bits
+
+    def _start(self) -> None:
+        with self._condition:
+            now = self._clock()
+            self._board.begin(now)
+            self._pace.begin(now)
+        with self._feeding:
+            self._started = True
+            if self._feeder is not None and not self._closed:
+                self._feeder.start(self)
+
+    def _next(self) -> tuple[Bits, Bits] | None:
+        """Wait for what is to be shown next; None: nothing any more."""
+        while not self._closed:
+            if self._error is not None:
+                raise self._error
+            if self._waiting:
+                return self._waiting.popleft()
+            now = self._clock()
+            seen = self._board.observation(now)
+            patience = self._patience(seen, now)
+            if patience == 0:
+                self._unshown[:] = False
+                return seen
+            if self._ended:
+                return None
+            turn = self._board.next_change(now)
+            until = _LONGEST if turn is None else min(_LONGEST, turn - now)
+            self._condition.wait(until if patience is None else min(until, patience))
+        return None
+
+    def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
+        """Return for how long to wait before showing `seen`; None: it is no reason."""
+        bits, known = seen
+        changed = self._shown is None or not (
+            np.array_equal(bits, self._shown[0])
+            and np.array_equal(known, self._shown[1])
+        )
+        self._sensitive = True
+        if not known.any():
+            return None
+        if self._ended:
+            return 0.0 if changed else None
+        patience = self._pace.wait(now, changed)
+        # While this is what will be shown, more of it need not wake anybody.
+        self._sensitive = patience != self._pace.wait(now, True)
+        return patience
+
+    def _as_of(self, at: float | None, now: float) -> float:
+        if at is None:
+            return now
+        return self._stamps.on_our_clock(at, now, self._wall())

@@ -1,0 +1,24 @@
+"""What came in from outside and what became of it."""
+
+import msgspec
+
+
+class Statistics(msgspec.Struct, frozen=True):
+    """The counts of one source, since it was made."""
+
+    ticks: int
+    """Observations given out."""
+    taken: int
+    """Readings taken; a whole one counts one for each sensor."""
+    coalesced: int
+    """Of single readings, those another replaced before any tick could show them."""
+    late: int
+    """Readings dropped because a younger one was there."""
+    ahead: int
+    """Readings stamped by a clock that is ahead."""
+    refused: int
+    """What was no reading, or of no sensor here."""
+    dropped: int
+    """Whole readings that lost their tick because too many waited."""
+    skipped: int
+    """Ticks that were due and not given; see `Clocked`."""

@@ -1,0 +1,76 @@
+"""``neurosnap run`` on what comes from outside: a pipe, and a program with Zenoh."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.record.reader import Recording
+from neurosnap.sensorium import pack
+
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
+
+PATIENCE = 50.0
+
+
+@contextmanager
+def running(*arguments: str) -> Iterator["subprocess.Popen[str]"]:
+    command = [sys.executable, "-m", "neurosnap", "run", *arguments]
+    with subprocess.Popen(
+        [*command, "--threshold", "0.1"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("cells", ["process", "worker", "inline"])
+def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> None:
+    log = tmp_path / "lines.mcap"
+    lines = [
+        {"bits": {"door": 1, "motion": 0}},
+        *({"bits": [number % 2, number % 3 > 0]} for number in range(10)),
+        {"sensor": "door", "on": None},
+    ]
+    text = "\n".join(map(json.dumps, lines)) + "\nnonsense\n"
+    with running("-", "--cells", cells, "--workers", "1", "--out", str(log)) as process:
+        _, errors = process.communicate(text, timeout=PATIENCE)
+    assert process.returncode == 0, errors
+    assert "standard input:13: reading: must be a reading in JSON" in errors
+    seen = [r.message for r in Recording.open(log).messages(("observe",))]
+    assert [(m.bits, m.known) for m in seen if isinstance(m, wire.Observation)] == [
+        (pack([True, False]), b""),
+        *((pack([number % 2 > 0, number % 3 > 0]), b"") for number in range(10)),
+        (pack([False, False]), pack([False, True])),
+    ]
+
+
+def test_ctrl_c_ends_a_run_that_waits_for_input(tmp_path: Path) -> None:
+    log = tmp_path / "waits.mcap"
+    with running("-", "--set", "sensors=door", "--out", str(log)) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        process.stdin.write('nonsense\n{"bits": [1]}\n')
+        process.stdin.flush()
+        assert "standard input:1: reading" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.wait(PATIENCE)
+    assert process.returncode == 0
+
+
+def test_no_first_line_is_an_error() -> None:
+    with running("-") as process:
+        _, errors = process.communicate("", timeout=PATIENCE)
+    assert process.returncode == 2
+    assert "standard input: must begin with a line that names the sensors" in errors

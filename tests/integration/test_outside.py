@@ -1,0 +1,442 @@
+"""Sources outside, for real: a pipe between processes, programs with stock Zenoh."""
+
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+import zenoh
+
+from neurosnap import wire
+from neurosnap.agent.context import Body
+from neurosnap.fabric.access import Role
+from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.session import connecting
+from neurosnap.outside.board import Board
+from neurosnap.outside.open import open_outside
+from neurosnap.outside.pace import OnChange
+from neurosnap.outside.source import OutsideSource
+from neurosnap.outside.zenoh_keys import ZenohFeeder
+from neurosnap.record.reader import Recording
+from neurosnap.record.recorder import run_recorder
+from neurosnap.record.sequences import Completeness
+from neurosnap.record.writer import Writer
+from neurosnap.sensorium import pack
+from neurosnap.swarm import jobs
+from neurosnap.swarm.cell import run_cell
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.part import take_part
+from neurosnap.swarm.shell import conduct
+from neurosnap.swarm.world import run_world
+
+pytestmark = pytest.mark.slow
+
+PATIENCE = 20.0
+SWARM = "home"
+NAMES = ("door", "motion")
+EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
+
+
+# Standard input -----------------------------------------------------------------------
+
+SHOW_TICKS = """
+import json, multiprocessing
+from neurosnap.outside.open import open_outside, settle
+
+def show(arguments):
+    source = open_outside("-", arguments)
+    bits = source.first()
+    while bits is not None:
+        known = None if source.known is None else source.known.tolist()
+        print(json.dumps([bits.tolist(), known]), flush=True)
+        bits = source.step(-1)
+    source.close()
+    print("over", source.statistics().refused, flush=True)
+
+if __name__ == "__main__":
+    # As in a run: one process learns the names, another is the world.
+    parts = multiprocessing.get_context("forkserver")
+    world = parts.Process(target=show, args=(settle("-", {}),))
+    world.start()
+    world.join()
+"""
+
+
+@contextmanager
+def showing_ticks(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    script = tmp_path / "show_ticks.py"
+    script.write_text(SHOW_TICKS)
+    with subprocess.Popen(
+        [sys.executable, str(script)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        yield process
+    assert process.returncode == 0
+
+
+def test_a_program_at_the_other_end_of_a_pipe_sees_its_ticks(tmp_path: Path) -> None:
+    with showing_ticks(tmp_path) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        for line, tick in (
+            ({"bits": {"door": 1, "motion": 0}}, [[True, False], None]),
+            ({"bits": [0, 1], "tick": 2}, [[False, True], None]),
+            ({"sensor": "door", "on": "ON"}, [[True, True], None]),
+            ({"sensor": "motion", "on": None}, [[True, False], [True, False]]),
+        ):
+            process.stdin.write(json.dumps(line) + "\n")
+            process.stdin.flush()
+            # Each comes before the next is written: nothing waits for more input.
+            assert json.loads(process.stdout.readline()) == tick
+        process.stdin.write("nonsense\n")
+        process.stdin.close()
+        assert process.stdout.readline() == "over 1\n"
+        assert process.stderr is not None
+        said = process.stderr.read()
+    assert said.startswith("standard input:5: reading: must be a reading in JSON (")
+    assert said.count("\n") == 1
+
+
+# Zenoh --------------------------------------------------------------------------------
+
+BE_HUB = """
+import sys
+from pathlib import Path
+from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.keyring import read_credentials
+credentials = read_credentials(Path(sys.argv[2]), "hub") if sys.argv[2:] else None
+session = open_hub([sys.argv[1]], sessions=20, credentials=credentials)
+print("ready", flush=True)
+sys.stdin.read()
+session.close()
+"""
+
+
+class Hub(msgspec.Struct, frozen=True):
+    """A hub in a process of its own, as a part's seat has it."""
+
+    endpoint: str
+    keys: Path | None = None
+    role: Role = "world"
+    swarm: str = SWARM
+    insecure: bool = False
+
+    @property
+    def credentials(self) -> Credentials | None:
+        return self.credentials_of(self.role)
+
+    def credentials_of(self, role: Role) -> Credentials | None:
+        return None if self.keys is None else Credentials.in_folder(self.keys, role)
+
+    def session(self, role: Role) -> zenoh.Session:
+        """Open a session as any program would: there is nothing of ours in it."""
+        return zenoh.open(
+            connecting(self.endpoint, PATIENCE, self.credentials_of(role))
+        )
+
+    def part(self, who: str, role: Role, *, swift: bool = False) -> ZenohFabric:
+        return ZenohFabric(
+            who,
+            SWARM,
+            self.endpoint,
+            patience=PATIENCE,
+            swift=swift,
+            credentials=self.credentials_of(role),
+        )
+
+
+@contextmanager
+def hub_on(protocol: str, keys: Path | None = None) -> Iterator[Hub]:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        endpoint = f"{protocol}/127.0.0.1:{free.getsockname()[1]}"
+    command = [sys.executable, "-c", BE_HUB, endpoint, *([str(keys)] if keys else [])]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        try:
+            yield Hub(endpoint, keys)
+        finally:
+            process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("outside") / "keys"
+    make_keys(folder)
+    return folder
+
+
+class Ticks(threading.Thread):
+    """Takes ticks until the source is over, and lets others wait for one."""
+
+    def __init__(self, source: OutsideSource) -> None:
+        super().__init__()
+        self._source = source
+        self._more = threading.Condition()
+        self._ticks: list[list[bool | None]] = []
+
+    def run(self) -> None:
+        bits = self._source.first()
+        while bits is not None:
+            known = self._source.known
+            sure = [True] * len(bits) if known is None else known.tolist()
+            tick = [b if k else None for b, k in zip(bits.tolist(), sure, strict=True)]
+            with self._more:
+                self._ticks.append(tick)
+                self._more.notify_all()
+            bits = self._source.step(-1)
+
+    def wait(self, tick: list[bool | None]) -> list[list[bool | None]]:
+        with self._more:
+            assert self._more.wait_for(lambda: tick in self._ticks, PATIENCE), (
+                self._ticks
+            )
+            return list(self._ticks)
+
+
+@contextmanager
+def ticking(hub: Hub) -> Iterator[Ticks]:
+    feeder = ZenohFeeder(hub)
+    source = OutsideSource(Board(NAMES), OnChange(), feeder=feeder)
+    ticks = Ticks(source)
+    ticks.start()
+    try:
+        assert feeder.listening.wait(PATIENCE)
+        yield ticks
+    finally:
+        source.close()
+        ticks.join(PATIENCE)
+    assert not ticks.is_alive()
+
+
+def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Return a stock publisher, once it knows that somebody listens."""
+    publisher = session.declare_publisher(key)
+    matched = threading.Event()
+
+    def note(status: zenoh.MatchingStatus) -> None:
+        if status.matching:
+            matched.set()
+
+    # It is told at once if somebody does already.
+    listener = publisher.declare_matching_listener(
+        zenoh.handlers.Callback(note, indirect=False)
+    )
+    assert matched.wait(PATIENCE)
+    listener.undeclare()
+    return publisher
+
+
+@pytest.mark.zenoh
+def test_the_example_publishes_what_a_source_then_shows() -> None:
+    with hub_on("tcp") as hub, ticking(hub) as ticks:
+        command = [sys.executable, str(EXAMPLE), hub.endpoint, SWARM]
+        told = subprocess.run(
+            [*command, "door=on", "motion=off"], timeout=PATIENCE, check=True
+        )
+        assert told.returncode == 0
+        ticks.wait([True, False])
+
+
+@pytest.mark.zenoh
+def test_the_example_shows_what_a_swarm_decides() -> None:
+    with hub_on("tcp") as hub, hub.session("coordinator") as session:
+        command = [sys.executable, str(EXAMPLE), hub.endpoint, SWARM]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            try:
+                decides = listened_to(session, f"neurosnap/{SWARM}/decide")
+                decides.put(wire.encode(wire.Decision(1, -1, "why not")))
+                said = program.stdout.readline()
+            finally:
+                program.kill()
+    assert json.loads(said)["action"] == -1
+
+
+@pytest.mark.zenoh
+def test_what_is_put_for_another_swarm_is_not_heard() -> None:
+    with hub_on("tcp") as hub, ticking(hub) as ticks, hub.session("sensor") as session:
+        session.put("neurosnap/other/reading/door", "on")
+        session.put(f"neurosnap/{SWARM}/reading/motion", "on")
+        assert ticks.wait([None, True]) == [[None, True]]
+
+
+@pytest.mark.zenoh
+@pytest.mark.parametrize("declared", [False, True])
+def test_under_tls_the_role_sensor_may_put_readings(keys: Path, declared: bool) -> None:
+    with (
+        hub_on("tls", keys) as hub,
+        ticking(hub) as ticks,
+        hub.session("sensor") as session,
+    ):
+        key = f"neurosnap/{SWARM}/reading"
+        if declared:
+            publisher = listened_to(session, f"{key}/door")
+            publisher.put("on")
+            publisher.undeclare()
+        else:
+            session.put(f"{key}/door", "on")
+        ticks.wait([True, None])
+        session.put(key, b'{"tick": 1, "bits": [0, 1]}')
+        ticks.wait([False, True])
+
+
+@pytest.mark.zenoh
+def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> None:
+    with (
+        hub_on("tls", keys) as hub,
+        hub.session("watcher") as eyes,
+        hub.session("sensor") as session,
+        hub.session("cell") as cell,
+        hub.session("world") as world,
+    ):
+        heard: list[str] = []
+        overheard: list[str] = []
+        last = threading.Event()
+
+        def hear(sample: zenoh.Sample) -> None:
+            heard.append(str(sample.key_expr).removeprefix(f"neurosnap/{SWARM}/"))
+            if heard[-1] in ("observe", "reading/last"):
+                last.set()
+
+        watching = eyes.declare_subscriber(
+            f"neurosnap/{SWARM}/**", zenoh.handlers.Callback(hear, indirect=False)
+        )
+
+        def overhear(sample: zenoh.Sample) -> None:
+            overheard.append(str(sample.key_expr).removeprefix(f"neurosnap/{SWARM}/"))
+
+        listening = session.declare_subscriber(
+            f"neurosnap/{SWARM}/**", zenoh.handlers.Callback(overhear, indirect=False)
+        )
+        for topic in wire.TOPICS:
+            session.put(f"neurosnap/{SWARM}/{topic}", "on")
+        cell.put(f"neurosnap/{SWARM}/reading/door", "on")
+        session.put(f"neurosnap/{SWARM}/reading/last", "on")
+        assert last.wait(PATIENCE)
+        last.clear()
+        world.put(f"neurosnap/{SWARM}/observe", "on")
+        assert last.wait(PATIENCE)
+        listening.undeclare()
+        watching.undeclare()
+    assert heard == ["reading/last", "observe"]
+    # A session hears itself without the hub; what others said did not come.
+    assert overheard == [*wire.TOPICS, "reading/last"]
+
+
+async def run_swarm(hub: Hub, source: OutsideSource, log: Path) -> Completeness:
+    """Run all parts over `hub` until the source is over."""
+    options = RunOptions(
+        source="zenoh:",
+        body=Body(own=NAMES, actions=()),
+        ticks=1000,
+        threshold=0.1,
+    )
+    core = jobs.coordinator_for(options, None)
+    cells = [f"cell/{number}" for number in range(len(NAMES))]
+    leave, over = asyncio.Event(), asyncio.Event()
+
+    async def part(
+        who: str,
+        role: Role,
+        work: Callable[[ZenohFabric], Coroutine[Any, Any, object]],
+        *,
+        swift: bool = False,
+    ) -> None:
+        async with hub.part(who, role, swift=swift) as fabric:
+            await take_part(fabric, work(fabric))
+
+    async def record() -> Completeness:
+        with Writer(log) as writer:
+            writer.start({"swarm": SWARM})
+            async with hub.part("recorder", "recorder") as fabric:
+                parts = ("coordinator", "world", *cells)
+                return await run_recorder(writer, fabric, leave, parts=parts)
+
+    async with asyncio.TaskGroup() as group:
+        recording = group.create_task(record(), name="recorder")
+        for number, who in enumerate(cells):
+            group.create_task(
+                part(who, "cell", lambda f, number=number: run_cell(number, f, leave)),  # type: ignore[misc]
+                name=who,
+            )
+        # In a run the world waits on a thread of its own, as it does here.
+        world = group.create_task(
+            part(
+                "world",
+                "world",
+                lambda f: run_world(source, options.body, f, leave),
+                swift=True,
+            ),
+            name="world",
+        )
+        world.add_done_callback(lambda _: over.set())
+        await part(
+            "coordinator",
+            "coordinator",
+            lambda f: conduct(
+                core,
+                f,
+                over,
+                parts=("recorder", "world", *cells),
+                deadline=options.deadline,
+            ),
+        )
+        leave.set()
+    return await recording
+
+
+@pytest.mark.zenoh
+async def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
+    keys: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "outside.mcap"
+    readings = [(number % 2, int(number % 3 > 0)) for number in range(30)]
+    with hub_on("tls", keys) as hub:
+        source = open_outside("zenoh:", {"sensors": ",".join(NAMES)}, hub)
+
+        def program() -> list[wire.State]:
+            """Wait for each state before putting the next reading."""
+            states = []
+            with hub.session("watcher") as eyes, hub.session("sensor") as mouth:
+                said = eyes.declare_subscriber(f"neurosnap/{SWARM}/state")
+                publisher = listened_to(mouth, f"neurosnap/{SWARM}/reading")
+                for number, bits in enumerate(readings):
+                    publisher.put(json.dumps({"tick": number, "bits": bits}))
+                    sample = said.recv()
+                    message = wire.decode("state", sample.payload.to_bytes())
+                    assert isinstance(message, wire.State)
+                    states.append(message)
+            source.close()
+            return states
+
+        async with asyncio.timeout(PATIENCE), asyncio.TaskGroup() as group:
+            telling = group.create_task(asyncio.to_thread(program), name="program")
+            balance = await run_swarm(hub, source, log)
+        states = telling.result()
+    assert balance.whole, balance
+    # Readings pass by the recorder: no message of ours, and no attack.
+    assert balance.foreign == 0
+    recording = Recording.open(log)
+    observed = [r.message for r in recording.messages(("observe",))]
+    assert [m.bits for m in observed if isinstance(m, wire.Observation)] == [
+        pack([bool(bit) for bit in bits]) for bits in readings
+    ]
+    assert [r.message for r in recording.messages(("state",))] == states

@@ -1,0 +1,151 @@
+"""A recorder that is slow or stands still holds the run up, and nothing is lost.
+
+What is for it waits in its session and in the hub's queues; once these are full, the
+hub takes nothing more from anybody, and every part's next message blocks. Only when it
+is silent for longer than a session's lease is a recorder taken for dead.
+"""
+
+import asyncio
+import signal
+from pathlib import Path
+
+import msgspec
+import psutil
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.context import Body
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import verify
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import run
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow, pytest.mark.timeout(90)]
+
+HELD = 20  # reports of the same tick, a twentieth of a second apart
+OPTIONS = RunOptions(
+    source="neurosnap/Path-v0",
+    arguments={"places": 5},
+    body=Body(
+        own=("below_1", "below_2", "below_3", "below_4"), actions=("forward", "back")
+    ),
+    ticks=600,
+    seed=3,
+)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[wire.Message]:
+    log = tmp_path_factory.mktemp("undisturbed") / "log"
+    inline = msgspec.structs.replace(OPTIONS, cells="inline")
+    asyncio.run(run(inline, log, asyncio.Event()))
+    return course(log)
+
+
+def course(log: Path) -> list[wire.Message]:
+    """Return what was sensed, known and done, without what the schedule decides."""
+    found: list[wire.Message] = []
+    for recorded in Recording.open(log).messages(("observe", "state", "decide")):
+        message = recorded.message
+        if isinstance(message, wire.State):
+            message = msgspec.structs.replace(message, wave=1, pulses=0, depth=0)
+        found.append(message)
+    return found
+
+
+def recorder() -> psutil.Process:
+    """Return the process that records, of the one swarm that runs."""
+    (found,) = (
+        child
+        for child in psutil.Process().children(recursive=True)
+        if child.name() == "recorder"
+    )
+    return found
+
+
+class Standstill:
+    """Stops the recorder at a tick, until no tick has been made for a while."""
+
+    def __init__(self, log: Path) -> None:
+        self.stopped_at = self.held_at = 0
+        self.grown = -1  # bytes, while the recorder stood still
+        self._log = log
+        self._process: psutil.Process | None = None
+        self._reports = 0
+
+    def follow(self, tick: int) -> None:
+        """Take in a report of the run's tick."""
+        if self._process is None:
+            if tick >= 20:
+                self._process, self.stopped_at = recorder(), tick
+                self._process.send_signal(signal.SIGSTOP)
+                self._size = self._log.stat().st_size
+            return
+        if self.grown >= 0:
+            return
+        self._reports = self._reports + 1 if tick == self.held_at else 0
+        self.held_at = tick
+        if self._reports == HELD:
+            self.grown = self._log.stat().st_size - self._size
+            self._process.send_signal(signal.SIGCONT)
+
+
+class Throttle:
+    """Lets the recorder work in one of every four reports' time."""
+
+    def __init__(self) -> None:
+        self.stops = 0
+        self._process: psutil.Process | None = None
+        self._reports = 0
+        self._stopped = False
+
+    def follow(self, tick: int) -> None:
+        """Take in a report of the run's tick."""
+        if self._process is None:
+            if tick == 0:
+                return
+            self._process = recorder()
+        self._reports += 1
+        works = self._reports % 4 == 0 or tick >= OPTIONS.ticks
+        if works and self._stopped:
+            self._process.send_signal(signal.SIGCONT)
+            self._stopped = False
+        elif not works and not self._stopped:
+            self._process.send_signal(signal.SIGSTOP)
+            self._stopped = True
+            self.stops += 1
+
+
+def check_whole(log: Path, undisturbed: list[wire.Message]) -> None:
+    recording = Recording.open(log)
+    completeness = recording.completeness()
+    assert (completeness.missing, completeness.foreign) == ({}, 0)
+    assert recording.finished
+    assert course(log) == undisturbed
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete) == (True, True)
+    assert verdict.ticks == OPTIONS.ticks
+
+
+def test_a_recorder_that_stands_still_holds_the_run_up(
+    undisturbed: list[wire.Message], tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    standstill = Standstill(log)
+    outcome = asyncio.run(run(OPTIONS, log, asyncio.Event(), standstill.follow))
+    assert outcome.completeness is not None
+    assert outcome.completeness.whole
+    assert 20 <= standstill.stopped_at <= standstill.held_at < OPTIONS.ticks
+    assert standstill.grown == 0
+    check_whole(log, undisturbed)
+
+
+def test_a_recorder_that_is_slow_loses_nothing(
+    undisturbed: list[wire.Message], tmp_path: Path
+) -> None:
+    log, throttle = tmp_path / "log", Throttle()
+    outcome = asyncio.run(run(OPTIONS, log, asyncio.Event(), throttle.follow))
+    assert outcome.completeness is not None
+    assert outcome.completeness.whole
+    assert throttle.stops > 3
+    check_whole(log, undisturbed)

@@ -1,0 +1,216 @@
+"""Descriptions of runs: what is written is read, and what is wrong is found."""
+
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
+from msgspec import UNSET
+
+from neurosnap.config.check import problems
+from neurosnap.config.faults import ConfigError, dotted
+from neurosnap.config.lines import Keys, Lines
+from neurosnap.config.load import load
+from neurosnap.config.schema import schema
+from neurosnap.config.sources import CsvTable, WorldTable
+from neurosnap.config.tables import (
+    AgentTable,
+    CellsTable,
+    Config,
+    RecordingTable,
+    RunTable,
+    SnapshotTable,
+)
+from neurosnap.swarm.network import Network
+from neurosnap.swarm.supervision import Supervision
+from tests.property.config_documents import Document, documents
+
+VALID = Draft202012Validator(schema())
+WRONG = date(1979, 5, 27)  # no key takes a date
+UNKNOWN = "zyzzyva"  # no key has this name, or one like it
+
+
+# Lines --------------------------------------------------------------------------------
+
+
+def every_key(value: object, at: Keys = ()) -> Iterator[Keys]:
+    """Yield the way to all that a parsed document holds."""
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in items:
+            yield (*at, key)
+            yield from every_key(item, (*at, key))
+
+
+@given(documents(), st.booleans())
+def test_every_key_is_found_on_its_line(document: Document, windows: bool) -> None:
+    text = document.text.replace("\n", "\r\n") if windows else document.text
+    lines = Lines(text)
+    keys = set(every_key(tomllib.loads(text)))
+    assert keys == document.lines.keys()
+    assert {key: lines.line(key) for key in keys} == document.lines
+
+
+@given(documents(), st.sampled_from(["nowhere", 9]))
+def test_no_other_key_is_found(document: Document, other: str | int) -> None:
+    lines = Lines(document.text)
+    for keys in [(), *document.lines]:
+        assert lines.line((*keys, other)) is None
+
+
+# Configs ------------------------------------------------------------------------------
+
+names = st.text("abc/.* é\"'\\\n#[]", min_size=1, max_size=8)
+counts = st.integers(1, 2**63 - 1)
+seconds = st.floats(0, exclude_min=True, allow_infinity=False)
+left_out = st.just(UNSET)
+
+
+arguments = st.dictionaries(
+    names,
+    st.booleans()
+    | st.integers(-(2**63), 2**63 - 1)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | names,
+    max_size=3,
+)
+worlds = st.builds(WorldTable, id=names, arguments=arguments)
+files = st.builds(CsvTable, path=names.map(lambda name: f"{name}.csv"))
+configs: st.SearchStrategy[Config] = st.builds(
+    Config,
+    source=worlds | files,
+    run=st.builds(RunTable, ticks=counts | left_out, seed=st.integers(0, 2**63 - 1)),
+    agent=st.builds(
+        AgentTable,
+        kind=st.sampled_from(["walker", "excited", "planner"]),
+        target=left_out
+        | st.integers(0, 99)
+        | names
+        | st.lists(names, max_size=3).map(tuple),
+        explore=st.floats(0, 1),
+    ),
+    snapshot=st.builds(
+        SnapshotTable,
+        kind=st.sampled_from(["empirical", "discounted"]),
+        threshold=st.floats(0, 0.25, exclude_min=True) | left_out,
+        decay=st.floats(0, 1, exclude_max=True) | left_out,
+    ),
+    cells=st.builds(
+        CellsTable,
+        kind=st.sampled_from(["process", "worker", "inline"]),
+        workers=counts,
+        wiring=st.sampled_from(["hasse", "derived"]),
+        deadline=seconds,
+    ),
+    recording=st.builds(
+        RecordingTable,
+        record=st.booleans(),
+        path=names | left_out,
+        folder=names | left_out,
+        keyframe_every=counts,
+    ),
+    supervision=st.builds(
+        Supervision,
+        restart=st.sampled_from(["never", "on-failure"]),
+        max_restarts=st.integers(0, 99),
+        backoff=st.floats(0, allow_infinity=False),
+    ),
+    network=st.builds(
+        Network,
+        listen=names,
+        connect=names,
+        tls=names,
+        insecure=st.booleans(),
+        audit=st.booleans(),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def file() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder) / "swarm.toml"
+
+
+@given(config=configs)
+def test_what_is_written_is_read(file: Path, config: Config) -> None:
+    encoded = msgspec.toml.encode(config)
+    file.write_bytes(encoded)
+    assert load(file).config == config
+    assert VALID.is_valid(tomllib.loads(encoded.decode()))
+
+
+@st.composite
+def mutated(draw: st.DrawFn) -> tuple[dict[str, Any], Keys]:
+    """Draw a config with one thing wrong in it, and the way to that."""
+    # As TOML has it, so that there are lists and no tuples.
+    table = tomllib.loads(msgspec.toml.encode(draw(configs)).decode())
+    free = ("source", "arguments")
+    ways = [keys for keys in every_key(table) if keys[:2] != free or len(keys) < 4]
+    keys = draw(st.sampled_from(ways))
+    inner: Any = table
+    for key in keys[:-1]:
+        inner = inner[key]
+    below = inner[keys[-1]]
+    if isinstance(below, dict) and keys != free and draw(st.booleans()):
+        below[UNKNOWN] = draw(st.integers() | st.just({}) | st.just([]))
+        return table, (*keys, UNKNOWN)
+    inner[keys[-1]] = WRONG
+    return table, keys
+
+
+@given(mutation=mutated())
+def test_one_thing_wrong_is_found_where_it_is(
+    file: Path, mutation: tuple[dict[str, Any], Keys]
+) -> None:
+    table, keys = mutation
+    text = msgspec.toml.encode(table).decode()
+    file.write_text(text, encoding="utf-8", newline="")
+    with pytest.raises(ConfigError) as caught:
+        load(file)
+    (fault,) = caught.value.faults
+    mark = UNKNOWN if keys[-1] == UNKNOWN else str(WRONG)
+    (line,) = (n for n, part in enumerate(text.split("\n"), 1) if mark in part)
+    assert (fault.key, fault.line, fault.file) == (dotted(keys), line, str(file))
+    assert fault.said.startswith("must be ")
+    assert str(caught.value) == f"{file}:{line}: {dotted(keys)}: {fault.said}"
+    assert not VALID.is_valid(table)
+
+
+values = st.one_of(
+    st.sampled_from([0, 1, -1, 2**63 - 1, 2**63, 0.0, 0.25, 1.0, True, False, ""]),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.text(max_size=3),
+    st.sampled_from(["walker", "hasse", "worker", "never", "a.csv", "csv", "world"]),
+    st.lists(st.text(max_size=2) | st.integers(), max_size=2),
+    st.just({}),
+)
+
+
+@given(configs, st.data())
+def test_the_schema_refuses_what_the_walk_refuses(
+    config: Config, data: st.DataObject
+) -> None:
+    table = tomllib.loads(msgspec.toml.encode(config).decode())
+    keys = data.draw(st.sampled_from(list(every_key(table))))
+    inner: Any = table
+    for key in keys[:-1]:
+        inner = inner[key]
+    value = inner[keys[-1]] = data.draw(values)
+    found = problems(table, Config)
+    # To a schema 1.0 is a whole number; to whoever writes a count, it is not.
+    if isinstance(value, float) and value.is_integer():
+        assert found or VALID.is_valid(table)
+    else:
+        assert VALID.is_valid(table) == (not found)
+    try:
+        msgspec.convert(table, Config)
+    except msgspec.ValidationError:
+        assert found

@@ -1,0 +1,188 @@
+"""Whole swarms in simulation, with everything that can happen to them.
+
+What a schedule is, and what must come of it, is in `tools.simulate_case`; a failure
+names the seed, and ``tools/simulate.py --only SEED`` repeats it.
+"""
+
+import asyncio
+import random
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.context import Body
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.memory import Faults, MemoryHub
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import options_of, verify
+from neurosnap.record.resume import look_back
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import run
+from tools import simulate
+from tools.simulate_case import live_on
+from tools.simulate_case import simulate as schedule
+from tools.simulate_check import WrongError, check
+from tools.simulate_weather import Tally, Weather
+
+BATCH = 25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", range(8))
+def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
+    total = simulate.gathered(simulate.outcomes(batch * BATCH, BATCH, 1))
+    assert total.schedules == BATCH
+    assert min(total.crashes, total.cuts, total.losses, total.repeats) > BATCH / 2
+    assert total.restarts > BATCH / 2
+
+
+def test_a_seed_repeats_its_schedule(tmp_path: Path) -> None:
+    said: list[list[tuple[str, int, bytes]]] = []
+    tallies: list[list[Tally]] = []
+    for folder in (tmp_path / "first", tmp_path / "again"):
+        tallies.append([])
+        said.append([])
+        for seed in range(5):
+            own = folder / str(seed)
+            own.mkdir(parents=True)
+            tallies[-1].append(schedule(seed, own))
+            for log in sorted(own.glob("*.mcap")):
+                said[-1] += heard(log)
+    assert tallies[0] == tallies[1]
+    assert sum(tally.restarts for tally in tallies[0]) > 0
+    assert said[0] == said[1]
+
+
+def heard(log: Path) -> list[tuple[str, int, bytes]]:
+    """Return what a recording holds, in order; nothing where it was cut too early."""
+    try:
+        messages = list(Recording.open(log).messages())
+    except RecordingError:
+        return []
+    return [(m.message.sender, m.sequence, m.payload) for m in messages]
+
+
+def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
+    def third(seed: int, folder: Path) -> Tally:
+        assert folder.is_dir()
+        return Tally(schedules=1 // (7 - seed))
+
+    expected = (
+        r"(?s)ZeroDivisionError.*seed 7 fails; again: tools/simulate.py --only 7$"
+    )
+    with pytest.raises(SystemExit, match=expected):
+        simulate.gathered(simulate.outcomes(5, 5, 1, third))
+
+
+# What is wrong is found ---------------------------------------------------------------
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> Path:
+    """The recording of a planner's walk to which nothing happened."""
+    options = RunOptions(
+        source="neurosnap/Path-v0",
+        arguments={"places": 4},
+        body=Body(
+            own=("below_1", "below_2", "below_3"),
+            actions=("forward", "back"),
+            senses_actions=True,
+            context=((0, 0), (1, 3)),
+        ),
+        agent="planner",
+        target=("below_1",),
+        ticks=20,
+        seed=5,
+        threshold=0.1,
+        cells="inline",
+    )
+    tally = live_on(options, Weather(), random.Random(7), tmp_path)
+    assert (tally.restarts, tally.losses, tally.repeats) == (0, 0, 0)
+    return tmp_path / "0.mcap"
+
+
+def test_another_run_is_told_from_the_right_one(whole: Path) -> None:
+    recording = Recording.open(whole)
+    options, noted = options_of(recording), recording.noted()
+    check(whole, options, noted.completeness, noted.expected)
+    for wrong, where in (
+        (msgspec.structs.replace(options, ticks=options.ticks + 1), "observe"),
+        (msgspec.structs.replace(options, seed=7), "observe"),
+        (msgspec.structs.replace(options, threshold=0.25), "observe"),
+        (msgspec.structs.replace(options, wiring="derived"), "wired at"),
+    ):
+        with pytest.raises(WrongError, match=rf"^{where}.*: must be "):
+            check(whole, wrong, noted.completeness, noted.expected)
+
+
+def test_a_message_that_nobody_misses_is_missed(whole: Path) -> None:
+    recording = Recording.open(whole)
+    options, noted = options_of(recording), recording.noted()
+    for who, count in noted.expected.items():
+        sent = {**noted.expected, who: count + 1}
+        with pytest.raises(WrongError, match=rf"^missing of {who}: must be 1, got 0$"):
+            check(whole, options, noted.completeness, sent)
+
+
+# Going back ---------------------------------------------------------------------------
+
+
+def test_a_run_is_taken_up_no_later_than_asked(whole: Path, tmp_path: Path) -> None:
+    options, last = look_back(whole)
+    assert last.tick == options.ticks
+    for tick in range(1, options.ticks):
+        _, past = look_back(whole, tick)
+        assert (past.tick, past.resumed, len(past.actions)) == (tick, (tick,), tick - 1)
+        assert all(past.counts[who] <= count for who, count in last.counts.items())
+    with pytest.raises(RecordingError, match=r"must hold a whole tick to go on from"):
+        look_back(whole, 0)
+
+
+def test_the_last_tick_done_again_ends_the_run(whole: Path, tmp_path: Path) -> None:
+    options, past = look_back(whole, options_of(Recording.open(whole)).ticks - 1)
+    log = tmp_path / "again.mcap"
+    inline = msgspec.structs.replace(options, cells="inline")
+    outcome = asyncio.run(run(inline, log, asyncio.Event(), past=past))
+    assert outcome.totals.ticks == options.ticks
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete) == (True, True)
+    assert verdict.ticks == options.ticks
+
+
+# The hub's faults ---------------------------------------------------------------------
+
+
+def listening(hub: MemoryHub, *parts: str) -> list[str]:
+    """Let parts listen to everything; return who got something, as it comes."""
+    heard: list[str] = []
+
+    def listen(who: str) -> None:
+        hub.fabric(who).listen(("**",), lambda _: heard.append(who))
+
+    for who in parts:
+        listen(who)
+    return heard
+
+
+def test_what_is_lost_is_counted_by_link() -> None:
+    hub = MemoryHub(1, Faults(drop=1.0, spared=frozenset({("a", "c")})))
+    heard = listening(hub, "b", "c", "d")
+    hub.fabric("a").publish(*[wire.Leave("a")] * 10)
+    hub.cut("c", "a")
+    hub.fabric("a").publish(wire.Leave("a"))
+    hub.heal("a", "c")
+    hub.fabric("a").publish(wire.Leave("a"))
+    hub.run()
+    assert heard == ["c"]
+    assert hub.lost == {("a", "b"): 12, ("a", "c"): 11, ("a", "d"): 12}
+
+
+def test_slow_parts_mostly_come_last() -> None:
+    hub = MemoryHub(3, Faults(slow=frozenset({"b"})))
+    heard = listening(hub, "b", "c")
+    hub.fabric("a").publish(*[wire.Leave("a")] * 100)
+    hub.run()
+    assert sorted(heard) == ["b"] * 100 + ["c"] * 100
+    assert 0 < heard[:100].count("b") < 30

@@ -1,0 +1,256 @@
+"""What comes of a file that describes a run, and of the command that checks one."""
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from neurosnap.cli import app
+from neurosnap.config.faults import ConfigError
+from neurosnap.config.load import load
+from neurosnap.config.prepare import FOREVER, Prepared, prepare
+from neurosnap.config.recordings import free_path, new_path
+from neurosnap.config.schema import schema
+from neurosnap.errors import InvalidValueError
+from neurosnap.swarm.network import Network
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.supervision import Supervision
+
+WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "swarm.toml"
+
+
+def write(file: Path, text: str) -> Path:
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def prepared(file: Path, text: str, **overrides: object) -> Prepared:
+    file.write_text(text, encoding="utf-8")
+    dots = {key.replace("__", "."): value for key, value in overrides.items()}
+    return prepare(load(file, dots))
+
+
+# What is taken ------------------------------------------------------------------------
+
+
+def test_what_is_left_out_is_as_without_a_file(file: Path) -> None:
+    made = prepared(file, WORLD, recording__record=False)
+    options = RunOptions(
+        source="neurosnap/Path-v0", arguments={"places": 6}, body=made.options.body
+    )
+    assert made == Prepared(options, None, Supervision(), Network())
+
+
+def test_what_is_given_is_taken(file: Path) -> None:
+    text = f"""{WORLD}
+        [run]
+        ticks = 9
+        seed = 5
+        [agent]
+        kind = "planner"
+        target = "below_1, below_2*"
+        explore = 1
+        [snapshot]
+        kind = "discounted"
+        threshold = 0.25
+        decay = 0
+        [cells]
+        kind = "worker"
+        workers = 3
+        wiring = "derived"
+        deadline = 2
+        [recording]
+        folder = "unused"
+        path = "one.mcap"
+        keyframe_every = 4
+        [supervision]
+        restart = "never"
+        max_restarts = 0
+        backoff = 0
+        [network]
+        listen = "tcp/127.0.0.1:0"
+        audit = true
+        """
+    made = prepared(file, text)
+    options = made.options
+    assert options == RunOptions(
+        source="neurosnap/Path-v0", arguments={"places": 6}, body=options.body,
+        agent="planner", target=("below_1", "below_2*"), explore=1.0, ticks=9, seed=5,
+        snapshot="discounted", threshold=0.25, decay=0.0, wiring="derived",
+        cells="worker", workers=3, keyframe_every=4, deadline=2.0,
+    )  # fmt: skip
+    assert made.log == file.parent / "one.mcap"
+    assert made.supervision == Supervision(restart="never", max_restarts=0, backoff=0)
+    assert made.network == Network(listen="tcp/127.0.0.1:0", audit=True)
+    assert not made.log.exists()
+
+
+def test_paths_are_relative_to_the_file(file: Path) -> None:
+    (file.parent / "readings.csv").write_text("a,b\n0,1\n1,1\n")
+    text = (
+        "[source]\nkind = 'csv'\npath = 'readings.csv'\n[recording]\nfolder = 'new'\n"
+    )
+    made = prepared(file, text)
+    assert made.options.source == str(file.parent / "readings.csv")
+    assert made.log is not None
+    assert made.log.parent == file.parent / "new"
+    assert made.log.name.startswith("readings-")
+    assert not made.log.parent.exists()
+
+
+def test_keys_are_looked_for_beside_the_file(file: Path) -> None:
+    text = f"{WORLD}[network]\nlisten = 'tls/localhost:1'\ntls = 'keys'\n"
+    place = f"{file}:7: network.tls: {file.parent / 'keys' / 'ca.pem'}: must be a file"
+    with pytest.raises(ConfigError, match=re.escape(place)):
+        prepare(load(write(file, text)))
+
+
+@pytest.mark.parametrize(
+    ("asked", "taken"), [({}, 3), ({"run__ticks": 2}, 2), ({"run__ticks": 9}, 3)]
+)
+def test_a_file_of_readings_ends(
+    file: Path, asked: Mapping[str, object], taken: int
+) -> None:
+    (file.parent / "readings.csv").write_text("a,b\n0,1\n1,1\n0,0\n")
+    text = "source = {kind = 'csv', path = 'readings.csv'}"
+    assert prepared(file, text, **asked).options.ticks == taken
+
+
+def test_what_comes_from_outside_has_no_end_of_its_own(file: Path) -> None:
+    text = "source = {kind = 'world', id = 'zenoh:', arguments = {sensors = 'a,b'}}"
+    options = prepared(file, text).options
+    assert (options.sensors, options.ticks) == (("a", "b"), FOREVER)
+    assert prepared(file, text, run__ticks=5).options.ticks == 5
+
+
+@pytest.mark.parametrize("target", ["3", "'3'"])
+def test_an_excited_agent_is_drawn_to_a_place(file: Path, target: str) -> None:
+    text = f"{WORLD}[agent]\nkind = 'excited'\ntarget = {target}\n"
+    options = prepared(file, text).options
+    assert (options.arguments, options.target) == ({"places": 6, "target": 3}, ())
+    assert {"better", "worse"} <= set(options.body.own)
+
+
+# What goes before the file ------------------------------------------------------------
+
+
+def test_what_is_given_besides_goes_before_the_file(file: Path) -> None:
+    text = f"{WORLD}[snapshot]\nkind = 'discounted'\nthreshold = 0.7\n"
+    given = {
+        "snapshot__threshold": 0.1,
+        "run__ticks": 4,
+        "source__arguments__wait": True,
+    }
+    options = prepared(file, text, **given).options
+    assert (options.threshold, options.decay, options.ticks) == (0.1, None, 4)
+    assert options.arguments == {"places": 6, "wait": True}
+
+
+def test_what_is_wrong_with_it_has_no_line_but_a_name(file: Path) -> None:
+    write(file, f"{WORLD}[agent]\nexplore = 3\n")
+    overrides = {
+        "snapshot.threshold": 0.7,
+        "source.arguments.x": [1],
+        "cells": {"kind": "none"},
+    }
+    with pytest.raises(ConfigError) as caught:
+        load(file, overrides, {"snapshot.threshold": "threshold", "cells": "cells"})
+    assert str(caught.value).splitlines() == [
+        "source.arguments.x: must be true or false, a whole number, a number or text,"
+        " got [1]",
+        "threshold: must be in (0, 0.25], got 0.7",
+        "cells: kind: must be 'inline', 'process' or 'worker', got 'none'",
+        f"{file}:6: agent.explore: must be in [0, 1], got 3",
+    ]
+
+
+def test_what_does_not_go_together_is_told_of_whoever_gave_it(file: Path) -> None:
+    write(file, f"{WORLD}[snapshot]\nkind = 'empirical'\n")
+    with pytest.raises(ConfigError) as caught:
+        prepare(load(file, {"snapshot.decay": 0.5}, {"snapshot.decay": "decay"}))
+    rule = "decay: must go with a discounted snapshot only, got 0.5"
+    assert str(caught.value) == rule
+
+
+def test_what_is_no_table_is_refused_whatever_is_put_into_it(file: Path) -> None:
+    write(file, f"snapshot = 3\n{WORLD}")
+    with pytest.raises(ConfigError) as caught:
+        load(file, {"snapshot.threshold": 0.1})
+    assert str(caught.value) == f"{file}:1: snapshot: must be a table, got 3"
+
+
+def test_a_run_needs_no_file() -> None:
+    source = {"source.kind": "world", "source.id": "neurosnap/Path-v0"}
+    made = prepare(load(None, {**source, "recording.record": False}))
+    assert (made.options.source, len(made.options.sensors)) == ("neurosnap/Path-v0", 20)
+    with pytest.raises(ConfigError, match=r"^source: must be given$"):
+        load(None)
+
+
+# The command --------------------------------------------------------------------------
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["config", *map(str, arguments)])
+
+
+def test_check_says_that_nothing_is_wrong(file: Path) -> None:
+    write(file, WORLD)
+    plain = call("check", file)
+    assert (plain.exit_code, plain.stdout) == (0, f"{file}: no faults\n")
+    told = call("check", file, "--json")
+    assert json.loads(told.stdout) == {"file": str(file), "faults": [], "more": 0}
+
+
+def test_check_says_what_is_wrong_and_where(file: Path) -> None:
+    write(file, f"{WORLD}[agent]\nexplore = 2\n[[run]]\n")
+    told = call("check", file, "--json")
+    assert told.exit_code == 2
+    first, second = told.stderr.splitlines()
+    assert first == f"error: {file}:6: agent.explore: must be in [0, 1], got 2"
+    assert second == f"{file}:7: run: must be a table, got [{{}}]"
+    assert json.loads(told.stdout)["faults"][1] == {
+        "file": str(file),
+        "line": 7,
+        "key": "run",
+        "said": "must be a table, got [{}]",
+    }
+
+
+def test_a_static_check_opens_nothing(file: Path) -> None:
+    write(file, "[source]\nkind = 'csv'\npath = 'none.csv'\n")
+    assert call("check", file).exit_code == 2
+    assert call("check", file, "--static").exit_code == 0
+
+
+def test_the_schema_is_printed() -> None:
+    told = call("schema")
+    assert told.exit_code == 0
+    assert json.loads(told.stdout) == schema()
+
+
+# Where it is recorded -----------------------------------------------------------------
+
+
+def test_a_recording_gets_a_name_of_its_source(tmp_path: Path) -> None:
+    assert new_path("neurosnap/Path-v0").match("logs/path-*-*.mcap")
+    assert new_path("a/b.csv", tmp_path).match("b-*.mcap")
+    assert new_path("", tmp_path).match("run-*.mcap")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_replaces_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidValueError, match=r"^out: must not exist yet, got"):
+        free_path(tmp_path / "file")
+    with pytest.raises(InvalidValueError, match=r"^folder: must be a folder, or be in"):
+        new_path("x", tmp_path / "file")
+    assert free_path(tmp_path / "new") == tmp_path / "new"

@@ -1,0 +1,86 @@
+"""Tables judged by structs, and the keys that are told."""
+
+from typing import Annotated, Literal
+
+import msgspec
+import pytest
+
+from neurosnap.config.check import known_keys, problems
+from neurosnap.config.faults import dotted
+from neurosnap.config.lines import Lines
+from neurosnap.config.tables import Config
+from neurosnap.errors import InvalidValueError
+
+
+class Pair(msgspec.Struct, frozen=True):
+    """Two numbers, the first of which is smaller."""
+
+    name: str
+    low: int
+    high: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.high is not None and not self.low < self.high:
+            rule = f"must be more than {self.low}"
+            raise InvalidValueError(f"{self.name}: high", rule, self.high)
+        if self.low == 7:
+            raise InvalidValueError("luck", "must not be pushed", 7)
+
+
+class Pairs(msgspec.Struct, frozen=True):
+    """One pair or more."""
+
+    pairs: Annotated[tuple[Pair, ...], msgspec.Meta(min_length=1, max_length=4)]
+
+
+def test_every_table_is_judged_as_a_whole_once_its_values_are_right() -> None:
+    low = {"name": "a b", "low": 3}
+    tables = [low | {"high": 3}, low | {"high": "x"}, low | {"low": 7}, low]
+    assert [(keys, rule) for keys, rule, _ in problems({"pairs": tables}, Pairs)] == [
+        (("pairs", 0, "high"), "must be more than 3"),
+        (("pairs", 1, "high"), "must be a whole number"),
+        (("pairs", 2), "luck: must not be pushed, got 7"),
+    ]
+
+
+class Level(msgspec.Struct, frozen=True):
+    """A choice of numbers."""
+
+    level: Literal[0, 1] | None = None
+
+
+@pytest.mark.parametrize("level", [True, False, 1.0, 2, "1"])
+def test_a_choice_of_numbers_is_one_of_numbers(level: object) -> None:
+    assert problems({"level": level}, Level) == [(("level",), "must be 0 or 1", level)]
+    assert problems({"level": 1}, Level) == []
+
+
+@pytest.mark.parametrize(
+    ("pairs", "rule"),
+    [
+        ([], "must have 1 or more items"),
+        ([{"name": "a", "low": 1}] * 5, "must have at most 4 items"),
+        (3, "must be a list"),
+    ],
+)
+def test_a_list_has_its_length(pairs: object, rule: str) -> None:
+    (problem,) = problems({"pairs": pairs}, Pairs)
+    assert problem[:2] == (("pairs",), rule)
+
+
+# Keys ---------------------------------------------------------------------------------
+
+
+def test_keys_are_written_as_toml_has_them() -> None:
+    assert (
+        dotted(("a", "b-c", 0, "d e", 1, 2, "", 'é"'))
+        == 'a.b-c[0]."d e"[1][2].""."é\\""'
+    )
+    assert dotted(()) == ""
+    assert ("snapshot", "decay") in known_keys(Config)
+
+
+def test_a_key_behind_a_long_string_stands_where_that_begins() -> None:
+    lines = Lines('a = [\n"""\n\n""", 1,\n2]\nb = 3\n')
+    keys = [("a",), ("a", 0), ("a", 1), ("a", 2), ("b",)]
+    assert [lines.line(key) for key in keys] == [1, 2, 2, 5, 6]

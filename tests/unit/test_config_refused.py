@@ -1,0 +1,232 @@
+"""What a file that describes a run is refused for, and in which words."""
+
+from pathlib import Path
+
+import pytest
+
+from neurosnap.config.faults import ConfigError
+from neurosnap.config.load import load
+from neurosnap.config.prepare import prepare
+from neurosnap.errors import InvalidValueError
+
+WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "swarm.toml"
+
+
+def said(file: Path, text: str | bytes) -> list[str]:
+    """Return what is said of a file, a line a fault, without its folder."""
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ConfigError) as caught:
+        prepare(load(file))
+    assert len(caught.value.faults) == str(caught.value).count("\n") + 1
+    return str(caught.value).replace(f"{file.parent}/", "").splitlines()
+
+
+def write(file: Path, text: str) -> Path:
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+# What is refused ----------------------------------------------------------------------
+
+VALUES = {
+    "[snapshot]\n\nthreshold = 0.7": (
+        "7: snapshot.threshold: must be in (0, 0.25], got 0.7"
+    ),
+    "[snapshot]\nthreshold = 0": "6: snapshot.threshold: must be in (0, 0.25], got 0",
+    "[snapshot]\ndecay = 1.0": "6: snapshot.decay: must be in [0, 1), got 1.0",
+    "[snapshot]\ntreshold = 0.1": (
+        "6: snapshot.treshold: must be a known key (did you mean threshold?)"
+    ),
+    "[snapshot]\nkind = 'photo'": (
+        "6: snapshot.kind: must be 'discounted' or 'empirical', got 'photo'"
+    ),
+    "[snapshots]": "5: snapshots: must be a known key (did you mean snapshot?)",
+    "[[snapshot]]": "5: snapshot: must be a table, got [{}]",
+    "[run]\nthreshold = 0.1": (
+        "6: run.threshold: must be a known key (did you mean snapshot.threshold?)"
+    ),
+    "[run]\nkind = 1": (
+        "6: run.kind: must be a known key (did you mean agent.kind, snapshot.kind or"
+        " cells.kind?)"
+    ),
+    "[run]\nqq = 1": "6: run.qq: must be a known key: ticks or seed",
+    "[run]\nticks = 0": "6: run.ticks: must be 1 or more, got 0",
+    "[run]\nticks = 1.5": "6: run.ticks: must be a whole number, 1 or more, got 1.5",
+    "[run]\nticks = true": "6: run.ticks: must be a whole number, 1 or more, got True",
+    "[run]\nseed = -1": "6: run.seed: must be in [0, 9223372036854775807], got -1",
+    "[agent]\nexplore = nan": "6: agent.explore: must be in [0, 1], got nan",
+    "[agent]\nexplore = '1'": "6: agent.explore: must be a number in [0, 1], got '1'",
+    "[agent]\ntarget = [\n  'a',\n  3\n]": "8: agent.target[1]: must be text, got 3",
+    "[agent]\ntarget = 1.5": (
+        "6: agent.target: must be a whole number, 0 or more, text or a list, got 1.5"
+    ),
+    "[cells]\ndeadline = inf": (
+        "6: cells.deadline: must be more than 0 and finite, got inf"
+    ),
+    "[supervision]\nbackoff = -1": (
+        "6: supervision.backoff: must be 0 or more and finite, got -1"
+    ),
+    "[network]\naudit = 1": "6: network.audit: must be true or false, got 1",
+    "[network]\nlisten = 1": "6: network.listen: must be text, got 1",
+    "[recording]\npath = ''": (
+        "6: recording.path: must have 1 or more characters, got ''"
+    ),
+}  # fmt: skip
+SOURCES = {
+    "": "swarm.toml: source: must be given",
+    "source = 1": "swarm.toml:1: source: must be a table, got 1",
+    "[source]": "swarm.toml:1: source.kind: must be 'world' or 'csv'",
+    "[source]\nkind = 'tea'": (
+        "swarm.toml:2: source.kind: must be 'world' or 'csv', got 'tea'"
+    ),
+    "[source]\nkind = 'world'": "swarm.toml:1: source.id: must be given",
+    "[source]\nkind = 'csv'\nid = 'x'\npath = 'a.csv'": (
+        "swarm.toml:3: source.id: must be a known key: path"
+    ),
+    "[source]\nkind = 'csv'\npath = 'a.txt'": (
+        r"swarm.toml:3: source.path: must match \.[cC][sS][vV]$, got 'a.txt'"
+    ),
+    "[source]\nkind = 'csv'\npath = 'none.csv'": (
+        "swarm.toml:3: source.path: must be a file that can be read (No such file or"
+        " directory), got 'none.csv'"
+    ),
+    "[source]\nkind = 'csv'\npath = 'bad.csv'": (
+        "swarm.toml:3: source.path: bad.csv:2: kind: must be 0 or 1, got '2'"
+    ),
+    "[source]\nkind = 'world'\nid = 'neurosnap/Pat-v0'": (
+        "swarm.toml:3: source.id: must be a registered environment id or a CSV file (did"
+        " you mean neurosnap/Path-v0"
+    ),
+    "[source]\nkind = 'world'\nid = 'neurosnap/Path-v0'\narguments = {\"a b\" = [1]}": (
+        'swarm.toml:4: source.arguments."a b": must be true or false, a whole number, a'
+        " number or text, got [1]"
+    ),
+    "[source]\nkind = 'world'\nid = 'neurosnap/Path-v0'\narguments = {colour = 1}": (
+        "swarm.toml:4: source.arguments: must be ones that neurosnap/Path-v0 takes"
+    ),
+    "[source]\nkind = 'world'\nid = 'neurosnap/Path-v0'\n[source.arguments]\nplaces = 1": (
+        "swarm.toml:5: source.arguments.places: must be a whole number of at least 2, got"
+        " 1"
+    ),
+}  # fmt: skip
+TOGETHER = {
+    "[snapshot]\ndecay = 0.5": (
+        "6: snapshot.decay: must go with a discounted snapshot only, got 0.5"
+    ),
+    "[agent]\ntarget = 'below_1'": (
+        "6: agent.target: must go with a planner only, got ('below_1',)"
+    ),
+    "[agent]\nkind = 'planner'": "5: agent.target: must name a sensation to achieve",
+    "[agent]\nkind = 'planner'\ntarget = [\n'below_1',\n'below_9']": (
+        "9: agent.target[1]: must name a sensor that exists, got 'below_9'"
+    ),
+    "[agent]\nkind = 'excited'\ntarget = 'below_1'": (
+        "7: agent.target: must be the number of a place for an excited agent, got"
+    ),
+    "[agent]\nkind = 'excited'\ntarget = 6": (
+        "7: agent.target: must be a place in 0..5"
+    ),
+    "[cells]\nkind = 'worker'\nworkers = 6": (
+        "7: cells.workers: must be at least 1 and at most the cells, 5, got 6"
+    ),
+    "[network]\nlisten = 'tcp/0.0.0.0:7447'": (
+        "6: network.listen: must be tcp/ on loopback or unixsock-stream/ without TLS"
+    ),
+    "[network]\nconnect = 'tcp/h:1'\nlisten = 'tcp/h:1'": (
+        "6: network.connect: must not come with an endpoint to listen on"
+    ),
+    "[network]\ntls = 'keys'": "6: network.tls: must come with an endpoint to listen on",
+    "[recording]\npath = 'swarm.toml'": "6: recording.path: must not exist yet, got",
+    "[recording]\npath = 'no/a.mcap'": (
+        "6: recording.path: must be in a folder that exists, got 'no/a.mcap'"
+    ),
+    "[recording]\nfolder = 'no/no'": (
+        "6: recording.folder: must be a folder, or be in one that exists, got 'no/no'"
+    ),
+}  # fmt: skip
+NO_TOML: dict[str | bytes, str] = {
+    "a = 1\nb =": "swarm.toml:2: must be TOML: ",
+    "a = 1\na = 2\n\n": "swarm.toml:2: must be TOML: Cannot overwrite a value (column",
+    'a = """\n\n': "swarm.toml:1: must be TOML: ",
+    "a = " + "[" * 10_000: "swarm.toml: must be TOML: nested too deep",
+    f"a = {'9' * 5000}": "swarm.toml: must be TOML: Exceeds the limit",
+    b"a = '\xff'": "swarm.toml: must be UTF-8 text (invalid start byte at byte 5)",
+}
+
+
+@pytest.mark.parametrize("table", VALUES)
+def test_a_wrong_value_is_refused_with_its_line(file: Path, table: str) -> None:
+    assert said(file, f"{WORLD}{table}\n") == [f"swarm.toml:{VALUES[table]}"]
+
+
+@pytest.mark.parametrize("text", SOURCES)
+def test_a_wrong_source_is_refused_with_its_line(file: Path, text: str) -> None:
+    (file.parent / "bad.csv").write_text("kind,b\n2,0\n")
+    (line,) = said(file, f"{text}\n")
+    assert line.startswith(SOURCES[text])
+
+
+@pytest.mark.parametrize("table", TOGETHER)
+def test_what_does_not_go_together_is_refused(file: Path, table: str) -> None:
+    (line,) = said(file, f"{WORLD}{table}\n")
+    assert line.startswith(f"swarm.toml:{TOGETHER[table]}")
+
+
+def test_of_two_keys_with_one_name_the_right_one_is_told(file: Path) -> None:
+    (file.parent / "a.csv").write_text("a,b\n0,1\n")
+    source = "[source]\nkind = 'csv'\npath = 'a.csv'\n"
+    (line,) = said(file, f"{source}[recording]\npath = 'a.csv'\n")
+    assert line.startswith("swarm.toml:5: recording.path: must not exist yet")
+
+
+@pytest.mark.parametrize("text", NO_TOML)
+def test_what_is_no_toml_is_refused(file: Path, text: str | bytes) -> None:
+    (line,) = said(file, text)
+    assert line.startswith(NO_TOML[text])
+
+
+def test_a_missing_file_is_refused(file: Path) -> None:
+    text = f"{file}: must be a file that can be read (No such file or directory)"
+    with pytest.raises(ConfigError) as caught:
+        load(file)
+    assert str(caught.value) == text
+
+
+def test_all_faults_are_told_in_the_order_of_their_lines(file: Path) -> None:
+    text = f"{WORLD}[run]\nticks = 0\nseeds = 1\n[agent]\nexplore = 2\n[cell]\n"
+    assert [line.split(": ")[:2] for line in said(file, text)] == [
+        ["swarm.toml:6", "run.ticks"],
+        ["swarm.toml:7", "run.seeds"],
+        ["swarm.toml:9", "agent.explore"],
+        ["swarm.toml:10", "cell"],
+    ]
+    tables = "[snapshot]\ndecay = 0\n[recording]\nfolder = 'no/no'\n"
+    text = f"{tables}[agent]\nkind = 'planner'\n{WORLD}"
+    assert [line.split(": ")[1] for line in said(file, text)] == [
+        "snapshot.decay",
+        "recording.folder",
+        "agent.target",
+    ]
+
+
+def test_a_mistake_made_over_and_over_is_told_a_hundred_times(file: Path) -> None:
+    text = WORLD + "".join(f"[t{number}]\na = 1\n" for number in range(130))
+    with pytest.raises(ConfigError) as caught:
+        load(write(file, text))
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 101
+    for number, line in enumerate(lines[:100]):
+        assert line.startswith(
+            f"{file}:{5 + 2 * number}: t{number}: must be a known key"
+        )
+    assert (lines[-1], caught.value.more) == ("and 30 more", 30)
+
+
+def test_a_fault_is_an_invalid_value(file: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"swarm\.toml: source: must be given"):
+        load(write(file, ""))

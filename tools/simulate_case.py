@@ -1,0 +1,138 @@
+"""One schedule: a run, what happens to it, and what must come of it.
+
+A schedule is a function of its seed alone. Supervision is one for all, as in
+`neurosnap.swarm.endure`: when a life of the swarm ends before its time, the next goes
+on from the last whole tick of what is on disk.
+"""
+
+import random
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.agent.context import Body
+from neurosnap.errors import RecordingError, SwarmError
+from neurosnap.record.past import Past
+from neurosnap.record.resume import look_back
+from neurosnap.source import Argument, open_source
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import describe
+from tools.simulate_check import check
+from tools.simulate_swarm import Life
+from tools.simulate_weather import Tally, Weather, random_weather
+
+_CALM = Weather()  # once the worst is over, so that every run comes to its end
+
+
+def simulate(seed: int, folder: Path) -> Tally:
+    """Make the run of a seed through all that happens, and check what came of it.
+
+    Args:
+        seed: Draws everything.
+        folder: Where its files go; empty.
+
+    Raises:
+        WrongError: It did not come to what it must.
+        Exception: Anything else that goes wrong is wrong, too.
+    """
+    chance = random.Random(seed)
+    options, weather = random_options(chance, folder), random_weather(chance)
+    return live_on(options, weather, chance, folder)
+
+
+def live_on(
+    options: RunOptions, weather: Weather, chance: random.Random, folder: Path
+) -> Tally:
+    """Let one life follow the other until one comes to its end; see `simulate`."""
+    tally, past = Tally(schedules=1), None
+    bad = chance.choice([1, 2, 4, 8])
+    facts = {**describe(options), "swarm": "simulated"}
+    while True:
+        log = folder / f"{tally.restarts}.mcap"
+        current = weather if tally.restarts < bad else _CALM
+        life = Life(options, facts, log, past, current, chance, tally)
+        try:
+            completeness, sent = life.live()
+        except SwarmError:
+            past = _further(log, options, past)
+            tally.restarts += 1
+        else:
+            check(log, options, completeness, sent)
+            tally.ticks += options.ticks
+            tally.incomplete += not completeness.whole
+            return tally
+
+
+def _further(log: Path, options: RunOptions, before: Past | None) -> Past | None:
+    """Return where to go on: where `log` got to, if that is further than `before`."""
+    try:
+        found_options, found = look_back(log, options.ticks - 1)
+    except RecordingError:  # it did not live to see a whole tick
+        return before
+    if found_options != options:
+        raise ValueError(f"{log}: must be of {options}, got {found_options}")
+    return before if before is not None and before.tick >= found.tick else found
+
+
+# What is drawn ------------------------------------------------------------------------
+
+
+def random_options(chance: random.Random, folder: Path) -> RunOptions:
+    """Draw a run of 5 to 25 ticks and 2 to 8 sensors, in cells or among workers."""
+    made = _readings(chance, folder) if chance.random() < 0.5 else _path(chance)
+    sensors, empirical = len(made.sensors), chance.random() < 0.5
+    return msgspec.structs.replace(
+        made,
+        seed=chance.getrandbits(32),
+        # Coarse enough that either snapshot learns within a few ticks.
+        snapshot="empirical" if empirical else "discounted",
+        threshold=chance.choice([0.01, 0.1, 0.25]) if empirical else 1 / 16,
+        decay=None if empirical else 0.75,
+        wiring=chance.choice(["hasse", "derived"]),
+        cells=chance.choice(["inline", "worker"]),
+        workers=chance.randint(1, min(3, sensors)),
+        keyframe_every=chance.choice([1, 3, 1000]),
+    )
+
+
+def _readings(chance: random.Random, folder: Path) -> RunOptions:
+    """Readings that repeat themselves: much is learned, and then broken."""
+    sensors = chance.randint(2, 8)
+    pool = [[chance.random() < 0.5 for _ in range(sensors)] for _ in range(4)]
+    rows = [list(chance.choice(pool)) for _ in range(chance.randint(5, 25))]
+    for row in rows[len(rows) // 2 :]:
+        if chance.random() < 0.3:
+            row[chance.randrange(sensors)] ^= True
+    names = tuple(f"s{number}" for number in range(sensors))
+    table = [names, *([str(int(bit)) for bit in row] for row in rows)]
+    path = folder / "readings.csv"
+    path.write_text("\n".join(map(",".join, table)) + "\n", encoding="utf-8")
+    ticks = chance.choice([len(rows), 5, 25])  # with 25, it may be the source that ends
+    return RunOptions(source=str(path), body=Body(own=names), ticks=ticks)
+
+
+def _path(chance: random.Random) -> RunOptions:
+    """A path to walk along; in half of them actions are sensed, in contexts or not."""
+    looks_back = chance.random() < 0.5
+    own = chance.randint(1, 4) if looks_back else chance.randint(2, 8)
+    arguments: dict[str, Argument] = {"places": own + 1}
+    source = open_source("neurosnap/Path-v0", 0, arguments)
+    source.close()
+    contexts: list[tuple[int, int]] = []
+    if looks_back:
+        every = [(action, a) for action in range(2) for a in range(2 * own)]
+        contexts = chance.sample(every, chance.randint(0, min(6 - own, len(every))))
+    plans = looks_back and chance.random() < 0.5
+    return RunOptions(
+        source="neurosnap/Path-v0",
+        arguments=arguments,
+        body=Body(
+            own=source.sensors,
+            actions=source.actions,
+            senses_actions=looks_back,
+            context=tuple(contexts),
+        ),
+        agent="planner" if plans else "walker",
+        target=source.sensors[:1] if plans else (),
+        ticks=chance.randint(5, 25),
+    )

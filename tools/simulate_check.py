@@ -1,0 +1,202 @@
+"""What a simulated run must come to: computed in process, and held against the file.
+
+Nothing here knows of waves: the state is what the snapshot says, an answer is what is
+above in the learned order, and the wirings are added up as they come.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.agent.context import Senses
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.replay import verify
+from neurosnap.record.sequences import Completeness
+from neurosnap.sensorium import pack
+from neurosnap.source import open_source
+from neurosnap.swarm.options import RunOptions
+
+Said = tuple[object, ...]
+Edges = set[tuple[int, int]]
+
+
+class WrongError(Exception):
+    """A simulated run did not come to what it must."""
+
+
+class Truth(msgspec.Struct):
+    """A run without any network."""
+
+    said: dict[str, list[Said]]
+    """By topic what there is to be said, in order, without numbers of waves."""
+    edges: dict[int, Edges]
+    """At each tick, along which edges the cells pulse."""
+
+
+def truth(options: RunOptions) -> Truth:
+    """Make the run in process."""
+    found = Truth({"observe": [], "state": [], "reach": [], "decide": []}, {})
+    source = open_source(options.source, options.seed, options.arguments)
+    senses, policy = Senses(options.body), options.new_policy()
+    snapshot = options.new_snapshot()
+    action, why, state = -1, "the run begins", None
+    for tick in range(1, options.ticks + 1):
+        found.said["decide"].append((tick - 1, action, why))
+        bits = source.first() if tick == 1 else source.step(action)
+        if bits is None:
+            break
+        taken = -1 if source.begins else action
+        observed = senses.observe(bits, taken, state)
+        found.said["observe"].append((tick, pack(observed), source.begins))
+        state = snapshot.observe(observed)
+        graph = snapshot.poc_graph()
+        incoherent = int(state.sum()) < len(observed)
+        found.said["state"].append((tick, pack(state), incoherent))
+        questions = policy.ask(tick, state)
+        answers = [graph.up(question) for question in questions]
+        found.said["reach"] += [
+            (tick, question, pack(answer))
+            for question, answer in zip(questions, answers, strict=True)
+        ]
+        action, why = policy.decide(tick, state, answers)
+        found.edges[tick] = _pairs(graph.wiring(options.wiring))
+    source.close()
+    _sort(found.said)
+    return found
+
+
+def _pairs(edges: NDArray[np.bool_]) -> Edges:
+    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
+
+
+def check(
+    log: Path,
+    options: RunOptions,
+    completeness: Completeness,
+    sent: dict[str, int],
+) -> None:
+    """Hold the recording of a run that has ended against what it must be.
+
+    Args:
+        log: The recording.
+        options: What was run.
+        completeness: What the recorder said of it.
+        sent: How many messages each part numbered, in all its lives.
+
+    Raises:
+        WrongError: It differs; the text says where.
+    """
+    recorded = list(Recording.open(log).messages())
+    _check_completeness(recorded, completeness, sent)
+    true, said = truth(options), _said(recorded)
+    for topic, expected in true.said.items():
+        found = said[topic]
+        twice = [one for one, times in Counter(found).items() if times > 1]
+        _demand(not twice, f"{topic}, each once", twice, [])
+        made_up = [one for one in found if one not in set(expected)]
+        _demand(not made_up, f"{topic}, beyond the truth", made_up, [])
+        lacking = [one for one in expected if one not in set(found)]
+        _demand(not (lacking and completeness.whole), topic, [], lacking)
+        _demand(
+            found == expected or bool(lacking), f"{topic}, in order", found, expected
+        )
+    if not completeness.whole:
+        return
+    _check_wirings(recorded, true)
+    verdict = verify(log)
+    _demand(verdict.same, "replay", verdict.difference, None)
+    _demand(verdict.complete, "complete", verdict, completeness)
+    _demand(verdict.ticks == len(true.edges), "ticks", verdict.ticks, len(true.edges))
+
+
+def _demand(held: bool, what: str, found: object, expected: object) -> None:
+    if not held:
+        raise WrongError(f"{what}: must be {expected!r:.500}, got {found!r:.500}")
+
+
+def _check_completeness(
+    recorded: list[Recorded], completeness: Completeness, sent: dict[str, int]
+) -> None:
+    """What is missing is exactly what was sent and is not there."""
+    held: dict[str, set[int]] = {who: set() for who in sent}
+    for one in recorded:
+        numbers = held[one.message.sender]
+        _demand(one.sequence not in numbers, "number", one, "new")
+        numbers.add(one.sequence)
+    for who, count in sent.items():
+        lacking, noted = count - len(held[who]), completeness.missing.get(who, 0)
+        # Where the last word is lost nobody can know how many came before it.
+        knows = count - 1 in held[who]
+        held_up = noted == lacking if knows else 0 < noted <= lacking
+        _demand(held_up, f"missing of {who}", noted, lacking)
+
+
+def _said(recorded: Iterable[Recorded]) -> dict[str, list[Said]]:
+    """Return what was said, as in `Truth`."""
+    said: dict[str, list[Said]] = {
+        "observe": [],
+        "state": [],
+        "reach": [],
+        "decide": [],
+    }
+    for one in recorded:
+        match one.message:
+            case wire.Observation() as m:
+                said["observe"].append((m.tick, m.bits, m.begins))
+            case wire.State() as m:
+                said["state"].append((m.tick, m.literals, m.incoherent))
+            case wire.Reached() as m:
+                said["reach"].append((m.tick, m.signal, m.literals))
+            case wire.Decision() as m:
+                said["decide"].append((m.tick, m.action, m.why))
+            case _:
+                pass
+    _sort(said)
+    return said
+
+
+def _sort(said: dict[str, list[Said]]) -> None:
+    """Planning waves of one tick may settle in any order."""
+    said["reach"].sort(key=repr)
+
+
+def _check_wirings(recorded: Iterable[Recorded], true: Truth) -> None:
+    """Add up what the cells were told: at each state wave it is the order learned."""
+    told: dict[str, Edges] = {}
+    epochs: dict[str, int] = {}
+    for one in recorded:
+        message = one.message
+        if isinstance(message, wire.Wiring | wire.Loom):
+            key = message.key
+            after = epochs.get(key, 0)
+            _demand(message.after in (0, after), "wiring", message, after)
+            _demand(message.epoch > after, "wiring", message, after)
+            epochs[key] = message.epoch
+            kept = told.get(key, set()) if message.after else set()
+            add, drop = _changes(message)
+            told[key] = (kept - drop) | add
+        elif isinstance(message, wire.WaveStart) and message.kind == "state":
+            edges = set().union(*told.values())
+            expected = true.edges[message.tick]
+            _demand(edges == expected, f"wired at {message.tick}", edges, expected)
+
+
+def _changes(message: wire.Wiring | wire.Loom) -> tuple[Edges, Edges]:
+    """Return the edges that a message adds, and those that it takes away."""
+    if isinstance(message, wire.Loom):
+        changes = (wire.numbers("loom", raw) for raw in (message.add, message.drop))
+        added, dropped = (
+            set(zip(flat[::2], flat[1::2], strict=True)) for flat in changes
+        )
+        return added, dropped
+    own, other = 2 * message.cell, 2 * message.cell + 1
+    return (
+        {(own, b) for b in message.add} | {(other, b) for b in message.add_complement},
+        {(own, b) for b in message.drop}
+        | {(other, b) for b in message.drop_complement},
+    )

@@ -1,0 +1,327 @@
+"""One life of a simulated swarm: from its start until all have left, or somebody died.
+
+The cores are the real ones, and so is the recorder's writer; only their shells, which
+wait for messages and clocks, are replaced. What a clock would bring about (a wave's
+deadline, a death that is noticed, a chunk that is written) is an event of the schedule,
+and every event is drawn from one generator.
+"""
+
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+
+from neurosnap import wire
+from neurosnap.agent.context import Senses
+from neurosnap.errors import MessageError, SwarmError, WaveLostError
+from neurosnap.fabric.memory import Faults, MemoryFabric, MemoryHub
+from neurosnap.record.past import Past, begin_recording
+from neurosnap.record.reader import Recording
+from neurosnap.record.sequences import Completeness
+from neurosnap.record.writer import Writer
+from neurosnap.source import Source, open_source
+from neurosnap.swarm import jobs
+from neurosnap.swarm.cell import Cell
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.part import decoded
+from neurosnap.swarm.shares import shares
+from neurosnap.swarm.worker import Worker
+from neurosnap.swarm.world import World
+from tools.simulate_check import WrongError
+from tools.simulate_weather import Tally, Weather
+
+Transition = Callable[[wire.Message], list[wire.Message]]
+
+_MOST = 200_000  # deliveries in one life; more, and it does not end
+
+
+class Life:
+    """One life of a swarm.
+
+    Args:
+        options: What to run.
+        facts: What the recording says of it.
+        log: Where it is recorded; must not exist yet.
+        past: Where it goes on from, if it does.
+        weather: What goes wrong, and how often.
+        chance: Draws all that happens.
+        tally: Takes note of it.
+    """
+
+    def __init__(
+        self,
+        options: RunOptions,
+        facts: Mapping[str, str],
+        log: Path,
+        past: Past | None,
+        weather: Weather,
+        chance: random.Random,
+        tally: Tally,
+    ) -> None:
+        self._options = options
+        self._log = log
+        self._past = past
+        self._weather = weather
+        self._chance = chance
+        self._tally = tally
+        self._hosts = options.host_names()
+        self._parts = ("coordinator", "world", *self._hosts)
+        self._hub = MemoryHub(chance.getrandbits(32), self._faults())
+        self._ends: dict[str, MemoryFabric] = {}
+        self._gone: set[str] = set()
+        self._links = self._breakable()
+        self._cut: list[tuple[str, str]] = []
+        self._known_lost = 0
+        self._dead: list[str] = []
+        self._left: set[str] = set()
+        self._core = jobs.coordinator_for(options, past)
+        chunk = chance.choice([100, 1000])
+        self._writer = Writer(log, compression="none", chunk=chunk)
+        begin_recording(self._writer, facts, past)
+
+    def _breakable(self) -> list[tuple[str, str]]:
+        """Return the pairs of parts whose link may be cut."""
+        parts = (*self._parts, "recorder") if self._weather.deaf else self._parts
+        links = list(combinations(parts, 2))
+        if Senses(self._options.body).looks_back:
+            # Such a world takes the last state that came for that of the last tick.
+            links.remove(("coordinator", "world"))
+        return links
+
+    def _faults(self) -> Faults:
+        weather, chance = self._weather, self._chance
+        pair = ("coordinator", "world")
+        # Only waves have deadlines, so only what they are made of may be dropped.
+        spared = {pair, pair[::-1], *((who, "recorder") for who in self._parts)}
+        slow = {who for who in self._parts if chance.random() < weather.slow}
+        return Faults(
+            weather.duplicate, weather.drop, frozenset(spared), frozenset(slow)
+        )
+
+    def live(self) -> tuple[Completeness, dict[str, int]]:
+        """Live; return what the recording says of itself, and what each part sent.
+
+        Raises:
+            SwarmError: Somebody died, a wave was lost for good, or nobody has anything
+                left to say. What was recorded by then is in the file.
+            WrongError: The recording lacks what nobody took.
+        """
+        options = self._options
+        source = open_source(options.source, options.seed, options.arguments)
+        try:
+            self._join(source)
+            self._run()
+            completeness = self._finish()
+        except SwarmError:
+            self._break_off()
+            raise
+        finally:
+            self._tally.losses += self._hub.lost.total()
+            source.close()
+            self._writer.abandon()
+        deaf = any(receiver == "recorder" for _, receiver in self._hub.lost)
+        if completeness.missing and not deaf:
+            raise WrongError(f"recording: must be whole, lacks {completeness.missing}")
+        return completeness, {who: end.sent for who, end in self._ends.items()}
+
+    # Parts ---------------------------------------------------------------------------
+
+    def _join(self, source: Source) -> None:
+        world = World(source, self._options.body, self._past)
+
+        def answer(message: wire.Message) -> list[wire.Message]:
+            try:
+                decision = world.hear(message)
+            except MessageError as error:
+                return [wire.Fault("world", str(error))]
+            if decision is None:
+                return []
+            return [world.answer(decision) or wire.Leave("world")]
+
+        self._listen("world", world.topics, answer)
+        for number, who in enumerate(self._hosts):
+            self._host(number, who)
+        topics = ("observe", "settle", "tally", "fault", "leave")
+        self._listen("coordinator", topics, self._conduct)
+        self._hub.fabric("recorder").listen(("**",), self._record)
+
+    def _host(self, number: int, who: str) -> None:
+        """Let a cell or a worker take part."""
+        workers = self._options.sharing
+        if workers:
+            hosted = shares(len(self._options.sensors), workers)
+            core: Cell | Worker = Worker(number, hosted)
+            keys = wire.worker_keys(number)
+        else:
+            core, keys = Cell(number), wire.cell_keys(number)
+        self._listen(who, keys, lambda message: core.receive([message]))
+
+    def _listen(self, who: str, topics: Sequence[str], core: Transition) -> None:
+        """Publish what `core` says to each message that comes; go after a last word."""
+        first = 0 if self._past is None else self._past.counts.get(who, 0)
+        end = self._ends[who] = self._hub.fabric(who, first=first)
+
+        def handle(deliveries: list[wire.Delivery]) -> None:
+            for message in decoded(end, deliveries):
+                said = core(message)
+                end.publish(*said)
+                if wire.Leave(who) in said:
+                    self._go(who)
+
+        end.listen(topics, handle)
+
+    def _record(self, deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            self._writer.add(delivery, self._tally.deliveries)
+            if delivery.key == "leave":
+                self._left.add(wire.decode(delivery.key, delivery.payload).sender)
+
+    def _conduct(self, message: wire.Message) -> list[wire.Message]:
+        if isinstance(message, wire.Leave):
+            return self._core.stop()
+        return self._core.receive(message)
+
+    def _say(self, *messages: wire.Message) -> None:
+        self._ends["coordinator"].publish(*messages)
+
+    def _go(self, who: str) -> None:
+        self._gone.add(who)
+        self._hub.leave(who)
+
+    # What happens --------------------------------------------------------------------
+
+    def _run(self) -> None:
+        self._say(*self._core.begin())
+        for _ in range(_MOST):
+            if self._core.finished:
+                return self._end_in_order()
+            if self._hub.step():
+                self._tally.deliveries += 1
+                self._disturb()
+            else:
+                self._silence()
+        raise RuntimeError(f"life: must end within {_MOST} deliveries")
+
+    def _disturb(self) -> None:
+        """Let happen what may after any delivery."""
+        weather, chance = self._weather, self._chance
+        if chance.random() < weather.cut:
+            self._cut.append(chance.choice(self._links))
+            self._hub.cut(*self._cut[-1])
+            self._tally.cuts += 1
+        if self._cut and chance.random() < weather.heal:
+            self._heal(self._cut[0])
+        if chance.random() < weather.late and self._core.in_flight:
+            self._deadline(chance.choice(self._core.in_flight))
+        self._maybe_crash()
+
+    def _heal(self, pair: tuple[str, str]) -> None:
+        self._cut = [other for other in self._cut if other != pair]
+        self._hub.heal(*pair)
+        self._tally.healed += 1
+
+    def _silence(self) -> None:
+        """Nothing is under way: a wave is late, or all is lost.
+
+        Raises:
+            SwarmError: All is lost.
+            WrongError: A wave is late, and nothing was lost since all were sent again.
+        """
+        lost = self._hub.lost.total()
+        if self._core.in_flight and lost == self._known_lost:
+            raise WrongError(f"waves: must settle, got {self._core.in_flight} late")
+        self._known_lost = lost
+        for pair in dict.fromkeys(self._cut):
+            if self._chance.random() < 0.5:
+                self._heal(pair)
+        for number in self._core.in_flight:
+            self._deadline(number)
+        if not self._hub.pending and not self._core.finished:
+            self._tally.stalled += 1
+            raise SwarmError("world: must stay until the run ends, is gone")
+
+    def _deadline(self, number: int) -> None:
+        """Let a wave be late."""
+        try:
+            self._say(*self._core.overdue(number))
+        except WaveLostError as error:
+            self._tally.given_up += 1
+            self._say(wire.Fault("coordinator", str(error)), wire.Leave("coordinator"))
+            raise
+        self._tally.repeats += 1
+
+    def _maybe_crash(self) -> None:
+        """Let one or two parts die, and the others go on until it is noticed.
+
+        Raises:
+            SwarmError: It is noticed.
+        """
+        chance = self._chance
+        if chance.random() >= self._weather.crash:
+            return
+        mortal = ("hub", "recorder", "coordinator", "world", self._hosts[0])
+        for who in chance.sample(mortal, chance.choice([1, 1, 2])):
+            kin = self._hosts if who == self._hosts[0] else [who]
+            self._dead.append(victim := chance.choice(kin))
+            self._tally.crashes += 1
+            self._hub.leave(victim)
+        if "hub" not in self._dead:
+            for _ in range(chance.choice([0, 1, 10, 100])):
+                self._tally.deliveries += self._hub.step()
+        raise SwarmError(f"{self._dead[0]}: must not end before it is asked to")
+
+    # How it ends ---------------------------------------------------------------------
+
+    def _end_in_order(self) -> None:
+        """Let everybody leave, the recorder last.
+
+        Raises:
+            SwarmError: Somebody dies on the way out.
+        """
+        self._bid_farewell("coordinator")
+        for _ in range(self._chance.choice([0, 1, 10, 100])):
+            if self._hub.step():
+                self._tally.deliveries += 1
+                self._maybe_crash()
+        for who in self._parts:
+            self._bid_farewell(who)
+        while self._hub.step():
+            self._tally.deliveries += 1
+            self._maybe_crash()
+
+    def _bid_farewell(self, who: str) -> None:
+        """Let a part leave, unless it has."""
+        if who not in self._gone:
+            self._ends[who].publish(wire.Leave(who))
+            self._go(who)
+
+    def _break_off(self) -> None:
+        """Leave the file as the recorder leaves it when somebody died.
+
+        It writes down what there is, unless it died itself, or the hub did: then the
+        file has what was on the disk.
+        """
+        for who in self._parts:
+            self._hub.leave(who)
+        if {"hub", "recorder"}.isdisjoint(self._dead):
+            while self._hub.step():
+                self._tally.deliveries += 1
+            self._finish()
+            return
+        self._writer.abandon()
+        ends = [0, 20, *self._chunk_ends()]
+        keep = self._chance.choice(ends)
+        with self._log.open("r+b") as file:
+            file.truncate(keep)
+
+    def _chunk_ends(self) -> Iterator[int]:
+        """Yield where a file can end that has some of its chunks, the next one torn."""
+        for chunk in Recording.open(self._log).layout.chunks:
+            yield chunk.offset
+            yield chunk.offset + chunk.packed
+
+    def _finish(self) -> Completeness:
+        upcoming = self._writer.sequences.upcoming
+        return self._writer.finish(
+            {}, {who: upcoming(who) + (who not in self._left) for who in self._parts}
+        )

@@ -1,0 +1,63 @@
+"""What may happen to a simulated swarm, and what did."""
+
+import random
+
+import msgspec
+
+
+class Weather(msgspec.Struct, frozen=True, kw_only=True):
+    """How bad it gets; each a probability, by delivery where nothing else is said."""
+
+    duplicate: float = 0.0
+    drop: float = 0.0
+    slow: float = 0.0
+    """That a part gets its messages late, by part."""
+    cut: float = 0.0
+    """That a link between two parts is cut."""
+    heal: float = 0.0
+    """That a link which is cut is healed; where all is silent, a half."""
+    deaf: bool = False
+    """Whether links to the recorder are cut as well."""
+    late: float = 0.0
+    """That a wave's deadline passes although nothing of it is lost."""
+    crash: float = 0.0
+    """That a part dies."""
+
+
+class Tally(msgspec.Struct):
+    """What happened."""
+
+    schedules: int = 0
+    ticks: int = 0
+    deliveries: int = 0
+    crashes: int = 0
+    restarts: int = 0
+    cuts: int = 0
+    healed: int = 0
+    losses: int = 0
+    repeats: int = 0
+    given_up: int = 0
+    """Lives that ended because a wave was lost for good."""
+    stalled: int = 0
+    """Lives that ended because the world and the coordinator lost each other."""
+    incomplete: int = 0
+    """Runs that ended with a recording that says what it lacks."""
+
+    def add(self, other: "Tally") -> None:
+        """Add what happened elsewhere."""
+        for name in self.__struct_fields__:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+
+
+def random_weather(chance: random.Random) -> Weather:
+    """Draw what goes wrong; in most schedules only some of it does."""
+    return Weather(
+        duplicate=chance.choice([0.0, 0.05, 0.3]),
+        drop=chance.choice([0.0, 0.0, 0.002, 0.01]),
+        slow=chance.choice([0.0, 0.0, 0.3]),
+        cut=chance.choice([0.0, 0.0, 0.002, 0.01]),
+        heal=chance.choice([0.01, 0.1, 0.5]),
+        deaf=chance.random() < 0.5,
+        late=chance.choice([0.0, 0.0, 0.002]),
+        crash=chance.choice([0.0, 0.001, 0.001, 0.005]),
+    )
