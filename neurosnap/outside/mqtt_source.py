@@ -120,16 +120,16 @@ class MqttFeeder:
         if self._source is None:
             return
         payload = Payload(topic, data)
+        readings: dict[str, bool | None] = {}
         for number in self._routes.of(topic):
             sensor = self._options.sensors[number]
             if retained and sensor.seen_within is not None:
                 continue  # it may have been kept for days
             try:
-                on = self._readers[number].read(payload)
+                readings[sensor.name] = self._readers[number].read(payload)
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
-            else:
-                self._source.put(sensor.name, on)
+        self._source.put_all(readings)
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

@@ -12,7 +12,7 @@ pace is not asked. Only when none waits does the pace decide when the board is s
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -154,28 +154,39 @@ class OutsideSource:
     def put(self, sensor: str, on: bool | None, at: float | None = None) -> None:
         """Take in one reading; from any thread, and without waiting.
 
-        A name that is none of `sensors` is counted and named once: a run has the
-        sensors it began with.
-
         Args:
             sensor: Its name.
             on: What it read; None: it does not know.
             at: When, in seconds since the epoch; None: now.
         """
+        self.put_all({sensor: on}, at)
+
+    def put_all(
+        self, readings: Mapping[str, bool | None], at: float | None = None
+    ) -> None:
+        """Take in readings that belong together, as `put`: no tick shows half of them.
+
+        A name that is none of `sensors` is counted and named once: a run has the
+        sensors it began with.
+        """
         with self._condition:
-            number = self._number.get(sensor)
-            if number is None:
-                self._refusals.refuse_sensor(sensor)
-                return
             now = self._clock()
-            if not self._board.put(number, on, self._as_of(at, now), now):
-                return
-            self._taken += 1
-            self._coalesced += int(self._unshown[number])
-            self._unshown[number] = True
-            if self._sensitive:  # once a burst: whoever waits has to look but once
-                self._sensitive = False
-                self._condition.notify_all()
+            as_of = self._as_of(at, now)
+            for sensor, on in readings.items():
+                number = self._number.get(sensor)
+                if number is None:
+                    self._refusals.refuse_sensor(sensor)
+                elif self._board.put(number, on, as_of, now):
+                    self._taken += 1
+                    self._coalesced += int(self._unshown[number])
+                    self._unshown[number] = True
+                    self._changed()
+
+    def _changed(self) -> None:
+        """Wake whoever waits, once a burst: there is but one look to take."""
+        if self._sensitive:
+            self._sensitive = False
+            self._condition.notify_all()
 
     def give(
         self,

@@ -20,7 +20,9 @@ class EmpiricalSnapshot(Snapshot):
     Its test is exact: weights are integers, compared with ``threshold * clock`` in
     double precision. Counts are 32 bits wide, which the clock must not outgrow. With
     unknown readings, the four weights of a pair add up to the observations in which
-    both its sensors were known, and these stand for the clock.
+    both its sensors were known, and these stand for the clock. A pair that was known
+    together in less than half of all observations is judged once it was so ``1 / tau``
+    times: of fewer, not one could speak against an implication without undoing it.
 
     Args:
         sensors: A sensorium, or how many sensors there are.
@@ -58,6 +60,7 @@ class EmpiricalSnapshot(Snapshot):
                     self._bits,
                     self._known,
                     weights.squares,
+                    clock,
                     self._by_pair,
                     self._codes,
                     self._rows,

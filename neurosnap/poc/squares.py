@@ -25,6 +25,7 @@ def count_squares(
     bits: NDArray[np.uint8],
     known: NDArray[np.uint8],
     squares: NDArray[np.uint32],
+    clock: int,
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
@@ -35,11 +36,16 @@ def count_squares(
     ``w_ab* < min(tau t, w_ab, w_a*b, w_a*b*)`` and ``a <-> b`` iff ``w_ab* = w_a*b = 0
     < t``, with ``t`` the sum of the four weights. With no bit known it only derives.
 
+    A pair is judged once ``t >= clock / 2`` or ``tau t >= 1``. A sensor that was read
+    once would otherwise be equivalent to one literal of each that was read with it, and
+    so make equivalent what is known to differ.
+
     Args:
         bits: ``(N,)``, 0 or 1; any where unknown.
         known: ``(N,)``, 0 or 1.
         squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to less than
             ``2**32``.
+        clock: Observations so far, this one included.
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
@@ -78,7 +84,8 @@ def count_squares(
             code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
             code = np.uint8(3) if more == 0 else code
             code = np.uint8(12) if most == 0 else code
-            fresh[j] = code if total > 0 else np.uint8(0)
+            judged = (2 * np.int64(total) >= clock) | (limit >= 1.0)
+            fresh[j] = code if judged & (total > 0) else np.uint8(0)
         changed |= rewire(i, fresh, codes[start:stop], rows)
     return changed
 

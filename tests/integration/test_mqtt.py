@@ -9,14 +9,13 @@ import json
 import logging
 import re
 import resource
-import shutil
 import socket
 import struct
 import subprocess
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager, closing, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
@@ -51,74 +50,16 @@ from neurosnap.outside.mqtt_outlet import MqttOutlet
 from neurosnap.outside.mqtt_source import mqtt_source
 from neurosnap.outside.source import OutsideSource
 from neurosnap.sensorium import pack
+from tests.mosquitto import HOST, Mosquitto, heard, needs_mosquitto, peer, started
 
-HOST = "127.0.0.1"
-PROGRAM = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
 SECRET = "correct-horse"
 AT_ONCE = MqttTick(min_interval=0)
 PREFIX = "neurosnap/house"
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(
-        PROGRAM is None, reason="needs Mosquitto: apt-get install mosquitto"
-    ),
+    needs_mosquitto,
 ]
-
-
-class Mosquitto:
-    """The broker, to be started and stopped on one port."""
-
-    def __init__(self, folder: Path, *lines: str) -> None:
-        with closing(socket.socket()) as free:
-            free.bind((HOST, 0))
-            self.port = free.getsockname()[1]
-        self._file = folder / "mosquitto.conf"
-        # As root it would become a user who may not read the test's files.
-        text = (
-            f"listener {self.port} {HOST}",
-            "user root",
-            "log_type information",
-            *lines,
-        )
-        self._file.write_text("\n".join(text) + "\n")
-        self._process: subprocess.Popen[str] | None = None
-
-    def start(self) -> None:
-        """Start it, and return once it listens."""
-        assert PROGRAM is not None
-        self._process = subprocess.Popen(
-            [PROGRAM, "-c", str(self._file)], stderr=subprocess.PIPE, text=True
-        )
-        assert self._process.stderr is not None
-        said = []
-        for line in self._process.stderr:
-            said.append(line)
-            if "running" in line:
-                return
-        pytest.fail(f"mosquitto did not start: {said}")
-
-    def stop(self) -> None:
-        """Stop it; it forgets everything."""
-        if self._process is not None:
-            self._process.terminate()
-            self._process.communicate(timeout=10)
-            self._process = None
-
-    @property
-    def options(self) -> MqttBroker:
-        """How to connect to it."""
-        return MqttBroker(host=HOST, port=self.port, patience=5)
-
-
-@contextmanager
-def started(folder: Path, *lines: str) -> Iterator[Mosquitto]:
-    broker = Mosquitto(folder, *lines)
-    try:
-        broker.start()
-        yield broker
-    finally:
-        broker.stop()
 
 
 @pytest.fixture
@@ -157,23 +98,6 @@ async def until(
         found = await asyncio.to_thread(reading, source)
         if wanted(found):
             return found
-
-
-@asynccontextmanager
-async def peer(broker: Mosquitto, *topics: str) -> AsyncIterator[aiomqtt.Client]:
-    """Somebody else on the same broker, who listens to `topics`."""
-    async with aiomqtt.Client(HOST, broker.port) as client:
-        for topic in topics:
-            await client.subscribe(topic, qos=1)
-        yield client
-
-
-async def heard(client: aiomqtt.Client, topic: str, payload: bytes) -> aiomqtt.Message:
-    """Wait until `topic` says `payload`."""
-    async for message in client.messages:
-        if message.topic.value == topic and message.payload == payload:
-            return message
-    raise AssertionError("the connection ended")
 
 
 async def test_what_the_broker_kept_is_the_first_reading(broker: Mosquitto) -> None:

@@ -22,6 +22,7 @@ from neurosnap.config.schema import schema
 from neurosnap.config.sources import CsvTable, WorldTable
 from neurosnap.config.tables import (
     AgentTable,
+    AnomaliesTable,
     CellsTable,
     Config,
     RecordingTable,
@@ -109,6 +110,7 @@ configs: st.SearchStrategy[Config] = st.builds(
         wiring=st.sampled_from(["hasse", "derived"]),
         deadline=seconds,
     ),
+    anomalies=st.builds(AnomaliesTable, watch=st.booleans(), hold=st.integers(0, 99)),
     recording=st.builds(
         RecordingTable,
         record=st.booleans(),

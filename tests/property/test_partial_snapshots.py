@@ -1,5 +1,6 @@
 """Snapshots of observations with unknown readings equal counts kept pair by pair."""
 
+import dataclasses
 import itertools
 from collections import Counter
 from fractions import Fraction
@@ -62,7 +63,7 @@ def relations(draw: st.DrawFn, most: int = 5) -> tuple[EmpiricalSnapshot, Edges]
     edges: Edges = set()
     for i, j in itertools.combinations(range(sensors - 1, -1, -1), 2):
         code = draw(st.sampled_from(sorted(SIGHTS)))
-        for x, y in SIGHTS[code]:
+        for x, y in 2 * SIGHTS[code]:  # once is too seldom to be judged
             bits, known = np.zeros((2, sensors), np.bool_)
             bits[[i, j]] = x, y
             known[[i, j]] = True
@@ -121,8 +122,21 @@ def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
             for i, j in since
         }
         limit = {(i, j): share[i][j] * total[i, j] for i, j in since}
-        strict = oracles.implied(n, weights, lambda i, j: limit[i, j])  # noqa: B023
-        both = {(a, b) for a, b in oracles.equal(n, weights) if total[a // 2, b // 2]}
+        judged = {
+            pair
+            for pair, often in total.items()
+            if often and (2 * often >= tick or limit[pair] >= 1)
+        }
+        strict = {
+            (a, b)
+            for a, b in oracles.implied(n, weights, lambda i, j: limit[i, j])  # noqa: B023
+            if (a // 2, b // 2) in judged
+        }
+        both = {
+            (a, b)
+            for a, b in oracles.equal(n, weights)
+            if (a // 2, b // 2) in judged
+        }
         assert snapshot.clock == tick
         assert weights_of(snapshot) == weights
         assert edges_of(snapshot, equivalences=False) == strict
@@ -217,6 +231,7 @@ def test_vectors_and_thresholds_do_not_show_in_larger_snapshots(
     counts = EmpiricalSnapshot(sensors, tau)
     weighted = DiscountedSnapshot(sensors, tau, 7 / 8)
     n, total = np.zeros((2, 2 * sensors, 2 * sensors))
+    clock = 0
     w = np.full((2 * sensors, 2 * sensors), 0.25)
     levels = rng.integers(0, 6, sensors)
     for _ in range(12):
@@ -226,9 +241,11 @@ def test_vectors_and_thresholds_do_not_show_in_larger_snapshots(
         both = np.outer(known, known).repeat(2, 0).repeat(2, 1)
         counts.learn(bits, known)
         weighted.learn(bits, known)
-        n, total = n + np.outer(on, on), total + both
+        n, total, clock = n + np.outer(on, on), total + both, clock + 1
+        judged = (2 * total >= clock) | (share * total >= 1)
         w = np.where(both, 7 / 8 * w + 1 / 8 * np.outer(on, on), w)
-        assert (counts.poc_graph().edges == derived(n, share * total)).all()
+        counted = derived(n, share * total) & judged
+        assert (counts.poc_graph().edges == counted).all()
         edges = derived(w, share)
         assert (weighted.poc_graph().edges == edges).all()
         w = truncated(w, edges)
@@ -250,7 +267,11 @@ def test_pairs_with_an_unknown_reading_are_not_touched(
     snapshot.learn(bits, known)
     for a, b in oracles.proper_pairs(2 * sensors):
         if not (known[a // 2] and known[b // 2]):
-            assert snapshot.evidence(a, b) == twin.evidence(a, b)
+            then, now = twin.evidence(a, b), snapshot.evidence(a, b)
+            seldom = 2 * now.total < snapshot.clock and now.limit < 1
+            if kind is EmpiricalSnapshot and seldom:  # too much so, by now
+                then = dataclasses.replace(then, holds=False, since=now.since)
+            assert now == then
 
 
 @KINDS
@@ -283,7 +304,7 @@ def test_full_observations_come_to_the_same_in_either_form(
         assert weights_of(wide) == weights_of(narrow)
         assert edges_of(wide) == edges_of(narrow)
     then = weights_of(narrow), edges_of(narrow)
-    narrow.learn(*nothing)
+    narrow.learn(*nothing)  # one of two, at most, so that every pair is still judged
     assert (weights_of(narrow), edges_of(narrow)) == then
 
 
@@ -317,8 +338,7 @@ def test_sensors_always_known_together_have_the_edges_of_their_own_snapshot(
         snapshot.learn(
             bits, [together if s in group else k for s, k in enumerate(known)]
         )
-        if together:
-            alone.learn([bits[s] for s in group])
+        alone.learn([bits[s] for s in group], [together] * len(group))
     within = [2 * s + sign for s in group for sign in (0, 1)]
     edges = snapshot.poc_graph().edges[np.ix_(within, within)]
     assert (edges == alone.poc_graph().edges).all()

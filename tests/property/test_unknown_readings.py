@@ -80,7 +80,8 @@ def test_the_state_is_what_the_known_readings_imply(shared: bool) -> None:
         for row, (state, incoherent) in zip(rows, states, strict=True):
             predicted += any(row[literal // 2] is None for literal in state)
             contradicted += incoherent
-    assert min(predicted, contradicted) > CASES / 4
+    assert predicted > CASES / 4
+    assert contradicted > CASES / 8
 
 
 @pytest.mark.parametrize("shared", [False, True])

@@ -32,7 +32,7 @@ def test_names_come_with_commas_or_as_a_list(
     [
         ("-", {}, "sensors: must be named for such a source"),
         ("zenoh:", {}, "sensors: must be named for such a source"),
-        ("mqtt:", {"sensors": "a"}, "source: must be - or zenoh:, got 'mqtt:'"),
+        ("http:", {"sensors": "a"}, "source: must be -, zenoh: or mqtt:, got 'http:'"),
         ("-", {"sensors": "a,a"}, "names: must be unique, got 'a'"),
         ("-", {"sensors": "[1]"}, "sensors: must be names with commas between them"),
         ("-", {"sensors": "a", "stale": 3}, "arguments: must be ones such a source"),

@@ -212,24 +212,38 @@ def test_a_long_memory_is_read_back_all_the_same() -> None:
     assert twin.weight(0, 2) == 1 - 2**-14
 
 
+def test_a_sensor_read_once_says_nothing_of_those_read_often() -> None:
+    snapshot = EmpiricalSnapshot(3, 0.1)
+    for first, second in BELOW * 10:
+        snapshot.learn([first, second, 0], known=[True, True, False])
+    snapshot.learn([1, 0, 1])  # an exception, of one in thirty-one
+    graph = snapshot.poc_graph()
+    assert graph.implications(snapshot.sensorium) == [("s0", "s1")]
+    for seen, (first, second) in enumerate(BELOW * 3, 2):
+        assert snapshot.evidence(2, 4).holds == (seen > 10)
+        snapshot.learn([first, second, second])
+    assert snapshot.evidence(2, 4).total == 10
+    assert snapshot.evidence(2, 4).holds
+
+
 def test_pairs_known_apart_may_form_a_cycle() -> None:
     snapshot = EmpiricalSnapshot(3, 0.25)
     for i, j in [(0, 1), (1, 2), (2, 0)]:
-        see(snapshot, i, j, BELOW)
+        see(snapshot, i, j, BELOW * 2)
     graph = snapshot.poc_graph(equivalences=False)
     assert graph.edges[[0, 2, 4], [2, 4, 0]].all()
     assert graph.classes() == [(0, 2, 4), (1, 3, 5)]
     assert graph.height() == 0
     # What a sensor weighs depends on which other it is weighed with.
-    assert snapshot.weight(0, 2) + snapshot.weight(0, 3) == 1
-    assert snapshot.weight(0, 4) + snapshot.weight(0, 5) == 2
+    assert snapshot.weight(0, 2) + snapshot.weight(0, 3) == 2
+    assert snapshot.weight(0, 4) + snapshot.weight(0, 5) == 4
 
 
 def test_pairs_known_apart_may_be_equivalent_one_by_one_alone() -> None:
     snapshot = EmpiricalSnapshot(3, 0.25)
-    see(snapshot, 0, 1, SAME)
-    see(snapshot, 1, 2, SAME)
-    see(snapshot, 0, 2, BELOW)
+    see(snapshot, 0, 1, SAME * 2)
+    see(snapshot, 1, 2, SAME * 2)
+    see(snapshot, 0, 2, BELOW * 2)
     edges = snapshot.poc_graph().edges
     assert edges[0, 4]
     assert not edges[4, 0]
@@ -238,9 +252,9 @@ def test_pairs_known_apart_may_be_equivalent_one_by_one_alone() -> None:
 
 def test_a_literal_may_be_equivalent_to_its_own_complement() -> None:
     snapshot = EmpiricalSnapshot(4, 0.25)
-    see(snapshot, 0, 1, SAME)
-    see(snapshot, 1, 2, SAME)
-    see(snapshot, 0, 2, OPPOSITE)
+    see(snapshot, 0, 1, SAME * 2)
+    see(snapshot, 1, 2, SAME * 2)
+    see(snapshot, 0, 2, OPPOSITE * 2)
     see(snapshot, 0, 3, [(1, 1), (1, 0), (0, 1), (0, 0)])
     graph = snapshot.poc_graph()
     assert graph.classes() == [(0, 1, 2, 3, 4, 5)]

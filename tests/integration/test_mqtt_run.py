@@ -1,0 +1,191 @@
+"""``neurosnap run`` on a broker: it learns, predicts, objects, acts, and stays up."""
+
+import asyncio
+import json
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import aiomqtt
+import pytest
+
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import verify
+from tests.mosquitto import HOST, Mosquitto, heard, needs_mosquitto, peer, started
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.zenoh,
+    pytest.mark.timeout(120),
+    needs_mosquitto,
+]
+
+SECRET = "correct-horse-battery"
+ROOM = "house/room"
+TEXT = """
+[source]
+kind = "mqtt"
+sensors = [
+  {{ name = "door", topic = "house/room", field = "door" }},
+  {{ name = "light", topic = "house/room", field = "light" }},
+  {{ name = "cold", topic = "house/room", field = "t", on_below = 19, off_above = 20 }},
+]
+actions = [{{ name = "ring", topic = "house/bell", payload = "now" }}]
+[source.broker]
+host = "127.0.0.1"
+port = {port}
+username = "neurosnap"
+password_env = "HOUSE_PASSWORD"
+[source.tick]
+min_interval = 0
+[source.publish]
+prefix = "memory"
+[snapshot]
+threshold = 0.1
+[cells]
+kind = "{cells}"
+workers = 1
+"""
+
+
+class Running:
+    """A run of its own process, and what it says."""
+
+    def __init__(self, process: asyncio.subprocess.Process, log: Path) -> None:
+        self.process = process
+        self.log = log
+        self.said = ""
+
+    async def end(self) -> int:
+        """Ask it to end; return how it did."""
+        self.process.terminate()
+        output, errors = await self.process.communicate()
+        self.said = output.decode() + errors.decode()
+        assert self.process.returncode is not None
+        return self.process.returncode
+
+
+@asynccontextmanager
+async def running(
+    folder: Path, broker: Mosquitto, cells: str, *flags: str
+) -> AsyncIterator[Running]:
+    file, log = folder / "house.toml", folder / "house.mcap"
+    file.write_text(TEXT.format(port=broker.port, cells=cells), encoding="utf-8")
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "neurosnap", "run"),
+        *(str(file), "--out", str(log), *flags),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        env={"HOUSE_PASSWORD": SECRET, "PATH": "", "HOME": str(folder)},
+    )
+    try:
+        yield Running(process, log)
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.communicate()
+
+
+async def publish(client: aiomqtt.Client, **readings: object) -> None:
+    await client.publish(ROOM, json.dumps(readings), qos=1)
+
+
+async def see(
+    client: aiomqtt.Client, seen: dict[str, bytes], wanted: dict[str, bytes]
+) -> None:
+    """Take down what topics say until all say what is wanted."""
+    while wanted.items() - seen.items():
+        message = await anext(aiter(client.messages))
+        seen[message.topic.value] = bytes(message.payload)
+
+
+async def until(client: aiomqtt.Client, topic: str, **wanted: object) -> object:
+    """Wait until the JSON on a topic has what is wanted in it."""
+    async for message in client.messages:
+        if message.topic.value == topic:
+            found = json.loads(bytes(message.payload))
+            if wanted.items() <= found.items():
+                return found
+    raise AssertionError("the connection ended")
+
+
+@pytest.mark.parametrize("cells", ["process", "worker", "inline"])
+async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -> None:
+    with started(tmp_path, "allow_anonymous true") as broker:
+        async with (
+            peer(broker, "memory/#", "house/bell", "homeassistant/#") as other,
+            running(tmp_path, broker, cells) as run,
+        ):
+            seen: dict[str, bytes] = {}
+            await see(other, seen, {"memory/world/status": b"online"})
+            for turn in range(60):
+                door = turn % 3 == 0
+                light = door or turn % 5 == 0
+                await publish(other, door=door, light=light, t=15 + turn % 2 * 10)
+                # What is believed says that the tick is over.
+                wanted = {
+                    "memory/sensor/door": b"ON" if door else b"OFF",
+                    "memory/sensor/light": b"ON" if light else b"OFF",
+                    "memory/sensor/cold": b"OFF" if turn % 2 else b"ON",
+                }
+                await see(other, seen, wanted)
+            assert seen["house/bell"] == b"now"
+            (device,) = [t for t in seen if t.startswith("homeassistant/device/")]
+            assert b"door" in seen[device]
+
+            await publish(other, door=True, light=None, t=15)
+            await until(other, "memory/predictions", light="ON")
+            await publish(other, door=True, light=False, t=15)
+            found = await until(other, "memory/anomaly", now="ON")
+            assert isinstance(found, dict)
+            assert set(found["last"]["candidates"]) == {"door", "light"}
+            (broken,) = found["last"]["broken"]
+            assert broken["implication"] == "door -> light"
+            assert broken["against"] == 0 < broken["support"]
+            await publish(other, door=True, light=True, t=25)
+            await until(other, "memory/anomaly", now="OFF")
+
+            assert await run.end() == 0, run.said
+            await heard(other, "memory/status", b"offline")
+    verdict = verify(run.log)
+    assert verdict.same, verdict.difference
+    assert verdict.complete
+    assert SECRET not in run.said
+    raw = "".join(Recording.open(run.log).metadata.values())
+    assert "HOUSE_PASSWORD" in raw
+    assert SECRET not in raw
+
+
+async def test_a_broker_that_comes_back_is_the_same_house(tmp_path: Path) -> None:
+    with started(tmp_path, "allow_anonymous true") as broker:
+        async with running(tmp_path, broker, "inline") as run:
+            async with peer(broker, "memory/#") as other:
+                await heard(other, "memory/world/status", b"online")
+                await publish(other, door=True, light=True, t=15)
+                await heard(other, "memory/sensor/door", b"ON")
+            broker.stop()
+            broker.start()
+            async with peer(broker, "memory/#") as other:
+                # All that is held is published again to a broker that forgot it.
+                await heard(other, "memory/sensor/door", b"ON")
+                await heard(other, "memory/world/status", b"online")
+                await publish(other, door=False, light=False, t=15)
+                await heard(other, "memory/sensor/door", b"OFF")
+                await publish(other, door="sideways", light=True)
+                await heard(other, "memory/sensor/light", b"ON")
+            assert await run.end() == 0, run.said
+    assert f"{HOST}:{broker.port}: connected" in run.said
+    assert "sideways" in run.said
+    assert verify(run.log).same
+
+
+async def test_a_dead_broker_is_named_at_once(tmp_path: Path) -> None:
+    dead = Mosquitto(tmp_path)
+    async with running(tmp_path, dead, "inline", "--restart", "never") as run:
+        output, errors = await run.process.communicate()
+        said = output.decode() + errors.decode()
+        assert run.process.returncode == 1
+    assert f"{HOST}:{dead.port}" in said
+    assert "Traceback" not in said
+    assert SECRET not in said

@@ -1,0 +1,92 @@
+"""A real Mosquitto, which every test starts for itself, and others on it."""
+
+import shutil
+import socket
+import subprocess
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, closing, contextmanager
+from pathlib import Path
+
+import aiomqtt
+import pytest
+
+from neurosnap.outside.mqtt_options import MqttBroker
+
+HOST = "127.0.0.1"
+PROGRAM = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
+
+needs_mosquitto = pytest.mark.skipif(
+    PROGRAM is None, reason="needs Mosquitto: apt-get install mosquitto"
+)
+
+
+class Mosquitto:
+    """The broker, to be started and stopped on one port."""
+
+    def __init__(self, folder: Path, *lines: str) -> None:
+        with closing(socket.socket()) as free:
+            free.bind((HOST, 0))
+            self.port = free.getsockname()[1]
+        self._file = folder / "mosquitto.conf"
+        # As root it would become a user who may not read the test's files.
+        text = (
+            f"listener {self.port} {HOST}",
+            "user root",
+            "log_type information",
+            *lines,
+        )
+        self._file.write_text("\n".join(text) + "\n")
+        self._process: subprocess.Popen[str] | None = None
+
+    def start(self) -> None:
+        """Start it, and return once it listens."""
+        assert PROGRAM is not None
+        self._process = subprocess.Popen(
+            [PROGRAM, "-c", str(self._file)], stderr=subprocess.PIPE, text=True
+        )
+        assert self._process.stderr is not None
+        said = []
+        for line in self._process.stderr:
+            said.append(line)
+            if "running" in line:
+                return
+        pytest.fail(f"mosquitto did not start: {said}")
+
+    def stop(self) -> None:
+        """Stop it; it forgets everything."""
+        if self._process is not None:
+            self._process.terminate()
+            self._process.communicate(timeout=10)
+            self._process = None
+
+    @property
+    def options(self) -> MqttBroker:
+        """How to connect to it."""
+        return MqttBroker(host=HOST, port=self.port, patience=5)
+
+
+@contextmanager
+def started(folder: Path, *lines: str) -> Iterator[Mosquitto]:
+    broker = Mosquitto(folder, *lines)
+    try:
+        broker.start()
+        yield broker
+    finally:
+        broker.stop()
+
+
+@asynccontextmanager
+async def peer(broker: Mosquitto, *topics: str) -> AsyncIterator[aiomqtt.Client]:
+    """Somebody else on the same broker, who listens to `topics`."""
+    async with aiomqtt.Client(HOST, broker.port) as client:
+        for topic in topics:
+            await client.subscribe(topic, qos=1)
+        yield client
+
+
+async def heard(client: aiomqtt.Client, topic: str, payload: bytes) -> aiomqtt.Message:
+    """Wait until `topic` says `payload`."""
+    async for message in client.messages:
+        if message.topic.value == topic and message.payload == payload:
+            return message
+    raise AssertionError("the connection ended")
