@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from neurosnap.swarm.probe import Measured
     from neurosnap.swarm.registry import Note, Part
     from neurosnap.swarm.run import Outcome
+    from neurosnap.swarm.watching import Told
 
 _MOST = 24  # implications shown; all of them are in `neurosnap graph`
 
@@ -111,6 +112,25 @@ def restart(console: Console, event: Restart) -> None:
     )
 
 
+def anomaly(told: Told) -> str:
+    """Return an anomaly as one line."""
+    long = f", since tick {told.since}" if told.since < told.tick else ""
+    exact = "" if told.exact else " (at least)"
+    likely = ", ".join(told.culprits) or "nobody"
+    others = [name for name in told.candidates if name not in told.culprits]
+    perhaps = f" or {', '.join(others)}" if others else ""
+    broken = "; ".join(
+        f"{link.implication} ({link.support:g} for, {link.against:g} against,"
+        f" since tick {link.since})"
+        for link in told.broken
+    )
+    more = f" and {told.more} more" if told.more else ""
+    return (
+        f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
+        f" breaks {broken}{more}"
+    )
+
+
 def swarms(console: Console, notes: Sequence[Note]) -> None:
     """List the swarms that run."""
     if not notes:
@@ -147,6 +167,11 @@ def outcome(
         "depth": f"{totals.depth} hops, the deepest wave",
         "height": f"{totals.height}, the longest chain of implications now",
         "incoherent": f"{totals.incoherent} observations",
+        **(
+            {"anomalies": f"{totals.anomalies} observations against what was learned"}
+            if options.watch
+            else {}
+        ),
         "implications": f"{totals.edges}",
     }
     if totals.faults:
@@ -179,9 +204,11 @@ def verdict(console: Console, found: Verdict) -> None:
     if not found.same:
         console.print("[red]different[/red]:", escape(str(found.difference)))
         return
+    since = f" after tick {found.start}" if found.start else ""
+    where = f" in {found.files} files" if found.files > 1 else ""
     console.print(
-        f"same: every state and decision of {found.ticks} ticks came out the same"
-        f" ({found.states} states, {found.decisions} decisions, {found.wirings} wirings,"
+        f"same: every state and decision of {found.ticks} ticks{since}{where} came out"
+        f" the same ({found.states} states, {found.decisions} decisions, {found.wirings} wirings,"
         f" {found.waves} waves; {found.seconds:.2f} s)"
     )
     if not found.complete:

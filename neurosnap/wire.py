@@ -358,7 +358,11 @@ class Decision(_Message, frozen=True, tag="decision"):
 
 
 class KeyFrame(_Message, frozen=True, tag="keyframe"):
-    """The whole snapshot after one tick, for seeking and resuming."""
+    """The whole snapshot after one tick, and what else it takes to go on from there.
+
+    Nothing is under way at that point, and the next wiring is whole, for everybody: so
+    whoever starts here needs no message from before.
+    """
 
     _key: ClassVar[str] = "keyframe"
 
@@ -366,6 +370,24 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     """The tick after which it was taken."""
     snapshot: bytes
     """What `Snapshot.to_bytes` gave."""
+    waves: Natural = 0
+    """Waves started so far; 0: it is from before key-frames could be started from."""
+    epochs: Naturals = ()
+    """The number of the last wiring, or of each worker's last frame."""
+    known: bytes = b""
+    """Which readings of the tick were known, as in its observation."""
+    action: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """The tick's decision, which follows; nothing here says how it was taken."""
+    why: str = ""
+    """The reason, as in the decision."""
+    pulses: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
+    """Pulses that all waves took so far."""
+    depth: Natural = 0
+    """Hops of the deepest of them."""
+    incoherent: Natural = 0
+    """Observations so far that contradicted what was learned."""
+    anomalies: Natural = 0
+    """Those that contradicted what was believed before they were learned."""
 
 
 class Fault(_Message, frozen=True, tag="fault"):

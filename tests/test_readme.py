@@ -44,7 +44,7 @@ def test_shell_blocks_run(tmp_path: Path) -> None:
     (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
     bin_folder = str(Path(sys.executable).parent)
     environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}"}
-    assert len(VERBS) == 14
+    assert len(VERBS) == 15
     for line in VERBS:
         done = subprocess.run(
             line.split(),

@@ -7,18 +7,15 @@ and every event is drawn from one generator.
 """
 
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
 from neurosnap import wire
-from neurosnap.agent.context import Senses
 from neurosnap.errors import MessageError, SwarmError, WaveLostError
 from neurosnap.fabric.memory import Faults, MemoryFabric, MemoryHub
-from neurosnap.record.past import Past, begin_recording
-from neurosnap.record.reader import Recording
+from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
-from neurosnap.record.writer import Writer
 from neurosnap.source import Source, open_source
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import Cell
@@ -28,6 +25,7 @@ from neurosnap.swarm.shares import shares
 from neurosnap.swarm.worker import Worker
 from neurosnap.swarm.world import World
 from tools.simulate_check import WrongError
+from tools.simulate_recorder import Recorder
 from tools.simulate_weather import Tally, Weather
 
 Transition = Callable[[wire.Message], list[wire.Message]]
@@ -59,7 +57,6 @@ class Life:
         tally: Tally,
     ) -> None:
         self._options = options
-        self._log = log
         self._past = past
         self._weather = weather
         self._chance = chance
@@ -73,20 +70,15 @@ class Life:
         self._cut: list[tuple[str, str]] = []
         self._known_lost = 0
         self._dead: list[str] = []
-        self._left: set[str] = set()
         self._core = jobs.coordinator_for(options, past)
-        chunk = chance.choice([100, 1000])
-        self._writer = Writer(log, compression="none", chunk=chunk)
-        begin_recording(self._writer, facts, past)
+        self._recorder = Recorder(
+            log, facts, past, self._parts, chance.choice([100, 1000])
+        )
 
     def _breakable(self) -> list[tuple[str, str]]:
         """Return the pairs of parts whose link may be cut."""
         parts = (*self._parts, "recorder") if self._weather.deaf else self._parts
-        links = list(combinations(parts, 2))
-        if Senses(self._options.body).looks_back:
-            # Such a world takes the last state that came for that of the last tick.
-            links.remove(("coordinator", "world"))
-        return links
+        return list(combinations(parts, 2))
 
     def _faults(self) -> Faults:
         weather, chance = self._weather, self._chance
@@ -111,14 +103,14 @@ class Life:
         try:
             self._join(source)
             self._run()
-            completeness = self._finish()
+            completeness = self._recorder.finish()
         except SwarmError:
             self._break_off()
             raise
         finally:
             self._tally.losses += self._hub.lost.total()
             source.close()
-            self._writer.abandon()
+            self._recorder.close()
         deaf = any(receiver == "recorder" for _, receiver in self._hub.lost)
         if completeness.missing and not deaf:
             raise WrongError(f"recording: must be whole, lacks {completeness.missing}")
@@ -143,7 +135,7 @@ class Life:
             self._host(number, who)
         topics = ("observe", "settle", "tally", "fault", "leave")
         self._listen("coordinator", topics, self._conduct)
-        self._hub.fabric("recorder").listen(("**",), self._record)
+        self._hub.fabric("recorder").listen(("**",), self._recorder.hear)
 
     def _host(self, number: int, who: str) -> None:
         """Let a cell or a worker take part."""
@@ -169,12 +161,6 @@ class Life:
                     self._go(who)
 
         end.listen(topics, handle)
-
-    def _record(self, deliveries: list[wire.Delivery]) -> None:
-        for delivery in deliveries:
-            self._writer.add(delivery, self._tally.deliveries)
-            if delivery.key == "leave":
-                self._left.add(wire.decode(delivery.key, delivery.payload).sender)
 
     def _conduct(self, message: wire.Message) -> list[wire.Message]:
         if isinstance(message, wire.Leave):
@@ -306,22 +292,6 @@ class Life:
         if {"hub", "recorder"}.isdisjoint(self._dead):
             while self._hub.step():
                 self._tally.deliveries += 1
-            self._finish()
-            return
-        self._writer.abandon()
-        ends = [0, 20, *self._chunk_ends()]
-        keep = self._chance.choice(ends)
-        with self._log.open("r+b") as file:
-            file.truncate(keep)
-
-    def _chunk_ends(self) -> Iterator[int]:
-        """Yield where a file can end that has some of its chunks, the next one torn."""
-        for chunk in Recording.open(self._log).layout.chunks:
-            yield chunk.offset
-            yield chunk.offset + chunk.packed
-
-    def _finish(self) -> Completeness:
-        upcoming = self._writer.sequences.upcoming
-        return self._writer.finish(
-            {}, {who: upcoming(who) + (who not in self._left) for who in self._parts}
-        )
+            self._recorder.finish()
+        else:
+            self._recorder.lose(self._chance)

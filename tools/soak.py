@@ -27,9 +27,10 @@ import psutil
 from rich.console import Console
 
 from neurosnap import wire
+from neurosnap.cli.shared import in_bytes
 from neurosnap.errors import NeurosnapError
-from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
+from neurosnap.record.whole import open_whole
 from neurosnap.source import open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.endure import Restart, run_on
@@ -62,6 +63,8 @@ class Soaked(msgspec.Struct, kw_only=True):
     """States and decisions are those of the undisturbed run."""
     verified: bool
     """A replay derives the recording again."""
+    files: int
+    """Files of the recording."""
     seconds: float
 
 
@@ -79,7 +82,7 @@ async def soak(
     """
     began = time.perf_counter()
     calm = folder / "calm.mcap"
-    inline = msgspec.structs.replace(options, cells="inline")
+    inline = msgspec.structs.replace(options, cells="inline", split=0)
     await run(inline, calm, asyncio.Event())
     restarts: list[Restart] = []
     log = folder / "soaked.mcap"
@@ -163,7 +166,7 @@ def _compare(
     killer: _Killer,
     seconds: float,
 ) -> Soaked:
-    recording = Recording.open(log)
+    recording = open_whole(log)
     told = list(recording.messages(("observe", "state", "decide", "wave")))
     heard = [recorded.message for recorded in told]
     kinds = (wire.Observation, wire.State, wire.Decision)
@@ -181,6 +184,7 @@ def _compare(
         doubled=len(keys) - len(set(keys)),
         equal=_course(calm) == _course(log),
         verified=verdict.same and verdict.complete,
+        files=verdict.files,
         seconds=seconds,
     )
 
@@ -188,7 +192,7 @@ def _compare(
 def _course(log: Path) -> list[tuple[object, ...]]:
     """Return the states and decisions of a recorded run."""
     found: list[tuple[object, ...]] = []
-    for recorded in Recording.open(log).messages(("state", "decide")):
+    for recorded in open_whole(log).messages(("state", "decide")):
         match recorded.message:
             case wire.State() as state:
                 found.append(("state", state.tick, state.literals, state.incoherent))
@@ -211,6 +215,8 @@ def main(arguments: list[str] | None = None) -> int:
         seed=given.seed,
         cells=given.cells,
         workers=min(2, given.sensors),
+        split=given.split,
+        keyframe_every=given.keyframe_every,
     )
     console = Console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="neurosnap-soak-") as folder:
@@ -243,6 +249,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--cells", choices=("process", "worker"), default="process", help="as in run"
+    )
+    parser.add_argument("--split", type=in_bytes, default=0, help="as in run")
+    parser.add_argument(
+        "--keyframe-every", type=int, default=1000, help="ticks between key-frames"
     )
     parser.add_argument("--source", default="neurosnap/Path-v0", help="a path world")
     parser.add_argument("--json", action="store_true", help="one object, last")

@@ -8,9 +8,12 @@ from neurosnap.cli import run as run  # isort: skip
 from neurosnap.cli import replay as replay  # isort: skip
 from neurosnap.cli import measure as measure  # isort: skip
 from neurosnap.cli import look as look  # isort: skip
+from neurosnap.cli import export as export  # isort: skip
 from neurosnap.cli import parts as parts  # isort: skip
 from neurosnap.cli import coordinate as coordinate  # isort: skip
 from neurosnap.cli import services as services  # isort: skip
+from neurosnap.cli import watch as watch  # isort: skip
+from neurosnap.cli import view as view  # isort: skip
 from neurosnap.cli import keys as keys  # isort: skip
 from neurosnap.cli import config as config  # isort: skip
 from neurosnap.cli.shared import app as app  # isort: skip

@@ -1,6 +1,8 @@
 """``neurosnap config``: files that describe a run, and flags that go before them."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -26,8 +28,12 @@ FLAGS = {
     "cells": "cells.kind",
     "workers": "cells.workers",
     "deadline": "cells.deadline",
+    "anomalies": "anomalies.watch",
+    "hold": "anomalies.hold",
     "out": "recording.path",
     "record": "recording.record",
+    "split": "recording.split",
+    "keep": "recording.keep",
     "restart": "supervision.restart",
     "max_restarts": "supervision.max_restarts",
     "backoff": "supervision.backoff",
@@ -82,7 +88,9 @@ def schema() -> None:
         typer.echo(text.decode())
 
 
-def described(context: typer.Context) -> "Prepared":
+def described(
+    context: typer.Context, before: Mapping[str, object] = MappingProxyType({})
+) -> "Prepared":
     """Return what a run is started with, by the arguments of a verb.
 
     Its `source` may be a file that describes a run, with the ending ``.toml``; flags go
@@ -90,6 +98,7 @@ def described(context: typer.Context) -> "Prepared":
 
     Args:
         context: The verb's; its parameters are `source`, `given` and some of `FLAGS`.
+        before: What else goes before the file, by dotted keys.
 
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
@@ -102,6 +111,7 @@ def described(context: typer.Context) -> "Prepared":
     keys = {flag: key for flag, key in FLAGS.items() if _was_given(context, flag)}
     names = {key: flag for flag, key in keys.items()}
     overrides = {key: context.params[flag] for flag, key in keys.items()}
+    overrides |= before
     for flag in keys.keys() & _PATHS:
         # Flags are relative to where they are typed, and not to the file.
         path = Path(context.params[flag])

@@ -5,21 +5,23 @@ from typing import Annotated
 import typer
 
 from neurosnap.agent.policy import EXPLORE
+from neurosnap.cli.config import described
 from neurosnap.cli.options import (
     Agent,
+    Anomalies,
     Deadline,
     Decay,
+    Described,
     Explore,
     Given,
+    Hold,
     Seed,
     Snapshot,
-    Source,
     Target,
     Threshold,
     Ticks,
     Wiring,
     Workers,
-    run_options,
 )
 from neurosnap.cli.shared import (
     Connect,
@@ -28,20 +30,20 @@ from neurosnap.cli.shared import (
     Tls,
     app,
     check_swarm,
-    convert,
     errors,
     print_json,
     run_async,
     say,
     screen,
 )
-from neurosnap.swarm.network import Network
+from neurosnap.errors import InvalidValueError
 from neurosnap.swarm.options import HostKind
 
 
 @app.command()
 def coordinate(
-    source: Source,
+    context: typer.Context,
+    source: Described,
     connect: Connect,
     swarm: Annotated[str, typer.Option(metavar="ID", help="Its id.")],
     ticks: Ticks = None,
@@ -59,6 +61,8 @@ def coordinate(
     ] = "process",
     workers: Workers = 2,
     record: Annotated[bool, typer.Option(help="Wait for a recorder.")] = True,
+    anomalies: Anomalies = True,
+    hold: Hold = 0,
     deadline: Deadline = 10.0,
     patience: Annotated[
         float, typer.Option(help="Seconds until all parts must be there.")
@@ -76,25 +80,16 @@ def coordinate(
 
     with errors():
         check_swarm(swarm)
-        options = run_options(
-            source=source,
-            ticks=ticks,
-            seed=seed,
-            agent=agent,
-            target=target,
-            explore=explore,
-            given=given,
-            snapshot=snapshot,
-            threshold=threshold,
-            decay=decay,
-            wiring=wiring,
-            cells=cells,
-            workers=workers,
-            deadline=deadline,
-        )
-        network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        network.check()
-        parts = ["world", *options.host_names(), *(["recorder"] if record else [])]
+        prepared = described(context)
+        options, network = prepared.options, prepared.network
+        if options.cells == "inline":
+            rule = "must be 'process' or 'worker', for others to start them"
+            raise InvalidValueError("cells", rule, options.cells)
+        parts = [
+            "world",
+            *options.host_names(),
+            *(["recorder"] if prepared.log else []),
+        ]
         with show.progress(screen, "ticks", options.ticks) as on_progress:
             outcome = run_async(
                 lambda stop: run_swarm(

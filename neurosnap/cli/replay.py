@@ -35,6 +35,14 @@ def replay(
     rate: Annotated[
         float, typer.Option(help="Play back at this many times the speed.")
     ] = 1.0,
+    begin: Annotated[
+        int,
+        typer.Option(
+            "--from",
+            metavar="TICK",
+            help="With --verify: begin with the last key-frame up to there.",
+        ),
+    ] = 0,
     start: Annotated[
         int, typer.Option(metavar="TICK", help="Play back from this tick on.")
     ] = 1,
@@ -59,19 +67,21 @@ def replay(
     with errors():
         if verify and resume:
             raise InvalidValueError("replay", "must verify or resume", "both")
+        if begin and not verify:
+            raise InvalidValueError("from", "must come with --verify", begin)
         if verify:
-            _verify(log, as_json)
+            _verify(log, begin, as_json)
         elif resume:
             _resume(log, ticks, out, as_json)
         else:
             _play(log, rate, start, step, listen, as_json)
 
 
-def _verify(log: Path, as_json: bool) -> None:
+def _verify(log: Path, begin: int, as_json: bool) -> None:
     from neurosnap import show
     from neurosnap.record.replay import verify
 
-    verdict = verify(log)
+    verdict = verify(log, begin)
     show.verdict(say(as_json), verdict)
     if as_json:
         print_json(msgspec.structs.asdict(verdict))
@@ -84,6 +94,7 @@ def _verify(log: Path, as_json: bool) -> None:
 def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> None:
     from neurosnap import show
     from neurosnap.record.resume import look_back
+    from neurosnap.record.whole import part_path
     from neurosnap.source import open_source
     from neurosnap.swarm.run import run as run_swarm
 
@@ -100,9 +111,10 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
         outcome = run_async(
             lambda stop: run_swarm(options, new, stop, on_progress, past)
         )
-    show.outcome(say(as_json), options, outcome, new)
+    written = part_path(new, past.part)
+    show.outcome(say(as_json), options, outcome, written)
     if as_json:
-        facts = show.outcome_facts(options, outcome, new)
+        facts = show.outcome_facts(options, outcome, written)
         print_json({**facts, "resumed": str(log), "resumed_at": past.tick})
     if outcome.completeness is not None and not outcome.completeness.whole:
         raise typer.Exit(LOST)
@@ -113,9 +125,9 @@ def _play(
 ) -> None:
     from neurosnap import show
     from neurosnap.record.playback import play_on
-    from neurosnap.record.reader import Recording
+    from neurosnap.record.whole import open_whole
 
-    recording = Recording.open(log)
+    recording = open_whole(log)
     screen.print(f"playing on {listen} under neurosnap/{recording.swarm}/**")
     with show.progress(screen, "tick", None) as on_progress:
         played = run_async(

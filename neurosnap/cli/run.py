@@ -1,27 +1,32 @@
 """``neurosnap run``: a source through a swarm."""
 
+import asyncio
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from neurosnap.agent.policy import EXPLORE
+from neurosnap.cli.broker import brokered
+from neurosnap.cli.config import described
 from neurosnap.cli.options import (
     Agent,
+    Anomalies,
     Deadline,
     Decay,
+    Described,
     Explore,
     Given,
+    Hold,
     Seed,
     Snapshot,
-    Source,
     Target,
     Threshold,
     Ticks,
     Wiring,
     Workers,
-    run_options,
 )
+from neurosnap.cli.page import viewed
 from neurosnap.cli.shared import (
     LOST,
     Insecure,
@@ -29,9 +34,8 @@ from neurosnap.cli.shared import (
     Tls,
     app,
     check_swarm,
-    convert,
     errors,
-    new_log,
+    in_bytes,
     print_json,
     ranges,
     run_async,
@@ -40,13 +44,15 @@ from neurosnap.cli.shared import (
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.swarm.network import Network
+from neurosnap.swarm.notify import ServiceManager
 from neurosnap.swarm.options import CellKind, RunOptions
-from neurosnap.swarm.supervision import RestartKind, Supervision
+from neurosnap.swarm.supervision import RestartKind
 
 
 @app.command()
 def run(
-    source: Source,
+    context: typer.Context,
+    source: Described,
     ticks: Ticks = None,
     seed: Seed = 0,
     agent: Agent = "walker",
@@ -66,6 +72,20 @@ def run(
         Path | None, typer.Option(help="Where to record. [default: logs/…]")
     ] = None,
     record: Annotated[bool, typer.Option(help="Record at all.")] = True,
+    split: Annotated[
+        int,
+        typer.Option(
+            metavar="SIZE",
+            parser=in_bytes,
+            help="Go on in another file at the first key-frame after so much: bytes,"
+            " or 256MiB. 0: never.",
+        ),
+    ] = 0,
+    keep: Annotated[
+        int, typer.Option(help="With --split: keep the newest files. 0: all.")
+    ] = 0,
+    anomalies: Anomalies = True,
+    hold: Hold = 0,
     deadline: Deadline = 10.0,
     restart: Annotated[
         RestartKind,
@@ -103,51 +123,44 @@ def run(
     audit: Annotated[
         bool, typer.Option("--audit", help="Log every refused message; slow.")
     ] = False,
+    broker: Annotated[
+        str,
+        typer.Option(
+            metavar="embedded|HOST[:PORT]",
+            help="The MQTT broker to use, whatever the file says; or a small one here.",
+        ),
+    ] = "",
+    view: Annotated[
+        bool, typer.Option("--view", help="Look at it in the browser meanwhile.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a source through a swarm of cells and record everything."""
     from neurosnap import show
     from neurosnap.swarm.endure import run_on
+    from neurosnap.swarm.run import Outcome
     from neurosnap.swarm.run import run as run_swarm
 
-    with errors():
-        options = run_options(
-            source=source,
-            ticks=ticks,
-            seed=seed,
-            agent=agent,
-            target=target,
-            explore=explore,
-            given=given,
-            snapshot=snapshot,
-            threshold=threshold,
-            decay=decay,
-            wiring=wiring,
-            cells=cells,
-            workers=workers,
-            deadline=deadline,
-        )
-        supervision = convert(
-            Supervision,
-            restart=restart,
-            max_restarts=max_restarts,
-            backoff=backoff,
-        )
-        network = convert(
-            Network,
-            listen=listen,
-            connect=connect,
-            tls=tls,
-            insecure=insecure,
-            audit=audit,
-        )
-        network.check()
+    with errors(), brokered(broker) as before, ServiceManager() as service:
+        # The rest of the arguments is read from the context, which knows which of
+        # them were given and so go before a file.
+        prepared = described(context, before)
+        options, network, log = prepared.options, prepared.network, prepared.log
         away = _away(elsewhere, swarm, network, options)
-        log = new_log(source, out) if record else None
-        with show.progress(screen, "ticks", options.ticks) as on_progress:
-            outcome = run_async(
-                lambda stop: (
-                    run_swarm(
+        if log is not None:
+            log.parent.mkdir(exist_ok=True)
+        with show.progress(screen, "ticks", options.ticks) as show_tick:
+
+            def on_progress(tick: int) -> None:
+                show_tick(tick)
+                service.progress(tick)
+
+            def tell(outcome: Outcome) -> None:
+                show.outcome(say(as_json), options, outcome, log)
+
+            async def work(stop: asyncio.Event) -> Outcome:
+                if log is None or options.cells == "inline":
+                    return await run_swarm(
                         options,
                         log,
                         stop,
@@ -156,21 +169,26 @@ def run(
                         swarm=swarm,
                         elsewhere=away,
                     )
-                    if log is None or options.cells == "inline"
-                    else run_on(
-                        options,
-                        log,
-                        stop,
-                        supervision,
-                        on_progress=on_progress,
-                        on_restart=lambda event: show.restart(screen, event),
-                        network=network,
-                        swarm=swarm,
-                        elsewhere=away,
-                    )
+                return await run_on(
+                    options,
+                    log,
+                    stop,
+                    prepared.supervision,
+                    on_progress=on_progress,
+                    on_restart=lambda event: show.restart(screen, event),
+                    network=network,
+                    swarm=swarm,
+                    elsewhere=away,
                 )
-            )
-        show.outcome(say(as_json), options, outcome, log)
+
+            if not view:
+                outcome = run_async(work)
+                tell(outcome)
+            elif log is None:
+                rule = "must go with a recording, which is what is looked at"
+                raise InvalidValueError("view", rule, "--no-record")
+            else:
+                outcome = run_async(lambda stop: viewed(log, stop, work, tell))
         if as_json:
             print_json(show.outcome_facts(options, outcome, log))
         if outcome.completeness is not None and not outcome.completeness.whole:

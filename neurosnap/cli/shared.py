@@ -4,7 +4,6 @@ import asyncio
 import signal
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn, TypeVar
 
@@ -12,6 +11,7 @@ import msgspec
 import typer
 from rich.console import Console
 
+from neurosnap.config.recordings import free_path, new_path
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
 T = TypeVar("T")
@@ -84,6 +84,21 @@ def ranges(name: str, text: str) -> list[int]:
     return sorted(numbers)
 
 
+def in_bytes(size: str | int) -> int:
+    """Return a size in bytes, given as that or in KiB, MiB or GiB.
+
+    Raises:
+        typer.BadParameter: It is something else.
+    """
+    units = {"": 1, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
+    text = str(size)
+    number = text.rstrip("KMGiB")
+    unit = text[len(number) :]
+    if not (number.isascii() and number.isdecimal()) or unit not in units:
+        raise typer.BadParameter(f"must be like 256MiB, got {text!r}")
+    return int(number) * units[unit]
+
+
 def check_swarm(swarm: str) -> None:
     """Refuse an id that could not stand in a key.
 
@@ -151,13 +166,7 @@ def at_most(asked: int | None, length: int | None) -> int:
 def new_log(source: str, out: Path | None) -> Path:
     """Return where to record: `out`, or a new name under ``logs/``."""
     if out is not None:
-        if out.exists():
-            raise InvalidValueError("out", "must not exist yet", str(out))
-        if not out.absolute().parent.is_dir():
-            raise InvalidValueError("out", "must be in a folder that exists", str(out))
-        return out
-    name = Path(source).stem.removesuffix("-v0").lower() or "run"
-    folder = Path("logs")
-    folder.mkdir(exist_ok=True)
-    now = datetime.now().astimezone()
-    return folder / f"{name}-{now:%Y%m%d-%H%M%S-%f}.mcap"
+        return free_path(out)
+    path = new_path(source)
+    path.parent.mkdir(exist_ok=True)
+    return path

@@ -116,7 +116,11 @@ def _options(config: Config, folder: Path) -> RunOptions:
         cells=config.cells.kind,
         workers=config.cells.workers,
         deadline=config.cells.deadline,
+        watch=config.anomalies.watch,
+        hold=config.anomalies.hold,
         keyframe_every=config.recording.keyframe_every,
+        split=config.recording.split,
+        keep=config.recording.keep,
         **{name: value for name, value in optional.items() if value is not UNSET},
     )
 

@@ -39,7 +39,7 @@ def _in_toml(value: Any) -> Any:  # noqa: ANN401 - any part of a schema
 
     Neither has it a default for a table that is left out: those of its keys say it.
     """
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_in_toml(item) for item in value]
     if not isinstance(value, dict):
         return value
@@ -71,10 +71,16 @@ def _structs(kind: Type) -> Iterator[type[msgspec.Struct]]:
 
 
 def _docstrings(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
-    """Return the fields that have a text below them, and the text.
+    """Return the fields that have a text below them, inherited ones too, and the text.
 
     Python does not keep these texts; they are read from the source.
     """
+    for base in reversed(kind.__mro__):
+        if base is not msgspec.Struct and issubclass(base, msgspec.Struct):
+            yield from _own_docstrings(base)
+
+
+def _own_docstrings(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
     source = textwrap.dedent(inspect.getsource(kind))
     (definition,) = ast.parse(source).body
     body = definition.body if isinstance(definition, ast.ClassDef) else []

@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
+from neurosnap.outside.mqtt_options import MqttOptions
+from neurosnap.outside.open import MQTT, STDIN, ZENOH
 from neurosnap.source import Argument
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
+Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 Opening: TypeAlias = tuple[str, dict[str, Argument]]
 """The name and the arguments that `neurosnap.source.open_source` takes."""
 
@@ -55,5 +59,59 @@ class CsvTable(
         return str(folder / self.path), {}
 
 
-SourceTable: TypeAlias = WorldTable | CsvTable
+class _OutsideTable(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What sources that are fed from outside have in common."""
+
+    sensors: Annotated[tuple[Text, ...], msgspec.Meta(min_length=1)]
+    """The sensors' names, in order."""
+    stale_after: Seconds | UnsetType = UNSET
+    """Seconds after which a reading is believed no more; left out: it always is."""
+    interval: Seconds | UnsetType = UNSET
+    """Seconds between two ticks; left out: a tick as soon as something changed."""
+    min_interval: Annotated[float, msgspec.Meta(ge=0)] | UnsetType = UNSET
+    """Without `interval`: seconds between two ticks at least."""
+    max_interval: Seconds | UnsetType = UNSET
+    """Without `interval`: seconds between two ticks at most."""
+
+    def _arguments(self) -> dict[str, Argument]:
+        given = msgspec.structs.asdict(self)
+        names = msgspec.json.encode(given.pop("sensors")).decode()
+        said = {name: value for name, value in given.items() if value is not UNSET}
+        return {"sensors": names, **said}
+
+
+class StdinTable(_OutsideTable, frozen=True, tag_field="kind", tag="stdin"):
+    """Standard input, a JSON object a line."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; it is the same from any folder."""
+        return STDIN, self._arguments()
+
+
+class ZenohTable(_OutsideTable, frozen=True, tag_field="kind", tag="zenoh"):
+    """Any program that publishes readings with Zenoh, under the swarm's own keys."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; it is the same from any folder."""
+        return ZENOH, self._arguments()
+
+
+class MqttTable(MqttOptions, frozen=True, tag_field="kind", tag="mqtt"):
+    """Topics of an MQTT broker."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; its files are looked for from `folder`."""
+        files = {
+            name: str(folder / path)
+            for name in ("ca_file", "password_file")
+            if (path := getattr(self.broker, name)) is not None
+        }
+        broker = msgspec.structs.replace(self.broker, **files)
+        options = msgspec.structs.replace(self, broker=broker)
+        return MQTT, {"options": msgspec.json.encode(options).decode()}
+
+
+SourceTable: TypeAlias = WorldTable | CsvTable | StdinTable | ZenohTable | MqttTable
 """What may stand under `[source]`."""

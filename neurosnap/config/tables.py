@@ -12,19 +12,24 @@ from msgspec import UNSET, UnsetType
 from neurosnap.agent.policy import AgentKind
 from neurosnap.config.sources import SourceTable, Text
 from neurosnap.swarm.network import PRIVATE, Network
-from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind, WiringKind
+from neurosnap.swarm.options import (
+    CellKind,
+    Count,
+    Decay,
+    RunOptions,
+    Seconds,
+    Seed,
+    Share,
+    SnapshotKind,
+    Threshold,
+    WiringKind,
+)
 from neurosnap.swarm.supervision import Supervision
 
 _DEFAULTS: dict[str, Any] = {
     field.name: field.default for field in msgspec.structs.fields(RunOptions)
 }
 
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
-Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, le=1)]
-Seed: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
-Threshold: TypeAlias = Annotated[float, msgspec.Meta(gt=0, le=0.25)]
-Decay: TypeAlias = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 Place: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -91,6 +96,22 @@ class RecordingTable(
     out: `logs`, where the run is started."""
     keyframe_every: Count = _DEFAULTS["keyframe_every"]
     """Ticks between two whole snapshots in the recording."""
+    split: Annotated[int, msgspec.Meta(ge=0)] = _DEFAULTS["split"]
+    """Bytes after which the recording goes on in another file; 0: never."""
+    keep: Annotated[int, msgspec.Meta(ge=0)] = _DEFAULTS["keep"]
+    """How many of these files are kept, the newest; 0: all."""
+
+
+class AnomaliesTable(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What is told of observations against what was learned."""
+
+    # A run that somebody starts is watched; one that a program makes is asked to be.
+    watch: bool = True
+    """Whether they are told of."""
+    hold: Annotated[int, msgspec.Meta(ge=0)] = _DEFAULTS["hold"]
+    """For how many ticks to go on judging by the order that the first of them broke."""
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -106,6 +127,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """How the weights are learned."""
     cells: CellsTable = CellsTable()
     """Where the cells are, and how they are wired."""
+    anomalies: AnomaliesTable = AnomaliesTable()
+    """What is told of observations against what was learned."""
     recording: RecordingTable = RecordingTable()
     """Where the run is recorded."""
     supervision: Supervision = Supervision()

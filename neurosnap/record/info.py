@@ -14,7 +14,8 @@ from neurosnap import wire
 from neurosnap.record import schemas
 from neurosnap.record.layout import PROFILE, Attached, Cut
 from neurosnap.record.reader import Recording
-from neurosnap.record.sequences import Completeness, Sequences
+from neurosnap.record.sequences import Completeness
+from neurosnap.record.whole import first_path, part_paths
 
 _SECOND = 10**9
 _CLOCKS_BEGIN = 946_684_800 * _SECOND
@@ -71,6 +72,8 @@ class Info(msgspec.Struct, frozen=True):
     of each sender are known."""
     cut: Cut | None
     """Where the file was cut short; None for a finished one."""
+    files: tuple[str, ...] = ()
+    """The files there are of the run, where there may be several."""
 
 
 def describe(recording: Recording) -> Info:
@@ -104,7 +107,16 @@ def describe(recording: Recording) -> Info:
         totals=_without_balance(recording.totals),
         completeness=completeness,
         cut=recording.cut,
+        files=_files(recording),
     )
+
+
+def _files(recording: Recording) -> tuple[str, ...]:
+    """Return the names of the files of a run, itself among them."""
+    if recording.part is None:
+        return ()
+    log = first_path(recording.path, recording.part)
+    return tuple(path.name for path in part_paths(log).values())
 
 
 def _noted_counts(recording: Recording) -> Counter[str]:
@@ -122,7 +134,7 @@ def _read_through(
 ) -> tuple[Counter[str], int, int, Completeness]:
     """Count the messages of each topic by reading them; also start, end, balance."""
     counts: Counter[str] = Counter()
-    sequences = Sequences()
+    sequences = recording.blank_sequences()
     start, end = 0, 0
     for message, _, sequence, _, log_time in recording.messages():
         counts[wire.topic(message.key)] += 1
@@ -212,6 +224,9 @@ def _lines(info: Info) -> Iterator[str]:
 
 def _balance(info: Info) -> Iterator[str]:
     """Say whether it is all there."""
+    if info.files:
+        yield f"files: {len(info.files)}"
+        yield from _table((f"\t{_shown(name)}",) for name in info.files)
     if info.cut is not None:
         yield (
             f"cut short: after {info.cut.chunks} whole chunks,"

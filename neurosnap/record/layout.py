@@ -18,7 +18,13 @@ from neurosnap.errors import RecordingError
 PROFILE = "neurosnap"
 RUN = "neurosnap.run"
 TOTALS = "neurosnap.totals"
+SHARE = "neurosnap.share"
+"""Where a file is not the first of its run: what number each sender's share begins
+with."""
 SNAPSHOT = "snapshot.npz"
+SMALLEST = 1 << 16
+"""Bytes that a file of several must be allowed to have: with fewer it would hold little
+but its head."""
 LIMIT = 256 * 2**20
 """The largest record, and the largest chunk once unpacked, that is read at all: a
 stranger's file may claim any size. The writer stays below it."""

@@ -17,7 +17,7 @@ class Past(msgspec.Struct, frozen=True):
     """What a run that is resumed has behind it; small, and sent to every part."""
 
     log: str
-    """The recording it goes on from."""
+    """The recording it goes on from; of several files the last."""
     tick: int
     """The last whole tick."""
     actions: tuple[int, ...]
@@ -28,6 +28,10 @@ class Past(msgspec.Struct, frozen=True):
     """For each part, how many of its messages are kept; its next one's number."""
     resumed: tuple[int, ...]
     """The ticks after which it was resumed, this time included."""
+    part: int = 0
+    """Which of the files of the run the recording is, from 0."""
+    begins: int = 0
+    """The tick of the key-frame that file begins with; 0: it begins with the run."""
 
 
 def copied(past: Past) -> Iterator[Recorded]:
@@ -37,14 +41,25 @@ def copied(past: Past) -> Iterator[Recorded]:
             yield recorded
 
 
+def facts_of(metadata: Mapping[str, str], past: Past | None) -> dict[str, str]:
+    """Return what is written of a run, where it is resumed with that it is."""
+    if past is None:
+        return dict(metadata)
+    resumed = msgspec.json.encode(past.resumed).decode()
+    return {**metadata, "resumed": resumed}
+
+
 def begin_recording(
     writer: Writer, metadata: Mapping[str, str], past: Past | None
 ) -> None:
     """Start a recording: with what is taken over, where a run is resumed."""
+    writer.start(facts_of(metadata, past))
     if past is None:
-        writer.start(metadata)
         return
-    resumed = msgspec.json.encode(past.resumed).decode()
-    writer.start({**metadata, "resumed": resumed})
+    old = Recording.open(Path(past.log))
+    for sender, first in (old.share or {}).items():
+        writer.sequences.begin(sender, first)
+    if past.part:
+        writer.note_share()
     for recorded in copied(past):
-        writer.add(recorded.delivery, recorded.log_time)
+        writer.put(recorded.message, recorded.delivery, recorded.log_time)

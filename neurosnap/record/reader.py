@@ -21,6 +21,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.record.chunks import EVER, raw_messages
 from neurosnap.record.layout import (
     RUN,
+    SHARE,
     SNAPSHOT,
     TOTALS,
     Chunk,
@@ -83,7 +84,20 @@ class Recording:
                 newer kind, or it is damaged.
         """
         path = Path(path)
-        recording = cls(path, scan(path))
+        return cls.seen(path, scan(path))
+
+    @classmethod
+    def seen(cls, path: Path, layout: Layout) -> Self:
+        """Return a recording of which somebody found out what lies where.
+
+        Args:
+            path: The recording.
+            layout: By `neurosnap.record.scan`, or by `neurosnap.record.glance`.
+
+        Raises:
+            RecordingError: It says nothing of its run, or is of a newer kind.
+        """
+        recording = cls(path, layout)
         recording._verify_run()  # its own
         return recording
 
@@ -105,6 +119,54 @@ class Recording:
     def metadata(self) -> dict[str, str]:
         """What was written of the run at its start; empty if it was cut before that."""
         return self.layout.metadata.get(RUN, {})
+
+    @property
+    def part(self) -> int | None:
+        """Which of the files of its run it is, from 0; None: it is the only one.
+
+        Raises:
+            RecordingError: What it says of that is no number.
+        """
+        return self._number("part") if "part" in self.metadata else None
+
+    @property
+    def begins(self) -> int:
+        """The tick of the key-frame that it begins with; 0: it begins with the run.
+
+        Raises:
+            RecordingError: What it says of that is no number.
+        """
+        return self._number("begins") if self.part else 0
+
+    @property
+    def share(self) -> dict[str, int] | None:
+        """The number each sender's share of a later file begins with.
+
+        None where the file was cut before all were known.
+
+        Raises:
+            RecordingError: What it says of that is not what a writer writes.
+        """
+        noted = self.layout.metadata.get(SHARE)
+        if not self.part:
+            return {}
+        if noted is None:
+            return None
+        try:
+            return msgspec.json.decode(noted["first"], type=dict[str, int])
+        except (KeyError, *_UNREADABLE) as error:
+            rule = "must hold a number for each sender"
+            raise RecordingError(
+                f"{self.path}: {SHARE}: {rule}, got {error}"
+            ) from error
+
+    def _number(self, name: str) -> int:
+        text = self.metadata.get(name, "")
+        # Not of any length: Python refuses to read one of thousands of digits.
+        if not (text.isascii() and text.isdecimal() and len(text) < 10):
+            rule = "must be a number"
+            raise RecordingError(f"{self.path}: {name}: {rule}, got {text[:40]!r}")
+        return int(text)
 
     @property
     def swarm(self) -> str:
@@ -173,13 +235,18 @@ class Recording:
             raise InvalidValueError("topics", rule, topic)
         return self._decoded(wanted, start, end)
 
+    def blank_sequences(self) -> Sequences:
+        """Return the senders' running numbers before any message has come."""
+        share = self.share
+        return Sequences(share or {}, anywhere=share is None)
+
     def sequences(self) -> Sequences:
         """Read all messages and return every sender's running numbers.
 
         Raises:
             RecordingError: As `messages`.
         """
-        sequences = Sequences()
+        sequences = self.blank_sequences()
         for recorded in self.messages():
             sequences.receive(recorded.message.sender, recorded.sequence)
         return sequences

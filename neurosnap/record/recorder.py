@@ -13,9 +13,9 @@ from collections.abc import Collection, Mapping
 from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.record.past import Past, begin_recording
+from neurosnap.record.parts import Parts
+from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
-from neurosnap.record.writer import Writer
 from neurosnap.swarm.process import Reporter, Seat
 
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
@@ -24,7 +24,7 @@ _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
 
 
 async def run_recorder(
-    writer: Writer,
+    writer: Parts,
     fabric: Fabric,
     stop: asyncio.Event,
     *,
@@ -37,7 +37,7 @@ async def run_recorder(
     last word; publishes nothing.
 
     Args:
-        writer: Started by the caller, who also leaves it in case of an error.
+        writer: Entered by the caller, who also leaves it in case of an error.
         fabric: Entered by the caller.
         stop: Once set, those who have not left get `grace` seconds to do so.
         parts: Whose last word is awaited.
@@ -70,7 +70,7 @@ async def run_recorder(
     return writer.finish(listener.totals(), listener.expected())
 
 
-async def _flush(writer: Writer, fabric: Fabric) -> None:
+async def _flush(writer: Parts, fabric: Fabric) -> None:
     """Bound what a crash may cost."""
     while True:
         await asyncio.sleep(_FLUSH)
@@ -84,7 +84,7 @@ async def _flush(writer: Writer, fabric: Fabric) -> None:
 class _Listener:
     """Writes each delivery, and keeps count of who has left and what it came to."""
 
-    def __init__(self, writer: Writer, parts: Collection[str]) -> None:
+    def __init__(self, writer: Parts, parts: Collection[str]) -> None:
         self.all_left = asyncio.Event()
         self.closed = False
         self._writer = writer
@@ -128,7 +128,7 @@ class _Listener:
     def expected(self) -> Mapping[str, int]:
         """Return how many messages each part must have sent."""
         return {
-            who: self._left.get(who, self._writer.sequences.upcoming(who) + 1)
+            who: self._left.get(who, self._writer.upcoming(who) + 1)
             for who in self._parts
         }
 
@@ -147,8 +147,7 @@ async def be_recorder(
     parts: tuple[str, ...],
 ) -> None:
     """Record everything, after what there is of a resumed run."""
-    with Writer(path) as writer:
-        begin_recording(writer, metadata, past)
+    with Parts(path, metadata, past) as writer:
         async with seat.fabric() as fabric:
             balance = await run_recorder(writer, fabric, stop, parts=parts)
     reporter.done(balance)

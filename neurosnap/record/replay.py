@@ -7,6 +7,9 @@ decision. What the agent sensed of its own actions must follow from the decision
 state before. Beside that, every wave's reports must name exactly what the in-process
 propagation over the derived graph reaches: so it is the cells that are checked, and not
 only the coordinator's arithmetic.
+
+All of this can begin at any key-frame, which is taken at its word then; one that is
+passed on the way is compared like the rest.
 """
 
 import time
@@ -22,9 +25,11 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.context import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
-from neurosnap.poc.archive import unpack_arrays
-from neurosnap.poc.snapshot import Snapshot
+from neurosnap.record.alike import is_same
 from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.starts import Start, last_start
+from neurosnap.record.whole import Whole, open_whole
+from neurosnap.sensorium import unpack
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.readings import readings, selection
@@ -39,12 +44,17 @@ _Report: TypeAlias = wire.Settled | wire.Tally
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """What a replay found."""
 
+    files: int
+    """How many files it is recorded in."""
+
     same: bool
     """Everything derived equals what was recorded."""
     complete: bool
     """The recording was finished, and lacks no message."""
     difference: str | None
     """The first difference: where, what was recorded, what was derived."""
+    start: int
+    """The tick of the key-frame it began with, 0: it began with the run."""
     ticks: int
     """Whole ticks that were compared."""
     wirings: int
@@ -89,17 +99,23 @@ def resumed_at(recording: Recording) -> tuple[int, ...]:
         ) from error
 
 
-def verify(path: Path) -> Verdict:
+def verify(path: Path, tick: int = 0) -> Verdict:
     """Replay a recording and compare.
 
     Memory is bounded by what arrived out of order. Time: a small fraction of the run's.
 
+    Args:
+        path: A recording, or the first of its files for all of them. A later file is
+            verified alone, from the key-frame that it begins with.
+        tick: Begin with the last key-frame that is not after it; 0: with the first
+            message there is.
+
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: It cannot be read, or no key-frame is there to begin with.
     """
     began = time.perf_counter()
-    recording = Recording.open(path)
-    replay = Replay(recording)
+    recording = open_whole(path)
+    replay = Replay(recording, start_of(recording, tick))
     difference = None
     try:
         for _ in replay.ticks():
@@ -108,10 +124,12 @@ def verify(path: Path) -> Verdict:
         difference = str(error)
     count = replay.compared
     return Verdict(
+        files=len(recording.parts) if isinstance(recording, Whole) else 1,
         same=difference is None,
         complete=replay.complete,
         difference=difference,
-        ticks=replay.core.tick,
+        start=replay.first,
+        ticks=replay.core.tick - replay.first,
         wirings=count["wiring"] + count["loom"],
         waves=count["wave"],
         states=count["state"],
@@ -120,24 +138,56 @@ def verify(path: Path) -> Verdict:
     )
 
 
+def start_of(recording: Recording, tick: int = 0) -> Start | None:
+    """Return where to begin with a recording; None: with the run.
+
+    Args:
+        recording: A run's.
+        tick: The start is not after it; 0: it is the first there is.
+
+    Raises:
+        RecordingError: There is no key-frame to start from, and it does not begin with
+            the run.
+    """
+    first = recording.begins
+    start = last_start(recording, max(tick, first))
+    if start is None and first:
+        rule = f"must hold the key-frame of tick {first}"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    return start if tick or first else None
+
+
 class Replay:
     """A recorded run, derived again as far as one iterates over `ticks`.
 
     Args:
         recording: What to replay.
+        start: One of its key-frames, to begin there; None: with the run.
 
     Raises:
-        RecordingError: It is not a run's.
+        RecordingError: It is not a run's, or the key-frame not one of it.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, start: Start | None = None) -> None:
+        self.path = recording.path
         self.options = options_of(recording)
-        self.core = Coordinator.of(self.options)
+        frame = None if start is None else start.frame
+        try:
+            self.core = Coordinator.of(self.options, frame)
+            self._known = None if frame is None else known_in(frame, self.options)
+        except ValueError as error:
+            raise RecordingError(
+                f"{recording.path}: keyframe: must be of this run, got {error}"
+            ) from error
+        self.first = self.core.tick
+        self._start = start
         self._senses = Senses(self.options.body)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self.complete = recording.finished and recording.noted().completeness.whole
-        self._resumed = deque(resumed_at(recording))
-        self._messages = recording.messages(_INPUTS + _OUTPUTS)
+        self._resumed = deque(t for t in resumed_at(recording) if t > self.first)
+        self._messages = recording.messages(
+            _INPUTS + _OUTPUTS, start=0 if start is None else start.since
+        )
         # Read ahead: senders overtake each other in a recording, too.
         self._outputs: deque[Recorded] = deque()
         self._observations: dict[int, wire.Observation] = {}
@@ -145,9 +195,10 @@ class Replay:
         self._told: dict[str, int] = {}  # epoch of each part's last wiring
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
-        self._known: NDArray[np.bool_] | None = None  # of the last observation
-        self._said: deque[wire.Message] = deque(self.core.begin())
-        self._under_way = 0  # the tick of what is derived now
+        # A key-frame to begin with has been said.
+        said = self.core.begin() if frame is None else [self.core.decision]
+        self._said: deque[wire.Message] = deque(said)
+        self._under_way = self.first  # the tick of what is derived now
         self._exhausted = False  # read to the end in search of an input
 
     def ticks(self) -> Iterator[int]:
@@ -161,7 +212,7 @@ class Replay:
             DifferenceError: What was derived is not what was recorded.
             RecordingError: The recording is damaged.
         """
-        tick = 0
+        tick = self.first
         while self._outputs or self._read_until(lambda: bool(self._outputs)):
             recorded = self._outputs.popleft()
             derived = self._derive(recorded)
@@ -174,7 +225,15 @@ class Replay:
             yield tick
             if self._resumed and self._resumed[0] == tick:
                 self._resumed.popleft()
-                self._said = deque(self.core.begin())
+                self._said = deque(self._begin_again())
+
+    def _begin_again(self) -> list[wire.Message]:
+        """Return what the core says where the run is taken up again."""
+        self._read_until(lambda: bool(self._outputs))
+        from_frame = self._outputs and isinstance(
+            self._outputs[0].message, wire.KeyFrame
+        )
+        return self.core.begin() if from_frame else self.core.begin_rewired()
 
     def _only_closing_words(self) -> bool:
         closing = (wire.KeyFrame, wire.Decision)
@@ -199,7 +258,7 @@ class Replay:
     def _compare(self, recorded: Recorded, derived: wire.Message | None) -> None:
         """Hold what was derived against what was recorded."""
         message = recorded.message
-        if not _is_same(derived, recorded):
+        if not is_same(derived, recorded):
             self._differ(recorded, derived)
         match message:
             case wire.State():
@@ -210,6 +269,8 @@ class Replay:
                 self._told[f"cell/{message.cell}"] = message.epoch
             case wire.Loom():
                 self._told[f"worker/{message.worker}"] = message.epoch
+            case wire.KeyFrame(waves=0):  # from before: the wiring went on by changes
+                self.core.recall()
             case _:
                 pass
         self.compared[wire.topic(message.key)] += 1
@@ -334,6 +395,8 @@ class Replay:
             if recorded is None:
                 self._exhausted = True
                 return False
+            if self._is_before(recorded):
+                continue
             match recorded.message:
                 case wire.Observation() as observation:
                     self._observations.setdefault(observation.tick, observation)
@@ -344,35 +407,23 @@ class Replay:
                     self._outputs.append(recorded)
         return True
 
+    def _is_before(self, recorded: Recorded) -> bool:
+        """Tell whether a message was sent before the key-frame to begin with."""
+        if self._start is None:
+            return False
+        match recorded.message:
+            case wire.Observation(tick=tick):
+                return tick <= self.first
+            case wire.Settled(wave=wave) | wire.Tally(wave=wave):
+                return wave <= self._start.frame.waves
+            case _:
+                return recorded.sequence <= self._start.sequence
 
-def _is_same(derived: wire.Message | None, recorded: Recorded) -> bool:
-    """Tell whether what was derived is what was recorded.
 
-    A key-frame from before may note less than one of today, but nothing else.
+def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:
+    """Return which readings of a key-frame's tick were known: ``(N,)``; None: all.
+
+    Raises:
+        ShapeError: It is of another number of sensors.
     """
-    if derived is None:
-        return False
-    if wire.encode(derived) == recorded.payload:
-        return True
-    message = recorded.message
-    return (
-        isinstance(derived, wire.KeyFrame)
-        and isinstance(message, wire.KeyFrame)
-        and derived.tick == message.tick
-        and _notes(derived.snapshot, message.snapshot)
-    )
-
-
-def _notes(snapshot: bytes, older: bytes) -> bool:
-    """Tell whether a snapshot holds every array of an older one, bit for bit."""
-    try:
-        Snapshot.from_bytes(older)
-        arrays, wanted = unpack_arrays(snapshot), unpack_arrays(older)
-    except ValueError:
-        return False
-    return all(
-        name in arrays
-        and arrays[name].dtype == array.dtype
-        and np.array_equal(arrays[name], array)
-        for name, array in wanted.items()
-    )
+    return unpack(frame.known, len(options.sensors)) if frame.known else None

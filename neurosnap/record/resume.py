@@ -2,29 +2,52 @@
 
 The new recording starts as a copy of the old one up to that tick and goes on from
 there, so it is whole by itself: it replays, and resumes, like any other. What the old
-one holds beyond the last whole tick is left out, and so are last words.
+one holds beyond the last whole tick is left out, and so are last words. Of a run that
+is recorded in several files that goes for the last one only.
+
+What has to be derived again begins at a key-frame: it takes the same time however long
+the run was.
 """
 
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.record.past import Past, copied
+from neurosnap.record.past import Past
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import DifferenceError, Replay, options_of, resumed_at
 from neurosnap.record.sequences import Sequences
+from neurosnap.record.starts import Start, starts
+from neurosnap.record.whole import first_path, part_paths
+from neurosnap.sensorium import pack
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
+
+_DATED = wire.Pulse | wire.Settled | wire.Burst | wire.Tally | wire.State | wire.Reached
+
+
+class _Point(NamedTuple):
+    """How far a recording can be derived."""
+
+    tick: int
+    """The last whole tick."""
+    waves: int
+    """Waves started by then."""
+    state: bytes
+    """The state after it, packed."""
 
 
 def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
     """Find out where a recorded run can go on.
 
-    Derives the run again on the way: what is resumed is known to be right.
+    Derives the run again on the way, from its last key-frame but one: what is resumed
+    is known to be right since then.
 
     Args:
-        log: Its recording.
+        log: Its recording; of several files the first, or the last.
         most: Go on from no tick after this one. Whoever goes on with a run as it was
             has to leave its last tick to be done: its end is a part of that.
 
@@ -32,87 +55,168 @@ def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
         RecordingError: There is no whole tick in it, it lacks messages before the last
             one, or it is not the run it says it is.
     """
+    log = _last_file(log, most)
     recording = Recording.open(log)
-    tick = _last_whole_tick(recording, most)
-    if tick == 0:
-        raise RecordingError(f"{log}: must hold a whole tick to go on from, got none")
-    counts = _counts(recording, tick)
-    past = Past(
+    options = options_of(recording)
+    tick, waves, state = _derive(recording, most)
+    return options, Past(
         log=str(log),
         tick=tick,
-        actions=_actions(recording, tick),
-        state=_state(recording, tick),
-        counts=counts,
-        resumed=(*resumed_at(recording), tick),
+        actions=_actions(recording, options, tick),
+        state=state,
+        counts=_counts(recording, tick, waves),
+        resumed=(*(t for t in resumed_at(recording) if t < tick), tick),
+        part=recording.part or 0,
+        begins=recording.begins,
     )
-    kept = Sequences()
-    for recorded in copied(past):
-        kept.receive(recorded.message.sender, recorded.sequence)
-    lacking = kept.completeness(counts).missing
-    if lacking:
-        raise RecordingError(f"{log}: must be whole up to tick {tick}, lacks {lacking}")
-    return options_of(recording), past
 
 
-def _last_whole_tick(recording: Recording, most: int | None) -> int:
-    tick = 0
+def whole_ticks(log: Path) -> int:
+    """Return how far a recorded run can go on, in ticks; 0: it cannot.
+
+    Args:
+        log: As in `look_back`.
+    """
     try:
-        for tick in islice(Replay(recording).ticks(), most):  # noqa: B007 - the last
-            pass
-    except DifferenceError as error:
-        raise RecordingError(
-            f"{recording.path}: must be a true run: {error}"
-        ) from error
+        recording = Recording.open(_last_file(log, None))
+        tick, waves, _ = _derive(recording, None)
+        _counts(recording, tick, waves)
+    except RecordingError:
+        return 0
     return tick
 
 
-def _actions(recording: Recording, tick: int) -> tuple[int, ...]:
+def _last_file(log: Path, most: int | None) -> Path:
+    """Return the file to go on from, of those there are of a run.
+
+    It is the last of which the one before is finished: that may lack what a later one
+    is based on otherwise.
+    """
+    if log.exists() and Recording.open(log).part != 0:
+        return log
+    last = log
+    for path in part_paths(log).values():
+        recording = Recording.open(path)
+        if most is not None and last != log and recording.begins > most:
+            break
+        last = path
+        if not recording.finished:
+            break
+    return last
+
+
+def _derive(recording: Recording, most: int | None) -> _Point:
+    """Find the last whole tick."""
+    replay = Replay(recording, _start(recording, most))
+    core, point = replay.core, None
+    if replay.first:
+        point = _Point(core.tick, core.totals.waves, pack(core.snapshot.state))
+    for tick in _ticks(replay, most):
+        # Here and not behind the last one: the core has gone on by then.
+        point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
+    if point is None:
+        rule = "must hold a whole tick to go on from"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    return point
+
+
+def _ticks(replay: Replay, most: int | None) -> Iterator[int]:
+    """Yield the ticks of a replay up to tick `most`."""
+    try:
+        yield from islice(replay.ticks(), None if most is None else most - replay.first)
+    except DifferenceError as error:
+        raise RecordingError(f"{replay.path}: must be a true run: {error}") from error
+
+
+def _start(recording: Recording, most: int | None) -> Start | None:
+    """Return the last key-frame but one; None: the run is to be derived from its start.
+
+    Behind the last one there may be too little to tell whether all that came before it
+    is there. The one that a file begins with has that in another file.
+    """
+    last: Start | None = None
+    before: Start | None = None
+    first = recording.begins
+    for start in starts(recording):
+        if most is not None and start.frame.tick > most:
+            break
+        if last is None and first:
+            before = last = start
+        elif last is None or start.frame.tick > last.frame.tick:
+            before, last = last, start
+    if before is None and first:
+        rule = f"must hold the key-frame of tick {first}"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    return before
+
+
+def _actions(recording: Recording, options: RunOptions, tick: int) -> tuple[int, ...]:
     """Return the actions decided on at ticks 1 to `tick` - 1."""
+    if not options.body.actions:
+        return (-1,) * (tick - 1)
     taken = {
-        recorded.message.tick: recorded.message.action
-        for recorded in recording.messages(("decide",))
-        if isinstance(recorded.message, wire.Decision)
+        decision.tick: decision.action
+        for decision in _decisions(recording)
+        if decision.tick < tick
     }
-    return tuple(taken[before] for before in range(1, tick))
+    actions = tuple(taken[before] for before in range(1, tick) if before in taken)
+    if len(actions) < tick - 1:
+        rule = f"must have its decisions of ticks 1 to {tick - 1}, to do them again"
+        raise RecordingError(f"{recording.path}: {rule}, got {len(actions)}")
+    return actions
 
 
-def _state(recording: Recording, tick: int) -> bytes:
-    """Return the state of a whole tick."""
-    return next(
-        recorded.message.literals
-        for recorded in recording.messages(("state",))
-        if isinstance(recorded.message, wire.State) and recorded.message.tick == tick
-    )
+def _decisions(recording: Recording) -> Iterator[wire.Decision]:
+    """Yield the decisions in a file, and in those before it."""
+    number = recording.part or 0
+    log = first_path(recording.path, number) if number else recording.path
+    before = [path for part, path in part_paths(log).items() if part < number]
+    for each in (*map(Recording.open, before), recording):
+        for recorded in each.messages(("decide",)):
+            if isinstance(recorded.message, wire.Decision):
+                yield recorded.message
 
 
-def _counts(recording: Recording, tick: int) -> dict[str, int]:
+def _counts(recording: Recording, tick: int, waves: int) -> dict[str, int]:
     """Return how many messages of each part belong to the ticks up to `tick`.
 
     Every part's messages of one tick come before those of the next, so each keeps a
     beginning of its running numbers.
+
+    Args:
+        recording: Of a run.
+        tick: One of its whole ticks.
+        waves: The waves started by then.
+
+    Raises:
+        RecordingError: One of them is missing.
     """
-    last_wave = 0
-    counts: dict[str, int] = {}
-    for recorded in recording.messages(("state", "reach")):
+    if (share := recording.share) is None:
+        rule = "must say what numbers it begins with"
+        raise RecordingError(f"{recording.path}: {rule}, was cut before")
+    counts, kept = dict(share), Sequences(share)
+    for recorded in recording.messages():
         message = recorded.message
-        if isinstance(message, wire.State | wire.Reached) and message.tick <= tick:
-            last_wave = max(last_wave, message.wave)
-            counts["coordinator"] = recorded.sequence + 1
-    topics = ("observe", "excite", "inhibit", "settle", "burst", "tally")
-    for recorded in recording.messages(topics):
-        message = recorded.message
-        belongs = (
-            message.tick <= tick
-            if isinstance(message, wire.Observation)
-            else isinstance(
-                message, wire.Pulse | wire.Settled | wire.Burst | wire.Tally
-            )
-            and message.wave <= last_wave
+        sender = message.sender
+        kept.receive(sender, recorded.sequence)
+        dated = isinstance(message, _DATED) and message.wave <= waves
+        if dated or (isinstance(message, wire.Observation) and message.tick <= tick):
+            counts[sender] = max(counts.get(sender, 0), recorded.sequence + 1)
+    lacking = {
+        sender: count
+        for sender, ranges in kept.gaps(counts).items()
+        if (count := _below(ranges, counts.get(sender, 0)))
+    }
+    if lacking:
+        raise RecordingError(
+            f"{recording.path}: must be whole up to tick {tick}, lacks {lacking}"
         )
-        if belongs:
-            known = counts.get(message.sender, 0)
-            counts[message.sender] = max(known, recorded.sequence + 1)
     return counts
+
+
+def _below(ranges: list[tuple[int, int]], end: int) -> int:
+    """Return how many numbers there are in half-open ranges that are below `end`."""
+    return sum(max(0, min(stop, end) - start) for start, stop in ranges)
 
 
 def restore(past: Past, ticks: int) -> Coordinator:
@@ -122,9 +226,9 @@ def restore(past: Past, ticks: int) -> Coordinator:
         past: From `look_back`.
         ticks: How many ticks the run is to have in all; more than there are.
     """
-    replay = Replay(Recording.open(Path(past.log)))
-    for tick in replay.ticks():
-        if tick == past.tick:
-            break
+    recording = Recording.open(Path(past.log))
+    replay = Replay(recording, _start(recording, past.tick))
+    for _ in _ticks(replay, past.tick):
+        pass
     replay.core.go_on(ticks)
     return replay.core

@@ -4,6 +4,9 @@ Every sender numbers all it sends from 0. A number that never came is a lost mes
 one that came twice a message delivered twice, whatever order they came in: a repaired
 loss arrives late and closes its gap. What was lost at the very end shows only against
 the sender's own word for how many it sent.
+
+Of a run that is recorded in several files each has a share of every sender's numbers;
+what comes before that is none of its business.
 """
 
 from bisect import bisect_right
@@ -41,14 +44,32 @@ class Sequences:
     """The running numbers of all senders, as they arrive.
 
     Memory grows with the senders and the open gaps, not with the messages.
+
+    Args:
+        first: The number each sender's share begins with; 0 where it is not in here.
+        anywhere: A share that is not in `first` begins with what comes first.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, first: Mapping[str, int] = _NOTHING, *, anywhere: bool = False
+    ) -> None:
         self.duplicates = 0
-        self._next: dict[str, int] = {}
+        self._anywhere = anywhere
+        self._first = dict(first)
+        self._next = dict(first)
         # For each sender, the numbers below its next that have not come: disjoint
         # half-open ranges, ascending, none empty. A sender without any is not in here.
         self._gaps: dict[str, list[tuple[int, int]]] = {}
+
+    @property
+    def first(self) -> dict[str, int]:
+        """The number that each sender's share begins with, as far as it is known."""
+        return dict(self._first)
+
+    def begin(self, sender: str, first: int) -> None:
+        """Let a sender's share begin with number `first`, unless it has begun."""
+        self._first.setdefault(sender, first)
+        self._next.setdefault(sender, first)
 
     def receive(self, sender: str, sequence: int) -> bool:
         """Take note of one message; constant time as long as they come in order.
@@ -60,7 +81,10 @@ class Sequences:
         Returns:
             Whether it came for the first time. A duplicate is counted.
         """
-        upcoming = self._next.get(sender, 0)
+        upcoming = self._next.get(sender)
+        if upcoming is None:
+            upcoming = sequence if self._anywhere else 0
+            self._first[sender] = upcoming
         if sequence == upcoming:
             self._next[sender] = sequence + 1
             return True
@@ -93,7 +117,8 @@ class Sequences:
     @property
     def messages(self) -> int:
         """How many messages came, each counted once."""
-        return sum(self._next.values()) - sum(
+        span = sum(self._next.values()) - sum(self._first.values())
+        return span - sum(
             stop - start for gaps in self._gaps.values() for start, stop in gaps
         )
 

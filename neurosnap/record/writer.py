@@ -25,7 +25,7 @@ from mcap.writer import Writer as McapWriter
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.record import schemas
-from neurosnap.record.layout import LIMIT, PROFILE, RUN, SNAPSHOT, TOTALS
+from neurosnap.record.layout import LIMIT, PROFILE, RUN, SHARE, SNAPSHOT, TOTALS
 from neurosnap.record.sequences import Completeness, Sequences
 
 Compression: TypeAlias = Literal["zstd", "none"]
@@ -70,6 +70,8 @@ class Writer:
         self.path = Path(path)
         self.sequences = Sequences()
         self.foreign = 0
+        self.size = 0
+        """Bytes given to the file, the chunk in progress not among them."""
         self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
         self._started = False
         self._stream = os.fdopen(_create(self.path), "wb")
@@ -134,21 +136,44 @@ class Writer:
                 is given.
             InvalidValueError: `log_time` is no time.
         """
-        if not (self._started and self._open):
-            self._demand(False, "must be started and open")
+        message = self.read(delivery)
+        if message is not None:
+            self.put(message, delivery, log_time)
+
+    def read(self, delivery: wire.Delivery) -> wire.Message | None:
+        """Return what was delivered; None: it is foreign, and counted as that."""
         key, sequence, sent, payload = delivery
         try:
             message = wire.decode(key, payload)
         except (MessageError, RecursionError):  # deep nesting is foreign as well
             self.foreign += 1
-            return
+            return None
         if (
             not 0 <= sequence < _SEQUENCES
             or not 0 <= sent < _TIMES
             or len(payload) > _LARGEST_PAYLOAD
         ):
             self.foreign += 1
-            return
+            return None
+        return message
+
+    def put(
+        self, message: wire.Message, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        """Write one message that was read already, unless it came before.
+
+        Args:
+            message: From `read`, or from another recording.
+            delivery: As it arrived.
+            log_time: When it arrived, nanoseconds since the epoch.
+
+        Raises:
+            RecordingError: As `add`.
+            InvalidValueError: Likewise.
+        """
+        if not (self._started and self._open):
+            self._demand(False, "must be started and open")
+        key, sequence, sent, payload = delivery
         # The library counts a message before it packs it, and leaves half a record
         # behind if a number does not fit: nothing may fail in there.
         if not 0 <= log_time < _TIMES:
@@ -156,10 +181,36 @@ class Writer:
         if not self.sequences.receive(message.sender, sequence):
             return
         if type(message) is wire.KeyFrame:
-            self._keyframe = (message, sent, log_time)
+            self.note_frame(message, sent, log_time)
         channel = self._channels[wire.topic(key)]
         try:
             self._mcap.add_message(channel, log_time, payload, sent, sequence)
+            self.size = self._stream.tell()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def note_frame(self, frame: wire.KeyFrame, sent: int, log_time: int) -> None:
+        """Take note of the key-frame that may be the last.
+
+        Args:
+            frame: In this file, or the first of the next.
+            sent: The sender's clock, nanoseconds since the epoch.
+            log_time: When it arrived, likewise.
+        """
+        self._keyframe = (frame, sent, log_time)
+
+    def note_share(self) -> None:
+        """Write down what numbers the senders' shares of this file begin with.
+
+        Raises:
+            RecordingError: The recording is not open, or cannot be written.
+        """
+        self._demand(self._started and self._open, "must be started and open")
+        first = msgspec.json.encode(self.sequences.first).decode()
+        try:
+            self._mcap.flush()
+            self._mcap.add_metadata(SHARE, {"first": first})
+            self._stream.flush()
         except OSError as error:
             raise self._failed(error) from error
 

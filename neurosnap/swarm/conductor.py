@@ -50,6 +50,36 @@ class Conductor:
         """The numbers of the waves that have not settled, oldest first."""
         return tuple(self._flying)
 
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """The numbers of the last wirings."""
+        return self._wires.epochs
+
+    @property
+    def is_forgotten(self) -> bool:
+        """Whether the cells have to be wired anew, whatever they were told."""
+        return self._wires.is_forgotten
+
+    def forget(self) -> None:
+        """Let the next wiring go to everybody, and whole.
+
+        With nothing under way, `waves` and `epochs` are then all that matters here.
+        """
+        self._wires.forget()
+
+    def recall(self) -> None:
+        """Take `forget` back."""
+        self._wires.recall()
+
+    def start_at(self, waves: int, epochs: tuple[int, ...]) -> None:
+        """Be as whoever had started `waves`, had these `epochs`, and forgot.
+
+        Raises:
+            InvalidValueError: The epochs are of another number of workers.
+        """
+        self._next = waves + 1
+        self._wires.start_at(epochs)
+
     def rewire(self, edges: Words) -> list[wire.Message]:
         """Return the messages that turn the cells' wiring into `edges`.
 

@@ -6,6 +6,10 @@ observations and reports, the same core must say the same again, byte for byte.
 
 The state is what the cells reported. The snapshot only learns weights here; it is told
 the state (`Snapshot.adopt`) and never asked for one.
+
+Right after a key-frame all there is in here is a function of what that says, and of the
+run's options: nothing is under way, the policies remember nothing, and what was known
+of the cells' wiring is forgotten, so that the next goes to all of them, and whole.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.anomaly import Watcher
 from neurosnap.errors import MessageError, ShapeError
+from neurosnap.poc.snapshot import Snapshot
 from neurosnap.sensorium import complement, pack
 from neurosnap.swarm.conductor import Conductor
 from neurosnap.swarm.part import wrong_readings
@@ -29,7 +34,6 @@ if TYPE_CHECKING:
 
     from neurosnap.agent.policy import Policy
     from neurosnap.poc.graph import PocGraph
-    from neurosnap.poc.snapshot import Snapshot
     from neurosnap.swarm.options import RunOptions, WiringKind
     from neurosnap.swarm.wave import Wave
 
@@ -97,6 +101,7 @@ class Coordinator:
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
+        self._known = b""  # which readings of the last observation were known
         self._hold = hold
         self._watcher = self._new_watcher()
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
@@ -105,16 +110,45 @@ class Coordinator:
         self._next_decision = wire.Decision(0, -1, "the run begins")
 
     @classmethod
-    def of(cls, options: RunOptions) -> Self:
-        """Return the core of a run that has seen nothing yet."""
-        return cls(
-            options.new_snapshot(),
+    def of(cls, options: RunOptions, frame: wire.KeyFrame | None = None) -> Self:
+        """Return the core of a run.
+
+        Args:
+            options: The run's.
+            frame: One of its key-frames, for the core that has just said it; None: the
+                core has seen nothing yet.
+
+        Raises:
+            InvalidValueError: What the key-frame holds cannot be of such a run.
+        """
+        core = cls(
+            options.new_snapshot()
+            if frame is None
+            else Snapshot.from_bytes(frame.snapshot),
             options.new_policy(),
             wiring=options.wiring,
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
             workers=options.sharing,
             hold=options.hold if options.watch else None,
+        )
+        if frame is not None:
+            core._start_at(frame)
+        return core
+
+    def _start_at(self, frame: wire.KeyFrame) -> None:
+        self._conductor.start_at(frame.waves, frame.epochs)
+        self._tick, self._known = frame.tick, frame.known
+        self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
+        self.totals = Totals(
+            ticks=frame.tick,
+            waves=frame.waves,
+            pulses=frame.pulses,
+            depth=frame.depth,
+            height=self._graph.height(),
+            edges=(self._graph.wire_count() + 1) // 2,
+            incoherent=frame.incoherent,
+            anomalies=frame.anomalies,
         )
 
     @property
@@ -143,8 +177,21 @@ class Coordinator:
         return self._conductor.in_flight
 
     def begin(self) -> list[wire.Message]:
-        """Open the run, or go on with one: wire the cells, ask for an observation."""
+        """Open the run, or go on with one from a key-frame: ask for an observation."""
+        first = [self._keyframe()] if self._tick else self._conductor.rewire_whole()
+        return [*first, self._next_decision]
+
+    def begin_rewired(self) -> list[wire.Message]:
+        """Go on as runs did before they could start from key-frames: rewire the cells.
+
+        For replays of their recordings.
+        """
+        self.recall()
         return [*self._conductor.rewire_whole(), self._next_decision]
+
+    def recall(self) -> None:
+        """Know the wiring again that a key-frame made forget; for such replays."""
+        self._conductor.recall()
 
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
@@ -201,8 +248,11 @@ class Coordinator:
         except ShapeError as error:
             return [_fault(f"observe: {error}")]
         messages = self._judge(observation.tick, bits, known)
-        if self._snapshot.learn(bits, known):
+        self._known = observation.known
+        changed = self._snapshot.learn(bits, known)
+        if changed:
             self._graph = self._snapshot.poc_graph()
+        if changed or self._conductor.is_forgotten:
             messages += self._conductor.rewire(self._graph.wires(self._wiring))
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
         start = self._conductor.start(
@@ -312,7 +362,20 @@ class Coordinator:
     def _keyframe(self) -> wire.KeyFrame:
         """Return what somebody else may go on from: nothing older matters then."""
         self._watcher = self._new_watcher()
-        return wire.KeyFrame(self._tick, self._snapshot.to_bytes())
+        self._conductor.forget()
+        return wire.KeyFrame(
+            tick=self._tick,
+            snapshot=self._snapshot.to_bytes(),
+            waves=self._conductor.waves,
+            epochs=self._conductor.epochs,
+            known=self._known,
+            action=self._next_decision.action,
+            why=self._next_decision.why,
+            pulses=self.totals.pulses,
+            depth=self.totals.depth,
+            incoherent=self.totals.incoherent,
+            anomalies=self.totals.anomalies,
+        )
 
     def _finish(self) -> list[wire.Message]:
         self.finished = True

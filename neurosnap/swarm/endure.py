@@ -3,10 +3,10 @@
 The parts of a swarm share one state: what the snapshot holds, what the cells are wired
 to, where the world is. So they are supervised *one for all*: when one dies, all are
 ended, and a new swarm goes on from the last whole tick of the recording. What that tick
-came to is derived again, bit for bit; the world, being a function of its seed and the
-actions, is brought to where it was; the wave that was hit is started again. The new
-recording begins as a copy of the old one up to that tick, so it holds every
-observation, state and decision once.
+came to is derived again from a key-frame, bit for bit; the world, being a function of
+its seed and the actions, is brought to where it was; the wave that was hit is started
+again. The new recording begins as a copy of the old one up to that tick, so it holds
+every observation, state and decision once; of several files only the last is copied.
 """
 
 import asyncio
@@ -22,7 +22,9 @@ from neurosnap.errors import (
     SwarmError,
 )
 from neurosnap.record.past import Past
-from neurosnap.record.resume import look_back
+from neurosnap.record.reader import Recording
+from neurosnap.record.resume import look_back, whole_ticks
+from neurosnap.record.whole import part_path, part_paths
 from neurosnap.swarm.launch import new_swarm_id
 from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
@@ -109,7 +111,7 @@ async def run_on(
                 given_up = restarts >= supervision.max_restarts
                 if given_up or stop.is_set() or not _mends(supervision, error):
                     raise
-                found = await asyncio.to_thread(_whole_part, log)
+                found = await asyncio.to_thread(_whole_part, log, past)
                 gained, past = _make_room(log, broken, found, past)
                 delay = supervision.backoff if gained else min(2 * delay, _LONGEST)
                 restarts += 1
@@ -131,11 +133,18 @@ def _mends(supervision: Supervision, error: SwarmError) -> bool:
     return supervision.restart == "always"
 
 
-def _whole_part(log: Path) -> Past | None:
-    """Return where a recorded run can go on; None: it has no whole tick."""
+def _whole_part(log: Path, before: Past | None) -> Past | None:
+    """Return where a recorded run can go on; None: it has no whole tick.
+
+    Raises:
+        RecordingError: It has several files and cannot go on all the same; there is
+            nothing else to go on from, and too much in them to be thrown away.
+    """
     try:
         return look_back(log)[1]
     except RecordingError:
+        if before is None and len(part_paths(log)) > 1:
+            raise
         return None
 
 
@@ -147,25 +156,44 @@ def _make_room(
     What it goes on from is out of the way of the new recording then.
     """
     if found is None or (before is not None and found.tick <= before.tick):
-        log.unlink(missing_ok=True)
+        _remove(log, 0 if before is None else before.part)
         return False, before
-    log.replace(broken)
+    Path(found.log).replace(broken)
+    _remove(log, found.part)
     return True, msgspec.structs.replace(found, log=str(broken))
+
+
+def _remove(log: Path, first: int) -> None:
+    """Delete the files of a recording from number `first` on."""
+    for number, path in part_paths(log).items():
+        if number >= first:
+            path.unlink(missing_ok=True)
 
 
 def keep_furthest(log: Path, broken: Path) -> None:
     """Let `log` be the one of two recordings that has more whole ticks, the only one.
 
-    Blocks for as long as it takes to derive both again. Where there is no `broken`,
-    nothing is done.
+    Of a run in several files, `broken` is one of them, and goes back to its place.
+    Blocks for as long as it takes to derive the last ticks of both again. Where there
+    is no `broken`, nothing is done.
     """
     if not broken.exists():
         return
-    after, before = _whole_part(log), _whole_part(broken)
-    if after is not None and (before is None or after.tick >= before.tick):
+    after, before = whole_ticks(log), whole_ticks(broken)
+    if after and after >= before:
         broken.unlink()
-    else:
-        broken.replace(log)
+        return
+    number = _number(broken)
+    _remove(log, number)
+    broken.replace(part_path(log, number))
+
+
+def _number(log: Path) -> int:
+    """Return which of the files of its run one is; 0 where it does not say."""
+    try:
+        return Recording.open(log).part or 0
+    except RecordingError:
+        return 0
 
 
 async def _pause(stop: asyncio.Event, seconds: float) -> None:

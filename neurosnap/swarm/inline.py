@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
-from neurosnap.record.past import Past, begin_recording
+from neurosnap.record.parts import Parts
+from neurosnap.record.past import Past
 from neurosnap.record.recorder import run_recorder
 from neurosnap.record.sequences import Completeness
-from neurosnap.record.writer import Writer
 from neurosnap.source import open_source
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import run_cell
@@ -57,8 +57,8 @@ async def run_inline(
     with ExitStack() as stack:
         writer = None
         if log is not None:
-            writer = stack.enter_context(Writer(log))
-            begin_recording(writer, {**metadata, "swarm": new_swarm_id()}, past)
+            facts = {**metadata, "swarm": new_swarm_id()}
+            writer = stack.enter_context(Parts(log, facts, past))
         swarm = _Inline(options, writer, past)
         stack.callback(swarm.source.close)
         try:
@@ -87,7 +87,7 @@ class _Inline:
     """One run with a task a part."""
 
     def __init__(
-        self, options: RunOptions, writer: Writer | None, past: Past | None
+        self, options: RunOptions, writer: Parts | None, past: Past | None
     ) -> None:
         self.core = jobs.coordinator_for(options, past)
         self.source = open_source(options.source, options.seed, options.arguments)
@@ -165,7 +165,7 @@ class _Inline:
         async with self._hub.fabric(OUTLET) as fabric:
             await run_outlet(self._options, fabric, self._leave)
 
-    async def _record(self, writer: Writer, parts: tuple[str, ...]) -> Completeness:
+    async def _record(self, writer: Parts, parts: tuple[str, ...]) -> Completeness:
         async with self._hub.fabric("recorder") as fabric:
             return await run_recorder(writer, fabric, self._leave, parts=parts)
 

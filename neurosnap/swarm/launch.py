@@ -103,7 +103,7 @@ async def run_processes(
     Args:
         plan: Who takes part.
         stop: Ends the run in order.
-        on_progress: Told the tick, some twenty times a second.
+        on_progress: Told the tick some twenty times a second, once the swarm is up.
 
     Raises:
         SwarmError: A part failed; the text names it and says why. Whatever was
@@ -271,5 +271,6 @@ def _result(child: Child) -> bytes:
 async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) -> None:
     """Pass the coordinator's progress on."""
     while True:
-        on_progress(supervisor.tick)
+        if supervisor.tick is not None:
+            on_progress(supervisor.tick)
         await asyncio.sleep(0.05)

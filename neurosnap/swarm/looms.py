@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import MessageError
+from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.literals import Words
 from neurosnap.swarm.mesh import parted
 from neurosnap.swarm.shares import shares
@@ -39,6 +39,28 @@ class WorkerWires:
         # Epochs at which a worker has the edges in force: the last frame of the last
         # change, and of each whole wiring since. Between, it has a part of them.
         self._in_force = [{0} for _ in range(workers)]
+        self.is_forgotten = False
+
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """The number of each worker's last frame."""
+        return tuple(self._told)
+
+    def forget(self) -> None:
+        """Let the next wiring go to all workers, and whole."""
+        self.is_forgotten = True
+
+    def recall(self) -> None:
+        """Take `forget` back."""
+        self.is_forgotten = False
+
+    def start_at(self, epochs: tuple[int, ...]) -> None:
+        """Be as whoever had these `epochs` and forgot."""
+        if len(epochs) != len(self._told):
+            rule = f"must be one for each of {len(self._told)} workers"
+            raise InvalidValueError("epochs", rule, epochs)
+        self._told = list(epochs)
+        self.is_forgotten = True
 
     def rewire(self, wires: Words) -> list[wire.Message]:
         """Return what the workers whose cells change are told."""
@@ -47,6 +69,8 @@ class WorkerWires:
 
     def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
         """Return what the workers whose cells change are told. O(e) time."""
+        if self.is_forgotten:
+            return self._rewire_all(edges)
         gained = np.setdiff1d(edges, self._edges, assume_unique=True)
         lost = np.setdiff1d(self._edges, edges, assume_unique=True)
         self._edges = edges.copy()
@@ -60,13 +84,30 @@ class WorkerWires:
 
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of every worker whose cells have or had out-edges."""
-        nothing = self._edges[:0]
         looms: list[wire.Message] = []
         for worker, told in enumerate(self._told):
             if told:
-                looms += self._looms(worker, self._own(worker, self._edges), nothing, 0)
+                looms += self._whole(worker)
                 self._in_force[worker].add(self._told[worker])
         return looms
+
+    def _rewire_all(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return the whole wiring of every worker, also of those without edges.
+
+        Nothing is under way, and what begins next begins behind it: whoever reports by
+        another has missed it.
+        """
+        self.is_forgotten = False
+        self._edges = edges.copy()
+        looms: list[wire.Message] = []
+        for worker in range(len(self._told)):
+            looms += self._whole(worker)
+            self._in_force[worker] = {self._told[worker]}
+        return looms
+
+    def _whole(self, worker: int) -> Iterator[wire.Message]:
+        edges = self._own(worker, self._edges)
+        return self._looms(worker, edges, edges[:0], 0, least=1)
 
     def targets(self, literal: int) -> Sequence[int]:
         """Return the targets of a literal, ascending."""
@@ -110,9 +151,10 @@ class WorkerWires:
         gained: NDArray[np.int64],
         lost: NDArray[np.int64],
         after: int,
+        least: int = 0,
     ) -> Iterator[wire.Message]:
-        """Yield frames, each built on the one before; one at least if it is whole."""
-        most = max(len(gained), len(lost), int(not after and self._told[worker] > 0))
+        """Yield frames, each built on the one before; `least` at least."""
+        most = max(len(gained), len(lost), least)
         for start in range(0, most, self._frame):
             frame = slice(start, start + self._frame)
             self._told[worker] += 1

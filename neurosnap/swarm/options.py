@@ -9,6 +9,7 @@ from neurosnap.agent.kinds import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.record.layout import SMALLEST
 from neurosnap.sensorium import Sensorium
 from neurosnap.swarm.shares import hosts, shares
 
@@ -16,6 +17,13 @@ SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 WiringKind: TypeAlias = Literal["hasse", "derived"]
 HostKind: TypeAlias = Literal["process", "worker"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
+
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
+Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Seed: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
+Threshold: TypeAlias = Annotated[float, msgspec.Meta(gt=0, le=0.25)]
+Decay: TypeAlias = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -31,34 +39,49 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Who decides."""
     target: tuple[str, ...] = ()
     """What a planner wants to sense, by name."""
-    explore: Annotated[float, msgspec.Meta(ge=0, le=1)] = EXPLORE
+    explore: Share = EXPLORE
     """The share of random actions, where an agent has anything better to do."""
-    ticks: Annotated[int, msgspec.Meta(ge=1)] = 300
+    ticks: Count = 300
     """Observations the run takes, at most."""
-    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
+    seed: Seed = 0
     """Draws the world's start, its fields and the random actions."""
     snapshot: SnapshotKind = "empirical"
     """How the weights are learned."""
-    threshold: float | None = None
+    threshold: Threshold | None = None
     """The learning threshold of every pair; None: the snapshot's own default."""
-    decay: float | None = None
+    decay: Decay | None = None
     """The decay of a discounted snapshot; None: its own default."""
     wiring: WiringKind = "hasse"
     """Which edges carry the pulses."""
     cells: CellKind = "process"
     """One OS process a cell over Zenoh, or one for many, or all in this one over
     memory."""
-    workers: Annotated[int, msgspec.Meta(ge=1)] = 2
+    workers: Count = 2
     """How many processes share the cells, where one has many."""
-    keyframe_every: Annotated[int, msgspec.Meta(ge=1)] = 1000
+    keyframe_every: Count = 1000
     """Ticks between two whole snapshots in the recording."""
+    split: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Bytes after which the recording goes on in another file; 0: never."""
+    keep: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """How many of these files are kept, the newest; 0: all."""
     watch: bool = False
     """Whether to tell of observations that contradict what is believed."""
     hold: Annotated[int, msgspec.Meta(ge=0)] = 0
     """Ticks to go on judging observations by the order that the first of them broke,
     with `watch`; pays where one exception is enough to give up an implication."""
-    deadline: Annotated[float, msgspec.Meta(gt=0)] = 10.0
+    deadline: Seconds = 10.0
     """Seconds a wave may take before it is given up and sent again."""
+
+    def __post_init__(self) -> None:
+        if 0 < self.split < SMALLEST:
+            rule = f"must be 0, or at least {SMALLEST} bytes"
+            raise InvalidValueError("split", rule, self.split)
+        if self.keep and not self.split:
+            raise InvalidValueError("keep", "must come with split", self.keep)
+        if self.keep and self.body.actions:
+            # Whoever goes on after a death does all of them again.
+            rule = "must go with a source that takes no actions"
+            raise InvalidValueError("keep", rule, self.keep)
 
     @property
     def sensors(self) -> tuple[str, ...]:

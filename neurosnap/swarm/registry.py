@@ -96,6 +96,20 @@ def find(swarm: str) -> Note:
     return there[swarm]
 
 
+def only() -> Note:
+    """Return the one swarm that runs here.
+
+    Raises:
+        InvalidValueError: There is none, or more than one.
+    """
+    there = swarms()
+    if len(there) != 1:
+        known = ", ".join(note.swarm for note in there) or "none"
+        rule = "must be named where there is not just one"
+        raise InvalidValueError("swarm", rule, known)
+    return there[0]
+
+
 def parts(note: Note) -> list[Part]:
     """Return the processes of a swarm on this machine, cells last and in order."""
     launcher = _launcher(note)

@@ -73,7 +73,7 @@ async def conduct(
         parts: Who must be there before it begins, and stay until it ends.
         deadline: Seconds a wave may take.
         patience: Seconds the parts may take to come up.
-        on_progress: Told the core's tick after each burst.
+        on_progress: Told the core's tick once the swarm is up, and after each burst.
 
     Returns:
         Seconds from the beginning to the end, the wait for the parts left out.
@@ -95,7 +95,7 @@ async def conduct(
         await presence.wait_complete(serving, stop, patience)
         began = time.perf_counter()
         if not stop.is_set():
-            shell.send(core.begin)
+            shell.begin()
         stopping = asyncio.create_task(stop.wait(), name="conduct/stop")
         try:
             await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
@@ -133,6 +133,7 @@ class _Shell:
         self._fabric = fabric
         self._deadline = deadline
         self._on_progress = on_progress
+        self._begun = False
         self._loop = asyncio.get_running_loop()
         self._lock = threading.RLock()
         self._started: dict[int, float] = {}  # when each wave in flight was sent
@@ -154,6 +155,13 @@ class _Shell:
                         self._publish(self._core.stop())
                 else:
                     self._publish(self._core.receive(message))
+        if self._begun:
+            self._on_progress(self._core.tick)
+
+    def begin(self) -> None:
+        """Let the core begin: all parts are there."""
+        self.send(self._core.begin)
+        self._begun = True
         self._on_progress(self._core.tick)
 
     def send(self, speak: Callable[[], list[wire.Message]]) -> None:

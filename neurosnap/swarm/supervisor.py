@@ -58,7 +58,7 @@ class Supervisor:
     def __init__(self) -> None:
         self.failed = asyncio.Event()
         self.error: SwarmError | None = None
-        self.tick = 0
+        self.tick: int | None = None
         self._context = multiprocessing.get_context("forkserver")
         self._children: dict[str, Child] = {}
         self._reasons: dict[str, Failed] = {}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import MessageError
+from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.literals import Words, from_words, to_words
 
 
@@ -22,6 +22,32 @@ class Wires(Protocol):
     @property
     def all_hear(self) -> bool:
         """Whether every wave is announced to all: there are few who have to hear."""
+        ...
+
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """The numbers that go on when the rest is forgotten."""
+        ...
+
+    @property
+    def is_forgotten(self) -> bool:
+        """Whether the next wiring goes to all, and whole."""
+        ...
+
+    def forget(self) -> None:
+        """Let the next wiring go to all, and whole, whatever they were told."""
+        ...
+
+    def recall(self) -> None:
+        """Take `forget` back, as if it had not been called."""
+        ...
+
+    def start_at(self, epochs: tuple[int, ...]) -> None:
+        """Be as whoever had these `epochs` and forgot.
+
+        Raises:
+            InvalidValueError: They are of another number of workers.
+        """
         ...
 
     def rewire(self, wires: Words) -> list[wire.Message]:
@@ -89,9 +115,32 @@ class CellWires:
         self._epoch = 0
         self._told = [0] * sensors  # epoch of each cell's last wiring
         self._changed = [0] * sensors  # and of the last that changed its edges
+        self.is_forgotten = False
+
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """The number of the last wiring, whichever cell it was for."""
+        return (self._epoch,)
+
+    def forget(self) -> None:
+        """Let the next wiring go to all cells, and whole."""
+        self.is_forgotten = True
+
+    def recall(self) -> None:
+        """Take `forget` back."""
+        self.is_forgotten = False
+
+    def start_at(self, epochs: tuple[int, ...]) -> None:
+        """Be as whoever had these `epochs` and forgot."""
+        if len(epochs) != 1:
+            raise InvalidValueError("epochs", "must be one for all cells", epochs)
+        self._epoch = epochs[0]
+        self.is_forgotten = True
 
     def rewire(self, wires: Words) -> list[wire.Message]:
         """Return what the cells that change are told; 64 edges are compared at once."""
+        if self.is_forgotten:
+            return self._rewire_all(wires)
         flips = self._wires ^ wires
         changed = np.flatnonzero(flips.any(axis=1))
         cells = sorted({literal >> 1 for literal in changed.tolist()})
@@ -102,6 +151,19 @@ class CellWires:
         wirings = self._wirings(cells, flips, after)
         for cell in cells:
             self._changed[cell] = self._epoch
+        return wirings
+
+    def _rewire_all(self, wires: Words) -> list[wire.Message]:
+        """Return the whole wiring of every cell, also of those without edges.
+
+        Nothing is under way, and what begins next begins behind it: whoever reports by
+        another has missed it.
+        """
+        self.is_forgotten = False
+        self._wires = wires.copy()
+        cells = list(range(len(self._told)))
+        wirings = self._wirings(cells, self._wires, [0] * len(cells))
+        self._changed = self._told.copy()
         return wirings
 
     def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:

@@ -37,6 +37,7 @@ class World:
         self._tick = 0  # of the last observation
         self._answered = -1  # the tick of the last decision taken up
         self._state: NDArray[np.bool_] | None = None
+        self._recorded = 0  # the tick of that state
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._began = past is not None
         self._is_elsewhere = past is not None and source.live
@@ -51,6 +52,7 @@ class World:
             self._known = self._source.known
         self._tick, self._answered = past.tick, past.tick - 1
         self._state = unpack(past.state, self._literals)
+        self._recorded = past.tick
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -71,12 +73,18 @@ class World:
                     self._state = unpack(message.literals, self._literals)
                 except ShapeError as error:
                     raise MessageError(f"state: {error}") from error
+                self._recorded = message.tick
             case wire.Decision() if message.tick > self._answered:
                 free = self._tick == 0 or not self._choices
                 fits = free or 0 <= message.action < self._choices
                 if message.tick > self._tick or not fits:
                     rule = f"must be for tick {self._tick}, of {self._choices} choices"
                     raise MessageError(f"decide: {f'{rule}, got {message}':.200}")
+                if self._senses.looks_back and self._recorded < self._tick:
+                    # What would be sensed in context would be wrong.
+                    rule = f"must come after the state of tick {self._tick}"
+                    got = f"that of {self._recorded}"
+                    raise MessageError(f"decide: {rule}, got {got}")
                 self._answered = message.tick
                 return message
             case _:

@@ -35,6 +35,7 @@ VERBS = (
     "graph",
     "model",
     "doctor",
+    "export",
     "hub",
     "ps",
     "stop",
@@ -42,6 +43,8 @@ VERBS = (
     "world",
     "record",
     "join",
+    "watch",
+    "view",
     "keys",
 )
 RUN_KEYS = {
@@ -348,7 +351,7 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     "ticks 0": (("CSV", "--ticks", 0), "ticks: "),
     "ticks below": (("CSV", "--ticks", -5), "got -5"),
     "ticks text": (("CSV", "--ticks", "many"), "Invalid value for '--ticks'"),
-    "seed below": (("CSV", "--seed", -1), "seed: must be 0 or more, got -1"),
+    "seed below": (("CSV", "--seed", -1), "seed: must be in [0, 9223372036854775807], got"),
     "seed large": (("CSV", "--seed", 2**63), "seed: "),
     "deadline 0": (("CSV", "--deadline", 0), "deadline: "),
     "deadline NaN": (("CSV", "--deadline", "nan"), "deadline: "),
@@ -391,7 +394,7 @@ def test_a_bad_file_is_refused_with_the_place(tmp_path: Path, what: str) -> None
     source, out = tmp_path / "bad.csv", tmp_path / "out.mcap"
     source.write_bytes(content)
     text = refused("run", source, "--out", out)
-    assert f"error: {source}" in text
+    assert f"error: source: {source}" in text
     assert said in text
     assert not out.exists()
 

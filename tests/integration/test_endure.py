@@ -12,9 +12,15 @@ import psutil
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError, PartDiedError, SwarmError
-from neurosnap.record.reader import Recording
+from neurosnap.errors import (
+    InvalidValueError,
+    PartDiedError,
+    RecordingError,
+    SwarmError,
+)
+from neurosnap.record.layout import SMALLEST
 from neurosnap.record.replay import verify
+from neurosnap.record.whole import open_whole, part_paths
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm import join
 from neurosnap.swarm.embody import body_of
@@ -104,7 +110,7 @@ class Disturbed:
 def course(log: Path) -> list[wire.Message]:
     kinds = (wire.Observation, wire.Decision)
     found: list[wire.Message] = []
-    for recorded in Recording.open(log).messages(("observe", "state", "decide")):
+    for recorded in open_whole(log).messages(("observe", "state", "decide")):
         message = recorded.message
         if isinstance(message, wire.State):
             found.append(msgspec.structs.replace(message, wave=1, pulses=0, depth=0))
@@ -147,6 +153,56 @@ def test_whoever_dies_the_run_comes_to_the_same(
     # What was on its way to the disk is at most a second of ticks.
     assert all(0 <= restart.lost < 400 for restart in disturbed.restarts)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
+
+
+@pytest.mark.parametrize("victim", ["recorder", "coordinator", "cell/2"])
+def test_a_run_in_several_files_comes_to_the_same(victim: str, tmp_path: Path) -> None:
+    options = msgspec.structs.replace(
+        options_for(900), keyframe_every=50, split=SMALLEST
+    )
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    inline = msgspec.structs.replace(options, cells="inline", split=0)
+    undisturbed = asyncio.run(run(inline, calm, asyncio.Event()))
+    disturbed = Disturbed(options, log)
+    outcome = disturbed.run((300, (victim,)), (700, (victim,)))
+    assert (outcome.restarts, len(disturbed.restarts)) == (2, 2)
+    assert outcome.implications == undisturbed.implications
+    assert course(log) == course(calm)
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 900)
+    files = part_paths(log)
+    assert verdict.files == len(files) > 2
+    assert list(files) == list(range(len(files)))
+    for path in list(files.values())[1:]:
+        alone = verify(path)
+        assert (alone.same, alone.complete) == (True, True)
+    assert sorted(tmp_path.iterdir()) == sorted([calm, *files.values()])
+
+
+def test_files_that_cannot_be_gone_on_from_are_left_alone(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    options = msgspec.structs.replace(
+        options_for(3000), keyframe_every=50, split=SMALLEST
+    )
+    damaged: list[bytes] = []
+
+    def damage(tick: int) -> None:
+        if not damaged and (found := part_paths(log)).keys() > {0, 1}:
+            # The first has its end by now, and is not what it says it is.
+            content = bytearray(found[0].read_bytes())
+            content[len(content) // 2] ^= 1
+            found[0].write_bytes(content)
+            damaged.append(bytes(content))
+            for one in parts():
+                if one.name() == "world":
+                    one.send_signal(signal.SIGKILL)
+
+    with pytest.raises(RecordingError, match="must have"):
+        asyncio.run(
+            run_on(options, log, asyncio.Event(), Supervision(), on_progress=damage)
+        )
+    assert part_paths(log)[0].read_bytes() == damaged[0]
+    assert len(part_paths(log)) > 2
 
 
 ELSEWHERE = (1, 3)  # cells

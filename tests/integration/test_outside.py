@@ -27,10 +27,10 @@ from neurosnap.outside.open import open_outside
 from neurosnap.outside.pace import OnChange
 from neurosnap.outside.source import OutsideSource
 from neurosnap.outside.zenoh_keys import ZenohFeeder
+from neurosnap.record.parts import Parts
 from neurosnap.record.reader import Recording
 from neurosnap.record.recorder import run_recorder
 from neurosnap.record.sequences import Completeness
-from neurosnap.record.writer import Writer
 from neurosnap.sensorium import pack
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import run_cell
@@ -364,8 +364,7 @@ async def run_swarm(hub: Hub, source: OutsideSource, log: Path) -> Completeness:
             await take_part(fabric, work(fabric))
 
     async def record() -> Completeness:
-        with Writer(log) as writer:
-            writer.start({"swarm": SWARM})
+        with Parts(log, {"swarm": SWARM}) as writer:
             async with hub.part("recorder", "recorder") as fabric:
                 parts = ("coordinator", "world", *cells)
                 return await run_recorder(writer, fabric, leave, parts=parts)

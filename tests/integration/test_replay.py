@@ -462,6 +462,61 @@ def test_a_report_taken_out_with_its_number_is_found(
     assert verdict.difference.endswith("derived nothing")
 
 
+# From a key-frame on ------------------------------------------------------------------
+
+
+@every_run
+def test_a_run_can_be_derived_from_any_key_frame(
+    runs: Runs, name: str, wiring: WiringKind, snapshot: SnapshotKind
+) -> None:
+    log, _, _ = runs.of(name, wiring, snapshot)
+    for tick, start in ((7, 7), (13, 7), (14, 14), (27, 21), (28, 28), (99, TICKS)):
+        verdict = verify(log, tick)
+        assert (verdict.difference, verdict.complete) == (None, True)
+        assert (verdict.start, verdict.ticks) == (start, TICKS - start)
+    # Before the first there is nothing to begin with but the run.
+    assert (verify(log, 6).start, verify(log, 6).ticks) == (0, TICKS)
+
+
+@pytest.mark.parametrize("change", TAMPERED)
+def test_what_is_changed_before_is_not_seen_and_after_it_is(
+    runs: Runs, tmp_path: Path, change: str
+) -> None:
+    tamper, where = TAMPERED[change]
+    log = rewritten(runs.of("path").log, tmp_path / "log", tamper)
+    differences = {tick: verify(log, tick).difference for tick in (7, 14, 21)}
+    early = change in ("report's pulses", "wiring")  # of tick 1, and of the first
+    if change == "keyframe":  # that of tick 14: its last bit says nothing
+        assert differences[7] is not None
+    elif early:
+        assert differences[21] is None
+    else:
+        assert differences[7] is not None
+        with pytest.raises(AssertionError, match=f"^{where}"):
+            raise AssertionError(differences[7])
+        assert differences[14] is differences[21] is None
+
+
+def test_a_key_frame_that_lies_is_found_by_what_follows(
+    runs: Runs, tmp_path: Path
+) -> None:
+    for number, changes in enumerate(
+        (
+            lambda k: {"waves": k.waves + 1},
+            lambda k: {"epochs": (k.epochs[0] + 1,)},
+            lambda k: {"action": 1 - k.action},
+            lambda k: {"why": "so"},
+        )
+    ):
+        tamper = changing(wire.KeyFrame, lambda k: k.tick == 14, changes)
+        log = rewritten(runs.of("path").log, tmp_path / f"{number}", tamper)
+        for tick in (7, 14):  # as it is derived, and as it is believed
+            difference = verify(log, tick).difference
+            assert difference is not None
+            assert difference.startswith(("tick 14: ", "tick 15: "))
+        assert verify(log, 21).same
+
+
 # Senders that overtake each other -----------------------------------------------------
 
 
@@ -514,10 +569,12 @@ OVERTAKING = {
 def test_senders_may_overtake_each_other(
     runs: Runs, tmp_path: Path, name: str, order: str
 ) -> None:
-    verdict = verify(rewritten(runs.of(name).log, tmp_path / "log", OVERTAKING[order]))
-    assert verdict.difference is None
-    assert verdict.complete
-    assert verdict.ticks == TICKS
+    log = rewritten(runs.of(name).log, tmp_path / "log", OVERTAKING[order])
+    for tick in (0, 14):
+        verdict = verify(log, tick)
+        assert verdict.difference is None
+        assert verdict.complete
+        assert verdict.ticks == TICKS - tick
 
 
 # Runs that did not go smoothly --------------------------------------------------------
@@ -663,7 +720,9 @@ def test_a_cell_that_has_the_wrong_edges_is_found(
         rewire(cell, wiring, *rest)
 
     monkeypatch.setattr(Cell, "_rewire", forgetful)
-    Simulation(options_for(runs.csv), log, seed).run()
+    # A key-frame would have it told again.
+    options = msgspec.structs.replace(options_for(runs.csv), keyframe_every=1000)
+    Simulation(options, log, seed).run()
     verdict = verify(log)
     assert verdict.complete
     assert verdict.difference is not None
@@ -899,9 +958,14 @@ def test_without_a_whole_tick_there_is_nothing_to_go_on_from(
 
 
 def test_a_tampered_run_is_not_gone_on_with(runs: Runs, tmp_path: Path) -> None:
-    tamper, _ = TAMPERED["state"]
+    """What counts is what follows the last key-frame but one, that of tick 28."""
+    tamper = changing(
+        wire.State,
+        lambda s: s.tick == 29,
+        lambda s: {"literals": flipped(s.literals)},
+    )
     log = rewritten(runs.of("csv").log, tmp_path / "log", tamper)
-    with pytest.raises(RecordingError, match=r"must be a true run: tick 12: /state"):
+    with pytest.raises(RecordingError, match=r"must be a true run: tick 29: /state"):
         look_back(log)
 
 

@@ -35,6 +35,7 @@ from neurosnap.fabric.keys import make_keys
 from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.protocol import Handler, PresenceHandler
 from neurosnap.fabric.session import configuration
+from neurosnap.record.parts import Parts
 from neurosnap.record.playback import play_on
 from neurosnap.record.reader import Recording
 from neurosnap.record.recorder import run_recorder
@@ -212,8 +213,7 @@ async def run_swarm(hub: Hub, options: RunOptions, log: Path) -> Completeness:
             await take_part(fabric, work(fabric))
 
     async def record() -> Completeness:
-        with Writer(log) as writer:
-            writer.start({"swarm": SWARM})
+        with Parts(log, {"swarm": SWARM}) as writer:
             async with hub.end("recorder") as fabric:
                 parts = ("coordinator", "world", *cells)
                 return await run_recorder(writer, fabric, leave, parts=parts)

@@ -44,7 +44,10 @@ def prepared(file: Path, text: str, **overrides: object) -> Prepared:
 def test_what_is_left_out_is_as_without_a_file(file: Path) -> None:
     made = prepared(file, WORLD, recording__record=False)
     options = RunOptions(
-        source="neurosnap/Path-v0", arguments={"places": 6}, body=made.options.body
+        source="neurosnap/Path-v0",
+        arguments={"places": 6},
+        body=made.options.body,
+        watch=True,
     )
     assert made == Prepared(options, None, Supervision(), Network())
 
@@ -67,6 +70,9 @@ def test_what_is_given_is_taken(file: Path) -> None:
         workers = 3
         wiring = "derived"
         deadline = 2
+        [anomalies]
+        watch = false
+        hold = 3
         [recording]
         folder = "unused"
         path = "one.mcap"
@@ -85,7 +91,7 @@ def test_what_is_given_is_taken(file: Path) -> None:
         source="neurosnap/Path-v0", arguments={"places": 6}, body=options.body,
         agent="planner", target=("below_1", "below_2*"), explore=1.0, ticks=9, seed=5,
         snapshot="discounted", threshold=0.25, decay=0.0, wiring="derived",
-        cells="worker", workers=3, keyframe_every=4, deadline=2.0,
+        cells="worker", workers=3, keyframe_every=4, deadline=2.0, watch=False, hold=3,
     )  # fmt: skip
     assert made.log == file.parent / "one.mcap"
     assert made.supervision == Supervision(restart="never", max_restarts=0, backoff=0)

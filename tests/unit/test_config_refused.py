@@ -80,9 +80,9 @@ VALUES = {
 SOURCES = {
     "": "swarm.toml: source: must be given",
     "source = 1": "swarm.toml:1: source: must be a table, got 1",
-    "[source]": "swarm.toml:1: source.kind: must be 'world' or 'csv'",
+    "[source]": "swarm.toml:1: source.kind: must be 'world', 'csv', 'stdin', 'zenoh' or 'mqtt'",
     "[source]\nkind = 'tea'": (
-        "swarm.toml:2: source.kind: must be 'world' or 'csv', got 'tea'"
+        "swarm.toml:2: source.kind: must be 'world', 'csv', 'stdin', 'zenoh' or 'mqtt', got 'tea'"
     ),
     "[source]\nkind = 'world'": "swarm.toml:1: source.id: must be given",
     "[source]\nkind = 'csv'\nid = 'x'\npath = 'a.csv'": (

@@ -87,3 +87,26 @@ def test_completeness_goes_through_json() -> None:
     completeness = Completeness(3, {"cell/1": 2}, 1, 4)
     encoded = msgspec.json.encode(completeness)
     assert msgspec.json.decode(encoded, type=Completeness) == completeness
+
+
+# A share of them ----------------------------------------------------------------------
+
+
+def test_what_is_below_a_share_is_no_loss_and_no_message_of_it() -> None:
+    sequences = Sequences({"world": 7, "cell/0": 3})
+    sequences.begin("world", 5)  # it has begun already
+    assert sequences.first == {"world": 7, "cell/0": 3}
+    assert sequences.receive("world", 7)
+    assert not sequences.receive("world", 6)
+    assert sequences.completeness({"world": 8, "cell/0": 3}) == Completeness(1, {}, 1)
+    assert sequences.completeness({"cell/0": 5}).missing == {"cell/0": 2}
+
+
+def test_a_share_may_begin_with_what_comes_first() -> None:
+    sequences = Sequences({"world": 7}, anywhere=True)
+    for number in (20, 22):
+        assert sequences.receive("cell/0", number)
+    assert sequences.receive("world", 8)
+    assert sequences.gaps() == {"cell/0": [(21, 22)], "world": [(7, 8)]}
+    assert sequences.first == {"world": 7, "cell/0": 20}
+    assert sequences.messages == 3

@@ -38,6 +38,12 @@ def told(world: World, tick: int, action: int = -1) -> wire.Observation | None:
     return world.answer(decision)
 
 
+def believe(world: World, tick: int) -> None:
+    """Let it hear a state that says nothing."""
+    literals = pack([False] * (2 * len(ACTING.sensors)))
+    world.hear(wire.State(tick, 1, literals, False, 0, 0, 0, 0, 0))
+
+
 def past(tick: int, *actions: int, sensors: int = 2, state: bytes = b"") -> Past:
     packed = state or pack([False] * (2 * sensors))
     return Past("log", tick, actions, packed, {}, (tick,))
@@ -102,6 +108,17 @@ def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> N
         MessageError, match=r"^decide: must be for tick 1, of 2 choices"
     ):
         world.hear(wire.Decision(tick, action, "?"))
+    believe(world, 1)
+    assert told(world, 1, 0) is not None
+
+
+def test_a_decision_without_its_state_is_refused_where_that_is_looked_at() -> None:
+    world = World(Scripted(ROWS, ACTING.actions), ACTING)
+    told(world, 0)
+    rule = r"^decide: must come after the state of tick 1, got that of 0$"
+    with pytest.raises(MessageError, match=rule):
+        world.hear(wire.Decision(1, 0, "too early"))
+    believe(world, 1)
     assert told(world, 1, 0) is not None
 
 
@@ -133,7 +150,9 @@ def test_a_live_source_goes_on_where_it_is_and_that_follows_no_action() -> None:
     source.let_go(2)
     world = World(source, ACTING, past(7, 1, 1, 0, sensors=len(ACTING.sensors)))
     assert source.taken == []
-    first, second = told(world, 7, 1), told(world, 8, 0)
+    first = told(world, 7, 1)
+    believe(world, 8)
+    second = told(world, 8, 0)
     assert first is not None
     assert second is not None
     assert source.taken == [1, 0]

@@ -1,0 +1,44 @@
+"""``--broker``: another MQTT broker than the one a file names, or a small one here."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from neurosnap.cli.shared import screen
+from neurosnap.errors import InvalidValueError
+
+EMBEDDED = "embedded"
+
+
+@contextmanager
+def brokered(broker: str) -> Iterator[dict[str, object]]:
+    """Return what goes before a file that describes an MQTT source.
+
+    Args:
+        broker: ``embedded``: one is started and ends with the context. Or where one is,
+            as HOST or HOST:PORT. Empty: as the file has it.
+
+    Raises:
+        InvalidValueError: It is neither, or there is no broker to embed.
+    """
+    if broker != EMBEDDED:
+        yield _elsewhere(broker) if broker else {}
+        return
+    try:
+        from neurosnap.outside.embedded import HOST, EmbeddedBroker
+    except ImportError as error:  # an extra
+        rule = f"must come with the packages of neurosnap[mqtt] ({error})"
+        raise InvalidValueError("broker", rule, broker) from error
+    with EmbeddedBroker() as here:
+        screen.print(f"a broker listens on {HOST}:{here.port}", markup=False)
+        # Whole: what a file says of somebody else's broker is not for this one.
+        yield {"source.broker": {"host": HOST, "port": here.port}}
+
+
+def _elsewhere(broker: str) -> dict[str, object]:
+    host, colon, port = broker.rpartition(":") if ":" in broker else (broker, "", "")
+    if not host or (colon and not port.isdecimal()):
+        rule = f"must be {EMBEDDED}, HOST or HOST:PORT"
+        raise InvalidValueError("broker", rule, broker)
+    return {"source.broker.host": host} | (
+        {"source.broker.port": int(port)} if colon else {}
+    )

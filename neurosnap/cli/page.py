@@ -1,0 +1,129 @@
+"""The page of ``neurosnap view``, served beside whatever else a verb does."""
+
+import asyncio
+import contextlib
+import webbrowser
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any, TypeVar
+
+import typer
+
+from neurosnap.cli.shared import print_json
+from neurosnap.errors import NeurosnapError, RecordingError
+
+T = TypeVar("T")
+
+_POLL = 0.1
+"""Seconds between two looks for a recording that is to begin."""
+_NEEDED = ("starlette", "uvicorn")
+_EXTRA = "must be installed with the extra [view]: pip install 'neurosnap[view]'"
+
+
+async def look(
+    log: Path,
+    stop: asyncio.Event,
+    *,
+    port: int = 0,
+    browser: bool = True,
+    grows: Callable[[], bool] | None = None,
+    as_json: bool = False,
+) -> None:
+    """Serve a page for a recording until `stop` is set, and say where it is.
+
+    Args:
+        log: The recording.
+        stop: Ends it.
+        port: 0: any that is free.
+        browser: Whether to open it.
+        grows: Says whether somebody still writes it; None: if a swarm of this machine
+            is noted to. It may not have begun yet then, which is waited for otherwise.
+        as_json: Say where as JSON.
+
+    Raises:
+        NeurosnapError: The recording cannot be read, the port cannot be used, or what
+            serves the page is not installed.
+    """
+    try:
+        from neurosnap.view.desk import Desk
+        from neurosnap.view.members import recorded_in
+        from neurosnap.view.server import serving
+    except ModuleNotFoundError as error:
+        if error.name not in _NEEDED:
+            raise
+        raise NeurosnapError(f"{error.name}: {_EXTRA}") from error
+    if grows is None:
+        desk = await asyncio.to_thread(Desk, log, lambda: bool(recorded_in(log)))
+    else:
+        desk = await _begun(lambda: Desk(log, grows), grows, stop)
+    async with serving(desk, port) as address:
+        # Not through what folds lines: it is to be copied whole.
+        if as_json:
+            print_json({"log": str(log), "url": address.url})
+        else:
+            typer.echo(f"{log}: {address.url}")
+        if browser:
+            with contextlib.suppress(webbrowser.Error):
+                await asyncio.to_thread(webbrowser.open, address.url)
+        await stop.wait()
+
+
+async def _begun(
+    opened: Callable[[], T], grows: Callable[[], bool], stop: asyncio.Event
+) -> T:
+    """Return what `opened` does, as soon as the recording has begun."""
+    while True:
+        last = stop.is_set() or not grows()
+        try:
+            return await asyncio.to_thread(opened)
+        except RecordingError:
+            if last:
+                raise
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_POLL):
+                await stop.wait()
+
+
+async def viewed(
+    log: Path,
+    stop: asyncio.Event,
+    work: Callable[[asyncio.Event], Coroutine[Any, Any, T]],
+    on_end: Callable[[T], None],
+    *,
+    port: int = 0,
+    browser: bool = True,
+) -> T:
+    """Do what writes a recording, and let it be looked at: then, and until `stop`.
+
+    Args:
+        log: Where it records.
+        stop: Ends both.
+        work: Returns once `log` is whole.
+        on_end: Told what came of it, while the page is still there.
+        port: As in `look`.
+        browser: As in `look`.
+
+    Raises:
+        NeurosnapError: As from `work` or from `look`; either ends the other.
+    """
+    halt = asyncio.Event()
+    running = asyncio.create_task(work(stop), name="view/run")
+    page = asyncio.create_task(
+        look(log, halt, port=port, browser=browser, grows=lambda: not running.done()),
+        name="view/page",
+    )
+    try:
+        await asyncio.wait({running, page}, return_when=asyncio.FIRST_COMPLETED)
+        if page.done():
+            stop.set()
+        outcome = await running
+        on_end(outcome)
+        await stop.wait()
+    finally:
+        halt.set()
+        stop.set()
+        await asyncio.wait({running, page})
+        failed = page.exception()
+    if failed is not None:
+        raise failed
+    return outcome

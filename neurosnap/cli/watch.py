@@ -1,0 +1,60 @@
+"""``neurosnap watch``: what contradicts what was learned."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from neurosnap.cli.shared import Insecure, Tls, app, convert, errors, run_async, screen
+from neurosnap.errors import InvalidValueError
+from neurosnap.swarm.network import Network
+
+
+@app.command()
+def watch(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SWARM|LOG]",
+            help="A swarm's id, or a recording. [default: the one that runs here]",
+        ),
+    ] = None,
+    connect: Annotated[
+        str,
+        typer.Option(
+            metavar="ENDPOINT", help="Where its hub is. [default: as `ps` has it]"
+        ),
+    ] = "",
+    tls: Tls = "",
+    insecure: Insecure = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each as a JSON object on a line.")
+    ] = False,
+) -> None:
+    """Show observations that contradict what was learned, as they come."""
+    from neurosnap.record.reader import Recording
+    from neurosnap.show import anomaly
+    from neurosnap.swarm import registry
+    from neurosnap.swarm.watch import recorded
+    from neurosnap.swarm.watch import watch as look_on
+    from neurosnap.swarm.watching import Told
+
+    def show(told: Told) -> None:
+        typer.echo(msgspec.json.encode(told).decode() if as_json else anomaly(told))
+
+    with errors():
+        if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
+            for told in recorded(Recording.open(what)):
+                show(told)
+            return
+        if connect and what is None:
+            raise InvalidValueError("swarm", "must be named with --connect", what)
+        swarm = what or ""
+        if not connect:
+            note = registry.find(what) if what else registry.only()
+            swarm, connect = note.swarm, note.endpoint
+        network = convert(Network, connect=connect, tls=tls, insecure=insecure)
+        network.check()
+        screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
+        run_async(lambda stop: look_on(network, swarm, stop, show))

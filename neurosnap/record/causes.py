@@ -1,0 +1,86 @@
+"""Answers behind what they answer, whatever overtook what on the way.
+
+The coordinator asks for an observation by the decision before it, and starts every
+wave; whatever is said of either was sent later, and may yet come earlier.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from neurosnap import wire
+
+
+class Heard(NamedTuple):
+    """A message that came."""
+
+    message: wire.Message
+    delivery: wire.Delivery
+    log_time: int
+    """When it came, nanoseconds since the epoch."""
+
+
+class Causes:
+    """Lets messages wait for the word of the coordinator that they answer.
+
+    Each sender's own order is kept. What waits is bounded by how far the coordinator is
+    behind the others on its way here.
+    """
+
+    def __init__(self) -> None:
+        self._wave = 0  # the last that was heard to start
+        self._tick = 0  # the last that was heard to be asked for
+        self._early: list[Heard] = []
+        self._behind: set[str] = set()  # who has something in there
+
+    def take(self, heard: Heard) -> Iterator[Heard]:
+        """Take in a message; yield what there is nothing to wait for any more."""
+        if self._keep(heard):
+            return
+        yield heard
+        match heard.message:
+            case wire.WaveStart(wave=wave) if wave > self._wave:
+                self._wave = wave
+            case wire.Decision(tick=tick) if tick >= self._tick:
+                self._tick = tick + 1
+            case _:
+                return
+        for early in self.rest():
+            if not self._keep(early):
+                yield early
+
+    def rest(self) -> list[Heard]:
+        """Return what waits, and let it wait no longer."""
+        early, self._early, self._behind = self._early, [], set()
+        return early
+
+    def upcoming(self, sender: str) -> int:
+        """Return the number after the highest of `sender` that waits; 0: none does."""
+        numbers = [
+            early.delivery.sequence + 1
+            for early in self._early
+            if early.message.sender == sender
+        ]
+        return max(numbers, default=0)
+
+    def _keep(self, heard: Heard) -> bool:
+        """Keep a message that has to wait, or is behind one of its sender's."""
+        sender = heard.message.sender
+        if sender not in self._behind and not self._is_early(heard.message):
+            return False
+        self._early.append(heard)
+        self._behind.add(sender)
+        return True
+
+    def _is_early(self, message: wire.Message) -> bool:
+        match message:
+            case wire.Observation(tick=tick):
+                return tick > self._tick
+            case (
+                wire.Pulse(wave=wave)
+                | wire.Settled(wave=wave)
+                | wire.Burst(wave=wave)
+                | wire.Tally(wave=wave)
+            ):
+                return wave > self._wave
+            case _:
+                return False

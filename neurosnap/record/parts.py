@@ -1,0 +1,302 @@
+"""A recording in as many files as its size takes; each can be replayed by itself.
+
+When a file is over the size, the next key-frame begins another. A key-frame is said
+when nothing is under way, so all that belongs before it was sent before it, by whoever
+it was; but not all of that has come by then, since senders overtake each other. So the
+file before stays open for a while, and each sender's messages go there until its first
+of a later wave or tick: what a sender says comes in order, so nothing of before can
+follow that. (A wave that was given up may still make its cells talk; but a cell acts on
+no later one before it has heard which are over.) What has neither wave nor tick, a
+fault or a last word, goes where its sender's last message went. That makes every file's
+share of a sender's running numbers one range, and the file is whole if nothing is
+missing in it.
+
+Others overtake the key-frame instead. So what answers a word of the coordinator that
+has not come yet, the start of its wave or the decision before its tick, waits for that.
+
+A sender that says nothing for `LATE` after the key-frame is taken to have had nothing
+left to say; if it had, that goes to the newer file.
+"""
+
+import contextlib
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Annotated, NamedTuple, Self
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.record.causes import Causes, Heard
+from neurosnap.record.layout import SMALLEST
+from neurosnap.record.past import Past, begin_recording, facts_of
+from neurosnap.record.sequences import Completeness
+from neurosnap.record.whole import part_path, part_paths
+from neurosnap.record.writer import Writer
+
+_log = logging.getLogger(__name__)
+
+LATE = 2 * 10**9
+"""Nanoseconds that a file stays open for what was sent before the next one began."""
+
+
+class Split(msgspec.Struct, frozen=True):
+    """How a recording is spread over files."""
+
+    size: Annotated[int, msgspec.Meta(ge=SMALLEST)]
+    """Bytes after which the next key-frame begins another file. It has more than that
+    by what is recorded from one key-frame to the next."""
+    keep: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """How many of them are kept, the newest; 0: all."""
+
+
+def split_of(metadata: Mapping[str, str]) -> Split | None:
+    """Return how a run wants to be recorded, by what is written of it; None: whole.
+
+    Raises:
+        RecordingError: What is written there is not valid.
+    """
+    try:
+        size = int(metadata.get("split", "0"))
+        keep = int(metadata.get("keep", "0"))
+        return msgspec.convert({"size": size, "keep": keep}, Split) if size else None
+    except ValueError as error:
+        raise RecordingError(f"split: must be sizes, got {error}") from error
+
+
+class _Boundary(NamedTuple):
+    """Where the newest file begins."""
+
+    tick: int
+    wave: int
+    closes: int
+    """The time of recording after which nothing of before is waited for."""
+
+
+class Parts:
+    """Writes a recording, in one file or in several; see `Writer`.
+
+    Args:
+        log: Where to write; the further files are called after it.
+        metadata: What to write of the run into each of them. It says how to spread
+            them, as `split_of` reads it.
+        past: What the recording takes over, for a run that is resumed.
+
+    Raises:
+        RecordingError: A file exists already, or cannot be made.
+    """
+
+    def __init__(
+        self, log: Path | str, metadata: Mapping[str, str], past: Past | None = None
+    ) -> None:
+        self._log = Path(log)
+        self._split = split_of(metadata)
+        self._number = 0 if past is None else past.part
+        self._metadata = facts_of(metadata, past)
+        self._check_free()
+        self._older: Writer | None = None
+        self._boundary = _Boundary(0, 0, 0)
+        self._causes = Causes()
+        self._passed: set[str] = set()  # whose messages go to the newest file
+        self._closed: list[Completeness] = []
+        self._warned = False
+        self._newest = self._new_writer()
+        try:
+            facts = self._facts(0 if past is None else past.begins)
+            begin_recording(self._newest, facts, past)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def _check_free(self) -> None:
+        """Refuse to write where a later file would be in the way."""
+        for number, path in part_paths(self._log).items():
+            if self._split is not None and number > self._number:
+                rule = "must not exist yet"
+                raise RecordingError(f"log: {rule}, got {str(path)!r}")
+
+    def _new_writer(self) -> Writer:
+        return Writer(part_path(self._log, self._number))
+
+    def _facts(self, begins: int) -> dict[str, str]:
+        """Return what is written of the run at the start of the newest file."""
+        if self._split is None:
+            return self._metadata
+        part = {"part": str(self._number), "begins": str(begins)}
+        return {**self._metadata, **part}
+
+    def upcoming(self, sender: str) -> int:
+        """Return the number after the highest that came from `sender`."""
+        known = [
+            self._newest.sequences.upcoming(sender),
+            self._causes.upcoming(sender),
+        ]
+        if self._older is not None and sender not in self._passed:
+            known.append(self._older.sequences.upcoming(sender))
+        return max(known)
+
+    def add(self, delivery: wire.Delivery, log_time: int) -> None:
+        """Write one message into the file it belongs to; see `Writer.add`.
+
+        Raises:
+            RecordingError: The disk does not take what it is given, or a file exists
+                already where the next one has to be.
+        """
+        message = self._newest.read(delivery)
+        if message is None:
+            return
+        if self._split is None:
+            self._newest.put(message, delivery, log_time)
+            return
+        for heard in self._causes.take(Heard(message, delivery, log_time)):
+            self._write(*heard)
+
+    def _write(
+        self, message: wire.Message, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        """Write one message into the file it belongs to."""
+        if isinstance(message, wire.KeyFrame) and self._is_full(message, delivery):
+            self._begin(message, delivery, log_time)
+        if self._older is not None:
+            if log_time > self._boundary.closes:
+                self._close()
+            elif self._belongs_before(message, self._older):
+                self._older.put(message, delivery, log_time)
+                return
+        self._newest.put(message, delivery, log_time)
+
+    def _is_full(self, frame: wire.KeyFrame, delivery: wire.Delivery) -> bool:
+        """Tell whether a key-frame is to begin another file: not if it came before."""
+        return (
+            self._split is not None
+            and self._newest.size > self._split.size
+            and frame.waves > 0
+            and delivery.sequence >= self.upcoming(frame.sender)
+        )
+
+    def _begin(
+        self, frame: wire.KeyFrame, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        """Let a key-frame begin the next file."""
+        self._close()
+        self._older = self._newest
+        self._warn_of_size(self._older)
+        self._older.note_frame(frame, delivery.sent, log_time)
+        self._number += 1
+        self._newest = self._new_writer()
+        self._newest.start(self._facts(frame.tick))
+        self._boundary = _Boundary(frame.tick, frame.waves, log_time + LATE)
+        self._passed = set()
+        self._pass(frame.sender)
+
+    def _warn_of_size(self, older: Writer) -> None:
+        """Say once that files are much larger than asked."""
+        if self._split is None or self._warned or older.size <= 2 * self._split.size:
+            return
+        self._warned = True
+        _log.warning(
+            "files have some %d bytes, not %d: so much comes between two key-frames",
+            older.size,
+            self._split.size,
+        )
+
+    def _belongs_before(self, message: wire.Message, older: Writer) -> bool:
+        """Tell whether a message belongs into the older file; let its sender pass."""
+        sender = message.sender
+        if sender in self._passed:
+            return False
+        if not _is_after(message, self._boundary):
+            return True
+        self._pass(sender)
+        if self._passed >= older.sequences.first.keys():
+            self._close()
+        return False
+
+    def _pass(self, sender: str) -> None:
+        """From here on a sender's messages go to the newest file."""
+        if self._older is not None:
+            self._passed.add(sender)
+            first = self._older.sequences.upcoming(sender)
+            self._newest.sequences.begin(sender, first)
+
+    def _close(self) -> None:
+        """Finish the older file, if one is open; delete what is not kept."""
+        older, self._older = self._older, None
+        if older is None:
+            return
+        senders = older.sequences.first
+        ends = {sender: older.sequences.upcoming(sender) for sender in senders}
+        for sender, end in ends.items():
+            self._newest.sequences.begin(sender, end)
+        # First of all: who goes on from the newest file has to know.
+        self._newest.note_share()
+        self._closed.append(older.finish({"ticks": str(self._boundary.tick)}, ends))
+        if self._split is not None and self._split.keep:
+            for number, path in part_paths(self._log).items():
+                if number <= self._number - self._split.keep:
+                    path.unlink(missing_ok=True)
+
+    def flush(self) -> None:
+        """Give what there is to the operating system; see `Writer.flush`."""
+        if self._older is not None:
+            self._older.flush()
+        self._newest.flush()
+
+    def finish(
+        self, totals: Mapping[str, str], expected: Mapping[str, int]
+    ) -> Completeness:
+        """Finish all files; see `Writer.finish`.
+
+        Returns:
+            What they hold of what was sent, added up.
+        """
+        for heard in self._causes.rest():
+            self._write(*heard)
+        self._close()
+        balances = [*self._closed, self._newest.finish(totals, expected)]
+        missing: dict[str, int] = {}
+        for balance in balances:
+            for who, count in balance.missing.items():
+                missing[who] = missing.get(who, 0) + count
+        return Completeness(
+            messages=sum(balance.messages for balance in balances),
+            missing=dict(sorted(missing.items())),
+            duplicates=sum(balance.duplicates for balance in balances),
+            foreign=sum(balance.foreign for balance in balances),
+        )
+
+    def abandon(self) -> None:
+        """Close without totals and index; see `Writer.abandon`."""
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._newest.abandon)
+            if self._older is not None:
+                stack.callback(self._older.abandon)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.abandon()
+
+
+def _is_after(message: wire.Message, boundary: _Boundary) -> bool:
+    """Tell whether a message is of a later wave or tick than a file's last."""
+    match message:
+        case wire.Observation(tick=tick):
+            return tick > boundary.tick
+        case (
+            wire.Pulse(wave=wave)
+            | wire.Settled(wave=wave)
+            | wire.Burst(wave=wave)
+            | wire.Tally(wave=wave)
+        ):
+            return wave > boundary.wave
+        case _:
+            return False

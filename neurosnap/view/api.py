@@ -1,0 +1,312 @@
+"""What the page is told: one struct an answer, sent as JSON.
+
+Literals are numbered as in `neurosnap.sensorium`: ``2s`` is sensor `s` itself and
+``2s + 1`` its complement. Ticks count from 1. Fields are only ever added.
+
+================================================= ============
+asked                                             answer
+================================================= ============
+``/api/run``                                      `Run`
+``/api/frames?from=&to=``                         `Frames`
+``/api/graph?tick=``                              `Graph`
+``/api/edge?source=&target=&tick=``               `Edge`
+``/api/series?column=&from=&to=&points=``         `Series`
+``/api/cells``                                    `Cells`
+``/api/events``                                   `Event`, again and again
+================================================= ============
+
+What is wrong with a question is answered by `Wrong`, with status 400, 404 or 500.
+``/api/events`` is a stream of server-sent events without names; a line that starts with
+a colon is there to show that the connection is alive.
+"""
+
+from typing import Literal, TypeAlias
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+Bit: TypeAlias = Literal[0, 1] | None
+"""On, off, or not known."""
+
+Column: TypeAlias = Literal["edges", "depth", "height", "pulses", "err", "distance"]
+"""A number a tick: what `State` says; ``err``, the edges between literals of different
+sensors that were learned and are not true or the reverse, ordered pairs as in
+[GK] empirical:performance; ``distance``, the fewest actions to the target."""
+
+COLUMNS: tuple[Column, ...] = ("edges", "depth", "height", "pulses")
+"""Those that every recording has."""
+
+MOST_FRAMES = 240
+MOST_POINTS = 2000
+
+
+class Stage(msgspec.Struct, frozen=True, kw_only=True):
+    """A world that can be drawn."""
+
+    kind: Literal["path", "cycle", "grid"]
+    places: int
+    """How many there are; they are numbered from 0."""
+    coordinates: list[tuple[int, int]]
+    """Of each place: x to the right and y upwards in a grid; its number and 0 along a
+    path or clockwise around a cycle."""
+    width: int
+    """How many values x takes."""
+    height: int
+    """How many values y takes."""
+    target: int | None
+    """The place that is the target; None: there is none."""
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """What is being looked at."""
+
+    log: str
+    """The file's name."""
+    source: str
+    sensors: tuple[str, ...]
+    actions: tuple[str, ...]
+    options: dict[str, object]
+    """The options of the run, by name."""
+    first: int
+    """The first tick there is; 1 unless the recording begins later."""
+    ticks: int
+    """The last tick whose state is known; below `first` if there is none yet."""
+    live: bool
+    """It still grows."""
+    cut: str | None
+    """Where and why a recording that is not whole ends; None where it is whole."""
+    swarm: str
+    world: Stage | None
+    """None: it cannot be drawn."""
+    columns: tuple[Column, ...]
+
+
+class Wave(msgspec.Struct, frozen=True, kw_only=True):
+    """One wave of a tick, by what the cells reported of it."""
+
+    wave: int
+    kind: Literal["state", "signal"]
+    signal: list[int]
+    """The literals it started from."""
+    hops: list[tuple[int, int]]
+    """Each literal that fired, and the hops at which it was first reached; by hops."""
+    depth: int
+    """The most of these hops."""
+    pulses: int
+    settled: bool
+    """All of its credit came back: the hops are all there are."""
+
+
+class Frame(msgspec.Struct, frozen=True, kw_only=True):
+    """What happened at one tick."""
+
+    tick: int
+    bits: list[Bit]
+    """What each sensor read."""
+    state: list[Bit]
+    """The recorded state: which sensors it has on, off, or neither."""
+    contradicted: list[int]
+    """Sensors of which both literals were reached, so that the state has neither."""
+    action: str | None
+    """What was decided, by name, several joined by ``+``; None: nothing (yet)."""
+    choice: int
+    """The same as a number, -1 for nothing."""
+    why: str
+    begins: bool
+    """The tick begins a trajectory."""
+    incoherent: bool
+    depth: int
+    longest: int
+    height: int
+    edges: int
+    pulses: int
+    graph: str
+    """As in `Graph`."""
+    place: int | None
+    """Where in the world this is; None: not known."""
+    waves: list[Wave]
+    """Oldest first; the state's is the last of kind ``state``."""
+
+
+class Frames(msgspec.Struct, frozen=True):
+    """The frames asked for, as far as there are any."""
+
+    frames: list[Frame]
+
+
+class Node(msgspec.Struct, frozen=True, kw_only=True):
+    """One sensor in the learned order."""
+
+    sensor: int
+    name: str
+    layer: int
+    """The height of its own literal: edges on the longest chain going up from it."""
+    complement_layer: int
+    """The height of its complement."""
+    group: int = msgspec.field(name="class")
+    """The literal that stands for all that its own literal is equivalent to: the same
+    for `s` and `t` if they are equivalent, and with the lowest bit flipped (``^ 1``) if
+    `s` is equivalent to the complement of `t`."""
+
+
+class Arrow(msgspec.Struct, frozen=True, kw_only=True):
+    """One covering implication, which stands for its contrapositive, too."""
+
+    source: int
+    target: int
+    kind: Literal["excite", "inhibit"]
+    """``inhibit`` where the target is a complement."""
+
+
+class Graph(msgspec.Struct, frozen=True, kw_only=True):
+    """The learned order after one tick."""
+
+    id: str
+    """The same if and only if all the rest is, but for the tick."""
+    tick: int
+    height: int
+    nodes: list[Node]
+    edges: list[Arrow]
+    """Between those that stand for their classes; of an edge and its contrapositive the
+    one with the smaller source."""
+    classes: list[tuple[int, ...]]
+    """Equivalent literals, two or more, each class once with its complement; the first
+    stands for all."""
+
+
+class Weighed(msgspec.Struct, frozen=True, kw_only=True):
+    """What speaks for and against an implication ``a -> b`` at one tick."""
+
+    tick: int
+    weights: tuple[float, float, float, float]
+    """Of ``ab``, ``ab*``, ``a*b``, ``a*b*``; the second speaks against."""
+    threshold: float
+    """What the second has to be below: the learning threshold times `total`."""
+    total: float
+    """What the four add up to."""
+    holds: bool
+    since: int
+    """The tick since when it has held, or has not; 0: from the beginning."""
+
+
+class Edge(msgspec.Struct, frozen=True, kw_only=True):
+    """`Weighed` at the tick asked for, and around it."""
+
+    source: int
+    target: int
+    tick: int
+    weights: tuple[float, float, float, float]
+    threshold: float
+    total: float
+    holds: bool
+    since: int
+    over: list[Weighed]
+    """By tick: at key-frames, and closer together near the tick."""
+
+
+class Series(msgspec.Struct, frozen=True, kw_only=True):
+    """One column over time, thinned out so that least and most stay."""
+
+    column: Column
+    ticks: list[int]
+    values: list[float | None]
+    """None: not known there."""
+    done: bool
+    """All that was asked for has been read; if not, ask again."""
+
+
+class Member(msgspec.Struct, frozen=True, kw_only=True):
+    """One part of the swarm."""
+
+    who: str
+    sensors: list[int]
+    """Of which sensors it is the cell, or has the cells."""
+    messages: int
+    """How many it sent, as far as is known."""
+    restarts: int
+    """How often the run went on after a part had died or it was resumed: all parts
+    start again then."""
+    host: str | None
+    """Where it runs: this machine and the process; None: not known."""
+
+
+class Cells(msgspec.Struct, frozen=True):
+    """The parts of the swarm: services first, then workers or cells in order."""
+
+    cells: list[Member]
+    read_to: int
+    """The last tick whose messages are counted."""
+
+
+class Change(msgspec.Struct, frozen=True, kw_only=True):
+    """A `Frame` as the difference against another.
+
+    What is not there is as it was; `bits` and `state` list sensors with what they are
+    now.
+    """
+
+    tick: int
+    after: int
+    """The tick of the frame that this is a difference against; 0: of none, and then all
+    is there, `bits` and `state` for every sensor."""
+    bits: list[tuple[int, Bit]] | UnsetType = UNSET
+    state: list[tuple[int, Bit]] | UnsetType = UNSET
+    contradicted: list[int] | UnsetType = UNSET
+    action: str | UnsetType | None = UNSET
+    choice: int | UnsetType = UNSET
+    why: str | UnsetType = UNSET
+    begins: bool | UnsetType = UNSET
+    incoherent: bool | UnsetType = UNSET
+    depth: int | UnsetType = UNSET
+    longest: int | UnsetType = UNSET
+    height: int | UnsetType = UNSET
+    edges: int | UnsetType = UNSET
+    pulses: int | UnsetType = UNSET
+    graph: str | UnsetType = UNSET
+    place: int | UnsetType | None = UNSET
+    waves: list[Wave] | UnsetType = UNSET
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """What is new in a recording that grows; at most ten a second.
+
+    The first of a stream has the newest frame, those after it the newest of the frames
+    since. Who wants all of them asks for the others. The frame that came last may come
+    again, as a difference against itself, once more is known of it.
+    """
+
+    ticks: int
+    """As in `Run`."""
+    live: bool
+    """As in `Run`; after an event without it the stream ends."""
+    cut: str | None
+    """As in `Run`."""
+    reset: bool
+    """It is another recording than before, of the same run: it went on after a part
+    had died. What is known of it has to be asked for again."""
+    frames: list[Change]
+
+
+class Wrong(msgspec.Struct, frozen=True):
+    """What is wrong: with the question, or with the recording."""
+
+    error: str
+
+
+def difference(before: Frame | None, now: Frame) -> Change:
+    """Return a frame as the difference against another of the same run."""
+    if before is None:
+        fields = msgspec.structs.asdict(now)
+        whole = {name: list(enumerate(fields[name])) for name in ("bits", "state")}
+        return Change(**{**fields, **whole, "after": 0})
+    changed: dict[str, object] = {}
+    for name in Frame.__struct_fields__:
+        was, is_now = getattr(before, name), getattr(now, name)
+        if was == is_now:
+            continue
+        if name in ("bits", "state"):
+            pairs = enumerate(zip(was, is_now, strict=True))
+            changed[name] = [(k, new) for k, (old, new) in pairs if old != new]
+        else:
+            changed[name] = is_now
+    return msgspec.convert({**changed, "tick": now.tick, "after": before.tick}, Change)

@@ -1,0 +1,93 @@
+"""The parts of the swarm, and how much each has sent.
+
+A part's messages have running numbers. So its last one says how many there were, and
+only the end of a recording has to be read: every cell reports on every tick.
+"""
+
+from pathlib import Path
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.swarm.registry import Note, Part, parts, swarms
+from neurosnap.swarm.shares import shares
+from neurosnap.view.api import Cells, Member
+from neurosnap.view.film import Film
+
+_LATEST = 16
+"""Chunks at the end of a recording that are read, at most."""
+_REPORTING: dict[str, type[wire.Message]] = {
+    "settle": wire.Settled,
+    "tally": wire.Tally,
+    "observe": wire.Observation,
+    "state": wire.State,
+    "decide": wire.Decision,
+    "leave": wire.Leave,
+}
+
+
+def members(film: Film) -> Cells:
+    """Return the parts of a recorded swarm, or of one that is being recorded.
+
+    Raises:
+        RecordingError: The recording's totals are not what a writer writes.
+    """
+    sent = _sent(film)
+    hosting = _hosting(film)
+    there = {part.who: part for part in _running(film.path)}
+    services = [who for who in ("coordinator", "world") if who in sent]
+    return Cells(
+        cells=[
+            Member(
+                who=who,
+                sensors=list(hosting.get(who, ())),
+                messages=sent.get(who, 0),
+                restarts=len(film.resumed),
+                host=_host(there.get(who)),
+            )
+            for who in (*services, *hosting)
+        ],
+        read_to=film.last,
+    )
+
+
+def _hosting(film: Film) -> dict[str, range]:
+    """Return of each worker or cell, in order, which sensors it has."""
+    options = film.options
+    count = len(options.sensors)
+    each = shares(count, options.sharing or count) if count else []
+    return dict(zip(options.host_names(), each, strict=True))
+
+
+def _sent(film: Film) -> dict[str, int]:
+    """Return how many messages each part has sent."""
+    noted = film.files.last.noted().expected
+    if noted:
+        return noted
+    sent: dict[str, int] = {}
+    missing = set(_hosting(film))
+    for _, strip in film.reel.readable_back(_LATEST):
+        for topic, kind in _REPORTING.items():
+            try:
+                messages = strip.all(topic, kind)
+            except RecordingError:
+                continue
+            for message, number in zip(messages, strip.sequences(topic), strict=True):
+                sent[message.sender] = max(sent.get(message.sender, 0), number + 1)
+        missing -= sent.keys()
+        if not missing:
+            break
+    return sent
+
+
+def _running(log: Path) -> list[Part]:
+    """Return the processes of this machine that are recorded there now."""
+    return [part for note in recorded_in(log) for part in parts(note)]
+
+
+def recorded_in(log: Path) -> list[Note]:
+    """Return the swarms of this machine that record into a file."""
+    return [note for note in swarms() if note.log == str(log.absolute())]
+
+
+def _host(part: Part | None) -> str | None:
+    return None if part is None else f"this machine, process {part.pid}"

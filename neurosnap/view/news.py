@@ -1,0 +1,83 @@
+"""What is new in a recording that grows, for one who listens."""
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import msgspec
+
+from neurosnap.view import api
+from neurosnap.view.desk import Desk
+from neurosnap.view.film import Film
+
+_EVERY = 0.1
+"""Seconds between two events, at least."""
+_NEWEST = 10
+"""Frames in one event, at most: who falls behind asks for the others."""
+_HEARTBEAT = 15.0
+"""Seconds of silence, at most."""
+
+
+async def news(desk: Desk, stop: asyncio.Event) -> AsyncIterator[bytes]:
+    """Yield server-sent events until the recording has its end, or `stop` is set."""
+    loop = asyncio.get_running_loop()
+    listener = _Listener()
+    said = loop.time()
+    while not stop.is_set():
+        await desk.look()
+        event = await desk.ask(listener.event, desk.live)
+        if event is not None:
+            said = loop.time()
+            yield b"data: " + msgspec.json.encode(event) + b"\n\n"
+            if not event.live:
+                return
+        elif loop.time() - said > _HEARTBEAT:
+            said = loop.time()
+            yield b": still here\n\n"
+        try:
+            async with asyncio.timeout(_EVERY):
+                await stop.wait()
+        except TimeoutError:
+            continue
+
+
+class _Listener:
+    """What one who listens was told last."""
+
+    def __init__(self) -> None:
+        self._film: Film | None = None
+        self._frame: api.Frame | None = None
+        self._told: tuple[int, int, bool] | None = None
+
+    def event(self, film: Film, live: bool) -> api.Event | None:
+        """Return what is new; None: nothing is."""
+        reset = self._film is not None and film is not self._film
+        if reset:
+            self._frame = self._told = None
+        now = (film.grown, film.last, live)
+        if now == self._told:
+            return None
+        changes = self._changes(film)
+        said = None if self._told is None else self._told[1:]
+        self._film, self._told = film, now
+        if not changes and now[1:] == said:
+            return None
+        cut = None if live and not film.files.troubled else film.cut
+        return api.Event(
+            ticks=film.last, live=live, cut=cut, reset=reset, frames=changes
+        )
+
+    def _changes(self, film: Film) -> list[api.Change]:
+        """Return how the newest frames differ from what was told.
+
+        The last that was told is looked at again: its decision may have come since.
+        """
+        if self._frame is None:
+            first = film.last
+        else:
+            first = max(self._frame.tick, film.last - _NEWEST + 1)
+        changes = []
+        for frame in film.frames(first, film.last):
+            if frame != self._frame:
+                changes.append(api.difference(self._frame, frame))
+            self._frame = frame
+        return changes

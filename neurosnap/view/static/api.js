@@ -1,0 +1,43 @@
+// What the server can be asked, one function a question. Addresses are relative to the
+// page, so that it works wherever the server puts it.
+
+/** An answer that is no answer: what the server says is wrong, or that it is gone. */
+export class Refused extends Error {}
+
+async function ask(what, query = {}, signal = undefined) {
+  const search = new URLSearchParams(query).toString();
+  const address = `api/${what}${search && `?${search}`}`;
+  let response;
+  try {
+    response = await fetch(address, { signal });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refused("the server does not answer; has it been stopped?");
+  }
+  const answer = await response.json().catch(() => null);
+  if (response.ok && answer !== null) return answer;
+  throw new Refused(answer?.error ?? `the server answered ${response.status}`);
+}
+
+/** What is being looked at: sensors, ticks, world, columns. */
+export const fetchRun = () => ask("run");
+
+/** The frames of ticks `from` to `to`, both included, as far as there are any. */
+export const fetchFrames = async (from, to) => (await ask("frames", { from, to })).frames;
+
+/** The learned order after a tick. */
+export const fetchGraph = (tick) => ask("graph", { tick });
+
+/** The weights of an implication at a tick, and around it. */
+export const fetchEdge = (source, target, tick, signal) =>
+  ask("edge", { source, target, tick }, signal);
+
+/** One column over ticks `from` to `to`, in about `points` points. */
+export const fetchSeries = (column, from, to, points) =>
+  ask("series", { column, from, to, points });
+
+/** The parts of the swarm. */
+export const fetchCells = () => ask("cells");
+
+/** The stream of what is new in a recording that grows. */
+export const openEvents = () => new EventSource("api/events");

@@ -1,0 +1,62 @@
+// What lies behind the nodes: the layers as stripes, and what ties equivalent sensors
+// together.
+
+import { font } from "./palette.js";
+
+const LEGIBLE = 9; // pixels a stripe has to have to be numbered
+
+/** Paint the layers over the whole width, each with its number. */
+export function paintStripes(context, bands, { scale, top }, width, colours) {
+  context.font = font(10);
+  context.textBaseline = "middle";
+  bands.forEach((band, number) => {
+    const [from, to] = [band.top * scale + top, band.bottom * scale + top];
+    if (number % 2 === 0) {
+      context.fillStyle = colours.band;
+      context.fillRect(0, from, width, to - from);
+    }
+    if (to - from < LEGIBLE) return;
+    context.fillStyle = colours.mute;
+    context.fillText(String(band.layer), 5, (from + to) / 2);
+  });
+}
+
+/** Paint a double line through the members of each class. */
+export function paintClasses(context, places, colours) {
+  context.strokeStyle = colours.mute;
+  context.lineWidth = 1.3;
+  for (const members of classes(places)) {
+    // Along each row, and from one row to the next where they begin.
+    members.sort((a, b) => a.y - b.y || a.x - b.x);
+    let first = members[0];
+    for (let k = 1; k < members.length; k += 1) {
+      const [one, other] = [members[k - 1], members[k]];
+      if (one.y === other.y) {
+        tie(context, one, other);
+      } else {
+        tie(context, first, other);
+        first = other;
+      }
+    }
+  }
+}
+
+function classes(places) {
+  const found = new Map();
+  for (const place of places.values()) {
+    if (place.item.kind !== "sensor") continue;
+    if (!found.has(place.item.class)) found.set(place.item.class, []);
+    found.get(place.item.class).push(place);
+  }
+  return found.values();
+}
+
+function tie(context, one, other) {
+  const [across, down] = one.y === other.y ? [0, 2.2] : [2.2, 0];
+  for (const side of [-1, 1]) {
+    context.beginPath();
+    context.moveTo(one.x + side * across, one.y + side * down);
+    context.lineTo(other.x + side * across, other.y + side * down);
+    context.stroke();
+  }
+}

@@ -1,0 +1,38 @@
+// The parts of the swarm: who they are, what they said, and where they run.
+
+import { make } from "./dom.js";
+
+const SHOWN = 6; // sensors of a worker that are named
+
+/** Show the parts of the swarm as a table. */
+export function showCells(home, names, { cells, read_to: readTo }) {
+  const titles = [["Part"], ["Sensors"], ["Messages", "number"], ["Restarts", "number"], ["Host"]];
+  const head = titles.map(([title, className = ""]) =>
+    make("th", { scope: "col", className }, title),
+  );
+  const rows = cells.map((cell) =>
+    make(
+      "tr",
+      {},
+      make("th", { scope: "row" }, cell.who),
+      make("td", {}, named(cell.sensors, names)),
+      make("td", { className: "number" }, String(cell.messages)),
+      make("td", { className: "number" }, String(cell.restarts)),
+      make("td", {}, cell.host ?? "not known"),
+    ),
+  );
+  const table = make(
+    "table",
+    {},
+    make("caption", { className: "unseen" }, "The parts of the swarm"),
+    make("thead", {}, make("tr", {}, ...head)),
+    make("tbody", {}, ...rows),
+  );
+  const note = make("p", { className: "quiet" }, `Messages counted up to tick ${readTo}.`);
+  home.replaceChildren(note, table);
+}
+
+function named(sensors, names) {
+  const shown = sensors.slice(0, SHOWN).map((sensor) => names[sensor]).join(", ");
+  return sensors.length > SHOWN ? `${shown} and ${sensors.length - SHOWN} more` : shown;
+}

@@ -1,0 +1,269 @@
+// The diagram: the learned order in layers, the state in its nodes, and a wave on its way
+// over them. Nothing is laid out again while the order is the same.
+
+import { paintClasses, paintStripes } from "./background.js";
+import { Camera } from "./camera.js";
+import { collapse, MOST } from "./groups.js";
+import { Layers } from "./layers.js";
+import { layOut, HEIGHT } from "./layout.js";
+import { along, curve, distance, paintLink } from "./links.js";
+import { sensorOf } from "./literals.js";
+import { lookKey, looks } from "./looks.js";
+import { NodePainter, widthOf } from "./nodes.js";
+import { point } from "./pointer.js";
+import { paintPulses, waysOf } from "./pulses.js";
+
+const NEAR = 7; // pixels from a line that still mean it
+const RING = 5; // by how much what marks a node stands out
+
+/** A learned order, drawn into an element. */
+export class Diagram {
+  /**
+   * @param {HTMLElement} home what it fills
+   * @param {{pick: (thing: object|null) => void, change: () => void}} on told what was
+   *   clicked (`{sensor}`, `{edge}` or null), and when it was arranged anew
+   */
+  constructor(home, on) {
+    this._on = on;
+    this._layers = new Layers(home);
+    this._camera = new Camera();
+    this._painter = new NodePainter();
+    this._graph = null;
+    this._expanded = new Set();
+    this._all = false;
+    this._drawing = { items: [], links: [], itemOf: [], collapses: false };
+    this._laid = layOut([], [], widthOf);
+    this._curves = new Map();
+    this._ways = [];
+    this._frame = null;
+    this._wave = null;
+    this._chosen = null;
+    this._sought = null;
+    this._shown = new Map(); // how each item was painted last
+    this._whole = true; // the camera sees everything, and keeps doing so
+    new ResizeObserver(() => this._resize()).observe(home);
+    point(home, {
+      move: (across, down) => this._aim((camera) => camera.move(across, down)),
+      zoom: (factor, x, y) => this._aim((camera) => camera.zoom(factor, x, y)),
+      click: (x, y) => this._click(this._at(x, y)),
+      over: (x, y) => this._at(x, y) !== null,
+    });
+    home.addEventListener("dblclick", () => this.fit());
+  }
+
+  /** How many items are drawn, of how many sensors. */
+  get count() {
+    return { items: this._drawing.items.length, sensors: this._graph?.nodes.length ?? 0 };
+  }
+
+  /** Whether there is too much to draw every sensor by itself. */
+  get isLarge() {
+    return this.count.sensors > MOST;
+  }
+
+  /** Show another order. */
+  setGraph(graph) {
+    if (graph.id === this._graph?.id) return;
+    this._graph = graph;
+    this._arrange();
+  }
+
+  /**
+   * Show a tick.
+   *
+   * @param {object} frame
+   * @param {object|null} wave what of a wave to show instead of the state: `hops`, the
+   *   hops of each literal it reaches, and `at`, how many it has gone, with fractions
+   */
+  show(frame, wave) {
+    const moving = wave !== null || this._wave !== null;
+    this._frame = frame;
+    this._wave = wave;
+    this._paintNodes();
+    if (moving) this._paintPulses();
+  }
+
+  /** Mark what is selected: `{sensor}`, `{edge}`, or null. */
+  choose(thing) {
+    this._chosen = thing;
+    this._paint();
+  }
+
+  /** Mark the sensors a search has found; null: there is no search. */
+  seek(sensors) {
+    this._sought = sensors;
+    this._paintNodes();
+  }
+
+  /** Bring a sensor into view, out of what it is collapsed into. */
+  reveal(sensor) {
+    if (this._graph === null) return;
+    let item = this._drawing.itemOf[sensor];
+    while (item.kind !== "sensor") {
+      this._expand(item);
+      item = this._drawing.itemOf[sensor];
+    }
+    const place = this._laid.places.get(item.key);
+    const { width, height } = this._layers;
+    if (this._camera.sees(place, width, height)) return;
+    this._aim((camera) => camera.centre(place, width, height));
+  }
+
+  /** Draw every sensor by itself, or collapse again what is too much. */
+  expandAll(all) {
+    this._all = all;
+    this._expanded.clear();
+    this._whole = true;
+    this._arrange();
+  }
+
+  /** Make everything larger by a factor. */
+  zoom(factor) {
+    const { width, height } = this._layers;
+    this._aim((camera) => camera.zoom(factor, width / 2, height / 2));
+  }
+
+  /** See everything. */
+  fit() {
+    this._whole = true;
+    this._camera.fit(this._laid.box, this._layers.width, this._layers.height);
+    this._paint();
+  }
+
+  /** The scheme of colours has changed. */
+  recolour() {
+    this._painter.renew();
+    this._paint();
+  }
+
+  /** Where on the screen a sensor, or the middle of an edge, is drawn. */
+  whereIs({ sensor, edge }) {
+    const has = (link) =>
+      link.edges.some(({ source, target }) => source === edge.source && target === edge.target);
+    const place = edge
+      ? along(this._curves.get(this._drawing.links.find(has)), 0.5)
+      : this._laid.places.get(this._drawing.itemOf[sensor].key);
+    return this._camera.over(place);
+  }
+
+  // Arranging ------------------------------------------------------------------------
+
+  _arrange() {
+    const before = this._laid.places;
+    this._drawing = collapse(this._graph, this._expanded, this._all ? Infinity : MOST);
+    const { items, links } = this._drawing;
+    this._laid = layOut(items, links, widthOf, before);
+    this._curves = new Map(links.map((link) => [link, curve(link, this._laid.places)]));
+    this._ways = waysOf(links);
+    if (this._whole) this.fit();
+    else this._paint();
+    this._on.change();
+  }
+
+  _expand(item) {
+    this._expanded.add(item.key);
+    this._arrange();
+  }
+
+  _resize() {
+    const { width, height } = this._layers.resize();
+    if (this._whole) {
+      this.fit();
+    } else {
+      this._camera.move(width / 2, height / 2); // what is in the middle stays there
+      this._paint();
+    }
+  }
+
+  /** Move the camera by hand; it stays where it was put. */
+  _aim(move) {
+    this._whole = false;
+    move(this._camera);
+    this._paint();
+  }
+
+  // Painting -------------------------------------------------------------------------
+
+  _paint() {
+    this._paintLines();
+    this._shown.clear();
+    this._layers.wipe(this._layers.nodes);
+    this._paintNodes();
+    this._paintPulses();
+  }
+
+  _paintLines() {
+    const { lines: context, width } = this._layers;
+    const { colours } = this._painter;
+    this._layers.wipe(context);
+    this._layers.flat(context);
+    paintStripes(context, this._laid.bands, this._camera, width, colours);
+    this._layers.aim(context, this._camera);
+    paintClasses(context, this._laid.places, colours);
+    const chosen = [];
+    for (const [link, c] of this._curves) {
+      if (this._isChosen(link)) chosen.push([link, c]);
+      else paintLink(context, link, c, colours, false);
+    }
+    for (const [link, c] of chosen) paintLink(context, link, c, colours, true);
+  }
+
+  /** Paint the nodes that look otherwise than before. */
+  _paintNodes() {
+    if (this._frame === null) return;
+    const context = this._layers.nodes;
+    this._layers.aim(context, this._camera);
+    const lookOf = looks(this._frame, this._wave, this._chosen, this._sought);
+    for (const place of this._laid.places.values()) {
+      const look = lookOf(place.item);
+      const key = lookKey(look);
+      if (this._shown.get(place.item.key) === key) continue;
+      this._shown.set(place.item.key, key);
+      const [wide, high] = [place.width + 2 * RING, HEIGHT + 2 * RING];
+      context.clearRect(place.x - wide / 2, place.y - high / 2, wide, high);
+      this._painter.paint(context, place, look, this._camera.scale);
+    }
+  }
+
+  _paintPulses() {
+    const context = this._layers.pulses;
+    this._layers.wipe(context);
+    if (this._wave === null) return;
+    this._layers.aim(context, this._camera);
+    paintPulses(context, this._ways, this._curves, this._wave, this._painter.colours);
+  }
+
+  _isChosen(link) {
+    if (this._chosen === null) return false;
+    const { sensor, edge } = this._chosen;
+    return link.edges.some(({ source, target }) =>
+      edge
+        ? edge.source === source && edge.target === target
+        : sensorOf(source) === sensor || sensorOf(target) === sensor,
+    );
+  }
+
+  // Clicking -------------------------------------------------------------------------
+
+  _click(thing) {
+    if (thing?.item && thing.item.kind !== "sensor") this._expand(thing.item);
+    else if (thing?.item) this._on.pick({ sensor: thing.item.sensors[0] });
+    else if (thing?.link.edges.length === 1) this._on.pick({ edge: thing.link.edges[0] });
+    else this._on.pick(null);
+  }
+
+  /** What is at a place on the screen: `{item}`, `{link}`, or null. */
+  _at(x, y) {
+    const under = this._camera.under(x, y);
+    for (const place of this._laid.places.values()) {
+      const across = Math.abs(under.x - place.x) <= place.width / 2;
+      if (across && Math.abs(under.y - place.y) <= HEIGHT / 2) return { item: place.item };
+    }
+    let [nearest, least] = [null, NEAR / this._camera.scale];
+    for (const [link, c] of this._curves) {
+      const off = distance(c, under);
+      if (off < least) [nearest, least] = [link, off];
+    }
+    return nearest && { link: nearest };
+  }
+}

@@ -1,0 +1,119 @@
+// An edge: the four weights of its square and the threshold, at this tick and over time.
+// It holds while the weight that speaks against it stays below the threshold.
+
+import uPlot from "./vendor/uplot/uPlot.esm.js";
+import { make, number, write } from "./dom.js";
+import { literalName } from "./literals.js";
+import { palette } from "./palette.js";
+import { axes, line, mark } from "./plots.js";
+
+const INKS = ["first", "second", "third", "fourth"];
+const HIGH = 130;
+const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
+
+/** What is known of one edge, drawn into an element. */
+export class EdgeView {
+  constructor(home, names, fetchEdge) {
+    this._home = home;
+    this._names = names;
+    this._fetch = fetchEdge;
+    this._edge = null;
+    this._known = null;
+    this._asked = null;
+  }
+
+  /** Show an edge, or none. */
+  open(edge) {
+    this._edge = edge;
+    this._asked?.abort();
+    this._known = null;
+    if (edge === null) return;
+    const names = [edge.source, edge.target].map((end) => literalName(this._names, end));
+    const backwards = [edge.target ^ 1, edge.source ^ 1].map((end) =>
+      literalName(this._names, end),
+    );
+    this._values = [...INKS, "limit"].map(() => make("td", { className: "number" }, "–"));
+    this._says = make("p", { className: "quiet" });
+    this._plot = make("div", { className: "plot", role: "img", ariaLabel: "Weights over time" });
+    const kind = edge.kind === "excite" ? "excites" : "inhibits";
+    this._home.replaceChildren(
+      make("p", {}, make("b", {}, `${names[0]} → ${names[1]}`), ` ${kind}`),
+      make("p", { className: "quiet" }, `the same as ${backwards[0]} → ${backwards[1]}`),
+      make("table", { id: "edge" }, make("tbody", {}, ...this._lines(edge))),
+      this._says,
+      this._plot,
+    );
+  }
+
+  /** Show its weights at a tick, once one stays there. */
+  at(tick, playing) {
+    if (this._edge === null || playing || this._known?.tick === tick) return;
+    clearTimeout(this._timer);
+    this._timer = setTimeout(() => this._ask(tick), PATIENCE);
+  }
+
+  /** The scheme of colours has changed. */
+  recolour() {
+    if (this._known !== null) this._draw(this._known);
+  }
+
+  async _ask(tick) {
+    this._asked?.abort();
+    this._asked = new AbortController();
+    const { source, target } = this._edge ?? {};
+    if (source === undefined) return;
+    try {
+      this._show(await this._fetch(source, target, tick, this._asked.signal));
+    } catch (error) {
+      if (error.name !== "AbortError") write(this._says, error.message);
+    }
+  }
+
+  _lines({ source, target }) {
+    const [a, a_, b, b_] = [source, source ^ 1, target, target ^ 1].map((end) =>
+      literalName(this._names, end),
+    );
+    const pairs = [[a, b], [a, b_], [a_, b], [a_, b_]];
+    const labels = pairs.map(([one, other]) => `${one} and ${other}`);
+    return [...labels, "threshold of the second"].map((label, k) =>
+      make(
+        "tr",
+        {},
+        make("th", { scope: "row" }, make("i", { className: `swatch ${INKS[k] ?? "limit"}` }), label),
+        this._values[k],
+      ),
+    );
+  }
+
+  _show(known) {
+    this._known = known;
+    known.weights.forEach((weight, k) => write(this._values[k], number(weight)));
+    write(this._values[4], number(known.threshold));
+    const since = known.since > 0 ? ` since tick ${known.since}` : "";
+    write(this._says, `${known.holds ? "It holds" : "It does not hold"}${since}.`);
+    this._home.dataset.tick = known.tick;
+    this._draw(known);
+  }
+
+  _draw({ over, tick }) {
+    const colours = palette();
+    const limit = { label: "threshold", stroke: colours.ink, width: 1, points: { show: false } };
+    const options = {
+      width: Math.max(this._plot.clientWidth, 200),
+      height: HIGH,
+      scales: { x: { time: false } },
+      axes: axes(colours),
+      series: [{}, ...INKS.map((ink, k) => line(colours, k, ink)), limit],
+      legend: { show: false },
+      cursor: { show: false },
+    };
+    const data = [over.map((one) => one.tick)];
+    for (let k = 0; k < 4; k += 1) data.push(over.map((one) => one.weights[k]));
+    data.push(over.map((one) => one.threshold));
+    const now = make("div", { className: "now" });
+    options.hooks = { draw: [(drawn) => mark(now, drawn, tick)] };
+    this._plot.replaceChildren();
+    new uPlot(options, data, this._plot);
+    this._plot.append(now);
+  }
+}

@@ -1,0 +1,187 @@
+// Where items stand: in layers by height, what is implied above what implies it. Within
+// a layer the order follows the neighbours' middles (Sugiyama's barycentres), and the
+// places are the nearest to those middles that keep everything apart.
+
+/** How high an item is drawn. */
+export const HEIGHT = 20;
+
+const GAP = 14; // beside an item
+const ROW = 30; // from one row of a layer to the next
+const LAYER = 34; // from one layer to the next
+const NARROWEST = 500; // of a layer that is divided into rows
+const SWEEPS = 8;
+const ASPECT = 2; // how much wider than high the whole is made, if it can be
+
+/**
+ * Place items.
+ *
+ * @param {object[]} items with `layer` and `class`
+ * @param {object[]} links with `from` and `to`
+ * @param {(item: object) => number} widthOf how wide an item is drawn
+ * @param {Map<string, {x: number}>} before where they stood, so that they stay about there
+ * @returns {{places: Map<string, object>, bands: object[], box: object}} the middle and
+ *   width of every item by key, what each layer takes up, and the box around all.
+ */
+export function layOut(items, links, widthOf, before = new Map()) {
+  const near = neighbours(items, links);
+  const places = new Map();
+  for (const item of items) {
+    const x = before.get(item.key)?.x ?? 0;
+    places.set(item.key, { x, y: 0, width: widthOf(item), item });
+  }
+  const layers = rows(items, near, places, before);
+  for (let sweep = 0; sweep < SWEEPS; sweep += 1) {
+    const turned = sweep % 2 ? [...layers].reverse() : layers;
+    for (const layer of turned) {
+      for (const row of layer.rows) settle(row, near, places);
+    }
+  }
+  const bands = stack(layers, places);
+  lean(layers, bands, places);
+  return { places, bands, box: around(places, bands) };
+}
+
+function neighbours(items, links) {
+  const near = new Map(items.map((item) => [item.key, []]));
+  for (const { from, to } of links) {
+    near.get(from.key).push(to.key);
+    near.get(to.key).push(from.key);
+  }
+  return near;
+}
+
+/** Divide each layer into rows; classes without any neighbour are out of the way above. */
+function rows(items, near, places, before) {
+  const found = new Map();
+  for (const item of items) {
+    if (!found.has(item.layer)) found.set(item.layer, []);
+    found.get(item.layer).push(item);
+  }
+  const widest = bestWidth([...found.values()], places);
+  const layers = [...found.entries()].sort(([a], [b]) => a - b);
+  return layers.map(([layer, members]) => {
+    members.sort((a, b) => a.class - b.class);
+    if (before.size > 0) {
+      members.sort((a, b) => places.get(a.key).x - places.get(b.key).x);
+    }
+    const joined = new Set(
+      members.filter((item) => near.get(item.key).length > 0).map((item) => item.class),
+    );
+    const linked = members.filter((item) => joined.has(item.class));
+    const alone = members.filter((item) => !joined.has(item.class));
+    return { layer, rows: [...split(alone, places, widest), ...split(linked, places, widest)] };
+  });
+}
+
+/** The width of rows at which the whole is seen largest: not too wide, and not too high. */
+function bestWidth(layers, places) {
+  const widths = layers.map((members) =>
+    members.reduce((sum, item) => sum + places.get(item.key).width + GAP, 0),
+  );
+  const size = (width) => {
+    const high = widths.reduce((sum, all) => sum + LAYER + ROW * (Math.ceil(all / width) - 1), 0);
+    return Math.min(ASPECT / Math.min(width, Math.max(...widths)), 1 / high);
+  };
+  const tried = Array.from({ length: 24 }, (_, k) => NARROWEST * 1.15 ** k);
+  return tried.reduce((best, width) => (size(width) > size(best) ? width : best));
+}
+
+function split(members, places, widest) {
+  const found = [];
+  let used = Infinity;
+  for (const item of members) {
+    const width = places.get(item.key).width + GAP;
+    if (used + width > widest) {
+      found.push([]);
+      used = 0;
+    }
+    found.at(-1).push(item);
+    used += width;
+  }
+  return found;
+}
+
+/** Order a row by its neighbours' middles, and put it as near to them as it fits. */
+function settle(row, near, places) {
+  const wanted = new Map();
+  for (const item of row) {
+    const around = near.get(item.key);
+    const own = places.get(item.key).x;
+    const sum = around.reduce((total, key) => total + places.get(key).x, 0);
+    wanted.set(item.key, around.length ? sum / around.length : own);
+  }
+  // The members of a class stay together, in the middle of where they want to be.
+  const middles = new Map();
+  for (const item of row) {
+    const [sum, count] = middles.get(item.class) ?? [0, 0];
+    middles.set(item.class, [sum + wanted.get(item.key), count + 1]);
+  }
+  const middle = ({ class: number }) => middles.get(number)[0] / middles.get(number)[1];
+  row.sort((a, b) => middle(a) - middle(b) || a.class - b.class || a.sensors[0] - b.sensors[0]);
+  apart(row, wanted, places);
+}
+
+/**
+ * Give a row the places that are nearest to those wanted, in square, and do not overlap:
+ * pool what would, and share the mean (the pool adjacent violators algorithm).
+ */
+function apart(row, wanted, places) {
+  const pools = [];
+  let offset = 0;
+  for (const item of row) {
+    const { width } = places.get(item.key);
+    offset += width / 2;
+    pools.push({ sum: wanted.get(item.key) - offset, count: 1, members: [[item.key, offset]] });
+    offset += width / 2 + GAP;
+    while (pools.length > 1 && mean(pools.at(-1)) < mean(pools.at(-2))) {
+      const last = pools.pop();
+      const into = pools.at(-1);
+      into.sum += last.sum;
+      into.count += last.count;
+      into.members.push(...last.members);
+    }
+  }
+  for (const pool of pools) {
+    for (const [key, at] of pool.members) places.get(key).x = mean(pool) + at;
+  }
+}
+
+const mean = (pool) => pool.sum / pool.count;
+
+/** Give every row its height on the page: layer 0, which implies nothing, on top. */
+function stack(layers, places) {
+  let y = 0;
+  return layers.map(({ layer, rows: within }) => {
+    const top = y - LAYER / 2;
+    within.forEach((row, number) => {
+      for (const item of row) places.get(item.key).y = y + number * ROW;
+    });
+    y += (within.length - 1) * ROW + LAYER;
+    return { layer, top, bottom: y - LAYER / 2 };
+  });
+}
+
+/** Let a high and narrow order lean to one side: a chain is read better as stairs. */
+function lean(layers, bands, places) {
+  const high = bands.length ? bands.at(-1).bottom - bands[0].top : 0;
+  const box = around(places, bands);
+  const spare = high * ASPECT - (box.right - box.left);
+  if (spare <= 0 || layers.length < 3) return;
+  const step = Math.min(spare / layers.length, 60);
+  layers.forEach(({ rows: within }, number) => {
+    for (const row of within) {
+      for (const item of row) places.get(item.key).x -= step * number;
+    }
+  });
+}
+
+function around(places, bands) {
+  if (places.size === 0) return { left: 0, right: 1, top: 0, bottom: 1 };
+  const all = [...places.values()];
+  return {
+    left: Math.min(...all.map(({ x, width }) => x - width / 2)),
+    right: Math.max(...all.map(({ x, width }) => x + width / 2)),
+    top: bands[0].top,
+    bottom: bands.at(-1).bottom,
+  };
+}

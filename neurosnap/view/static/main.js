@@ -1,0 +1,275 @@
+// The page: who is told what. Everything shown follows from the player's position; this
+// is where a position becomes a frame, and a frame goes to all that show it.
+
+import * as api from "./api.js";
+import { bind, tickAsked } from "./bindings.js";
+import { showCells } from "./cells.js";
+import { ChoiceView } from "./choice.js";
+import { Diagram } from "./diagram.js";
+import { find, write } from "./dom.js";
+import { FactsView } from "./facts.js";
+import { follow, patched } from "./live.js";
+import { Orders } from "./orders.js";
+import { Outline } from "./outline.js";
+import { Player } from "./player.js";
+import { Plots } from "./plots.js";
+import { Reel } from "./reel.js";
+import { Search } from "./search.js";
+import { Timeline } from "./timeline.js";
+import { Voice } from "./voice.js";
+import { WaveView } from "./wave.js";
+import { WorldView } from "./world.js";
+
+const RARELY = 100; // milliseconds between two orders while it plays
+const SLOW = 2; // ticks a second up to which a tick's wave is shown on its way
+
+/** Everything there is on the page of one run. */
+class Page {
+  constructor(run) {
+    this.run = run;
+    this.chosen = null;
+    this.frame = null;
+    this.graph = null;
+    this.played = false;
+    this.arranged = 0; // when an order was last shown
+    const names = run.sensors;
+    this.reel = new Reel(api.fetchFrames);
+    this.orders = new Orders(api.fetchGraph, notify);
+    this.player = new Player({
+      ready: (tick) => this.isReady(tick),
+      move: () => this.move(),
+      change: () => this.timeline?.showPlayer(),
+    });
+    this.timeline = new Timeline(this.player);
+    this.diagram = new Diagram(find("drawing"), {
+      pick: (thing) => this.choose(thing),
+      change: () => this.describe(),
+    });
+    this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
+    this.facts = new FactsView(names);
+    this.world = new WorldView(run.world);
+    this.voice = new Voice(names);
+    this.outline = new Outline(find("sensors"), names, (sensor) => this.goTo(sensor));
+    this.choice = new ChoiceView(names, {
+      pick: (thing) => this.choose(thing),
+      fetchEdge: api.fetchEdge,
+    });
+    this.plots = new Plots(find("plots"), run.columns, api.fetchSeries, (tick) => {
+      this.player.pause();
+      this.player.seek(tick);
+    });
+    this.search = new Search(names, {
+      mark: (found) => this.diagram.seek(found),
+      pick: (sensor) => this.goTo(sensor),
+    });
+  }
+
+  // Moving through time --------------------------------------------------------------
+
+  isReady(tick) {
+    const { last } = this.player;
+    this.reel.prefetch(tick, 1, last);
+    if (this.reel.peek(tick)) return true;
+    this.reel.at(tick).catch(notify);
+    return false;
+  }
+
+  /** The player is somewhere else: show it, as soon as it is here. */
+  move() {
+    this.timeline?.showTick();
+    const { tick } = this.player;
+    const frame = this.reel.peek(tick);
+    if (frame) {
+      this.show(frame);
+      return;
+    }
+    document.body.ariaBusy = true;
+    this.reel.at(tick).then((late) => {
+      if (late && this.player.tick === tick) this.show(late);
+    }, notify);
+  }
+
+  show(frame) {
+    const { playing, speed, position } = this.player;
+    // What is shown only now and then while it plays has to be right once it stops.
+    const another = frame !== this.frame || playing !== this.played;
+    this.played = playing;
+    this.frame = frame;
+    document.body.ariaBusy = false;
+    this.wave.show(frame);
+    if (playing && speed <= SLOW) this.wave.run(position % 1);
+    if (another) this.showElsewhere(playing);
+    this.showDiagram();
+  }
+
+  /** Show what stays the same as long as the tick does. */
+  showElsewhere(playing) {
+    const { frame } = this;
+    this.showOrder();
+    this.facts.show(frame);
+    this.world.show(frame);
+    this.plots.at(frame);
+    this.voice.show(frame);
+    if (!playing) history.replaceState(null, "", `#t=${frame.tick}`);
+  }
+
+  /** Show the learned order of the frame; while it plays, now and then. */
+  showOrder() {
+    const now = performance.now();
+    const isDue = !this.player.playing || now - this.arranged >= RARELY;
+    if (isDue) {
+      this.arranged = now;
+      const graph = this.orders.of(this.frame, (late) => this.showLate(late));
+      if (graph) this.graph = graph;
+    }
+    this.showGraph();
+  }
+
+  showLate(graph) {
+    this.graph = graph;
+    if (this.player.playing) this.showGraph();
+    else this.showOrder(); // it may be of a tick before the one that was stopped at
+  }
+
+  showGraph() {
+    const isMissing = this.graph?.id !== this.frame.graph && this.frame.graph !== "";
+    find("drawing").ariaBusy = isMissing;
+    if (this.graph) this.diagram.setGraph(this.graph);
+    this.describe();
+    this.showWords();
+  }
+
+  showWords() {
+    const graph = this.graph?.id === this.frame.graph ? this.graph : null;
+    this.outline.show(this.frame, graph, this.player.playing);
+    this.choice.show(this.frame, this.graph, this.player.playing);
+  }
+
+  showDiagram() {
+    if (this.frame === null) return;
+    this.diagram.show(this.frame, this.wave.shown);
+    find("drawing").dataset.tick = this.frame.tick;
+  }
+
+  /** Say what is drawn, for those who do not see it. */
+  describe() {
+    if (this.graph === null) return;
+    const { items, sensors } = this.diagram.count;
+    const { height, edges } = this.graph;
+    const few = items < sensors ? `, drawn as ${items} items` : "";
+    const late = find("drawing").ariaBusy === "true" ? `, as of tick ${this.graph.tick}` : "";
+    const whole = `${sensors} sensors, ${edges.length} covering edges, height ${height}`;
+    const facts = whole + few + late;
+    write(find("diagram-facts"), facts);
+    find("drawing").setAttribute("aria-label", `Hasse diagram: ${facts}`);
+    find("drawing").dataset.items = items;
+    find("expand").hidden = !this.diagram.isLarge;
+  }
+
+  // Selecting ------------------------------------------------------------------------
+
+  choose(thing) {
+    this.chosen = thing;
+    this.diagram.choose(thing);
+    this.choice.choose(thing, this.frame, this.graph);
+  }
+
+  goTo(sensor) {
+    this.diagram.reveal(sensor);
+    this.choose({ sensor });
+  }
+
+  expand() {
+    this.all = !this.all;
+    write(find("expand"), this.all ? "Collapse" : "Expand all");
+    this.diagram.expandAll(this.all);
+  }
+
+  recolour() {
+    this.diagram.recolour();
+    this.plots.recolour();
+    this.choice.recolour();
+  }
+
+  // A run under way ------------------------------------------------------------------
+
+  /** Say what the run is, and between which ticks one can move. */
+  setRun(run) {
+    this.run = run;
+    const { log, source, sensors, swarm, live, cut, first, ticks } = run;
+    document.title = `${log} · neurosnap`;
+    write(find("what"), `${log} — ${source}, ${sensors.length} sensors, swarm ${swarm}`);
+    find("badge").hidden = !live;
+    write(find("badge"), "live");
+    find("follow").hidden = !live;
+    showNotice(cut === null ? "" : `This recording is not whole: ${cut}`);
+    this.player.setRange(first, ticks);
+    this.plots.load(first, ticks).catch(notify);
+  }
+
+  /** Something new has come. */
+  async receive(event) {
+    if (event.reset) {
+      this.reel.clear();
+      this.orders.clear();
+      this.setRun(await api.fetchRun());
+      return;
+    }
+    for (const change of event.frames) {
+      const frame = patched(change, (tick) => this.reel.peek(tick));
+      if (frame) this.reel.add(frame);
+    }
+    const { ticks, live, cut } = event;
+    this.setRun({ ...this.run, ticks, live, cut });
+  }
+
+  // Setting up -----------------------------------------------------------------------
+
+  begin() {
+    bind(this);
+    this.setRun(this.run);
+    const asked = tickAsked();
+    if (asked !== null) this.player.seek(asked);
+    else if (this.run.live) this.player.follow();
+    else this.player.seek(this.run.first);
+    if (this.run.live) {
+      const lost = "The server does not answer; has it been stopped?";
+      follow(
+        api.openEvents,
+        (event) => this.receive(event).catch(notify),
+        (here) => showNotice(here ? "" : lost),
+      );
+    }
+  }
+
+  /** A panel of the dock has come up. */
+  open(panel) {
+    if (panel === "sensors" && this.frame) this.showWords();
+    if (panel !== "cells") return;
+    const { sensors } = this.run;
+    api.fetchCells().then((cells) => showCells(find("cells"), sensors, cells), notify);
+  }
+}
+
+function showNotice(text) {
+  write(find("notice"), text);
+  find("notice").title = text; // there may not be room for all of it
+  find("notice").hidden = text === "";
+}
+
+function notify(error) {
+  showNotice(error.message);
+}
+
+async function open() {
+  try {
+    const page = new Page(await api.fetchRun());
+    page.begin();
+    return page;
+  } catch (error) {
+    notify(error);
+    throw error;
+  }
+}
+
+export const page = await open();

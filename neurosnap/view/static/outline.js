@@ -1,0 +1,75 @@
+// The diagram in words: a table with a line for each sensor, for whoever cannot see it,
+// or would rather read.
+
+import { find, make, write } from "./dom.js";
+import { bitWord, conditions, drawn, literalName, sensorOf } from "./literals.js";
+
+const RARELY = 250; // milliseconds between two updates while it plays
+
+/** The table of sensors. */
+export class Outline {
+  /** @param {HTMLElement} home @param {string[]} names @param {(sensor: number) => void} pick */
+  constructor(home, names, pick) {
+    this._home = home;
+    this._names = names;
+    this._rows = names.map((name, sensor) => {
+      const open = make("button", { type: "button" }, name);
+      open.addEventListener("click", () => pick(sensor));
+      const cells = ["reads", "state", "layer", "implies"].map((what) =>
+        make("td", { className: what }),
+      );
+      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells);
+      row.dataset.sensor = sensor;
+      return { row, cells };
+    });
+    const titles = ["Sensor", "Reads", "State", "Layer", "Implies (→), excludes (⊣)"];
+    home.replaceChildren(
+      make(
+        "table",
+        { id: "outline" },
+        make("caption", { className: "unseen" }, "Every sensor, its state and its edges"),
+        make("thead", {}, make("tr", {}, ...titles.map((t) => make("th", { scope: "col" }, t)))),
+        make("tbody", {}, ...this._rows.map(({ row }) => row)),
+      ),
+    );
+    this._shown = 0;
+  }
+
+  /** Show a tick; while it plays, now and then. A table that is hidden can wait. */
+  show(frame, graph, playing) {
+    const now = performance.now();
+    if (this._home.hidden || (playing && now - this._shown < RARELY)) return;
+    this._shown = now;
+    const words = conditions(frame);
+    this._rows.forEach(({ row, cells: [reads, state] }, sensor) => {
+      write(reads, bitWord(frame.bits[sensor]));
+      write(state, words[sensor]);
+      row.dataset.state = words[sensor];
+      state.classList.toggle("on", words[sensor] === "on");
+    });
+    if (graph !== null && graph !== this._graph) this._setGraph(graph);
+    find("outline").dataset.tick = frame.tick;
+    find("outline").dataset.graph = this._graph?.id ?? "";
+  }
+
+  _setGraph(graph) {
+    this._graph = graph;
+    const out = this._names.map(() => []);
+    for (const edge of graph.edges) {
+      const { source, target, kind } = drawn(edge.source, edge.target);
+      const [from, to] = [source, target].map((end) => literalName(this._names, end));
+      const sign = kind === "excite" ? "→" : "⊣";
+      const what = kind === "excite" ? to : this._names[sensorOf(target)];
+      out[sensorOf(source)].push(source & 1 ? `${from} ${sign} ${what}` : `${sign} ${what}`);
+    }
+    for (const members of graph.classes) {
+      const [first, ...others] = members.map((literal) => literalName(this._names, literal));
+      out[sensorOf(members[0])].push(`${first} ≡ ${others.join(", ")}`);
+    }
+    for (const node of graph.nodes) {
+      const [, , layer, implies] = this._rows[node.sensor].cells;
+      write(layer, String(node.layer));
+      write(implies, out[node.sensor].join("; "));
+    }
+  }
+}

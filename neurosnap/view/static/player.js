@@ -1,0 +1,107 @@
+// Where one is in the recording, and how one moves: one position in ticks, driven by the
+// screen's own frames while it plays. The part after the point is how far the tick has
+// gone, which is what a wave is shown by.
+
+/** Ticks a second that can be chosen. */
+export const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 60];
+
+const LONGEST = 250; // milliseconds a single step may stand for: a tab may have slept
+
+/** The position, and playing. */
+export class Player {
+  /**
+   * @param {object} on
+   * @param {(tick: number) => boolean} on.ready whether a tick can be shown at once
+   * @param {() => void} on.move told of every new position
+   * @param {() => void} on.change told when it starts, stops, or plays at another speed
+   */
+  constructor(on) {
+    this._on = on;
+    this.first = 1;
+    this.last = 0;
+    this.position = 1;
+    this.playing = false;
+    this.following = false; // the newest tick of a run that is under way
+    this.speed = 2;
+    this._before = 0;
+  }
+
+  get tick() {
+    return Math.floor(this.position);
+  }
+
+  /** Between which ticks one can move. */
+  setRange(first, last) {
+    [this.first, this.last] = [first, last];
+    if (this.following) this._to(last);
+    this._on.change();
+  }
+
+  /** Go to a tick, or to the nearest there is. */
+  seek(tick) {
+    this.following = false;
+    this._to(Math.min(tick, this.last));
+    this._on.change();
+  }
+
+  /** Go some ticks on or back, and stop there. */
+  step(ticks) {
+    this.pause();
+    this.seek(this.tick + ticks);
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  play() {
+    if (this.playing || this.last < this.first) return;
+    if (this.tick >= this.last) this._to(this.first);
+    this.playing = true;
+    this.following = false;
+    this._before = performance.now();
+    requestAnimationFrame(this._advance);
+    this._on.change();
+  }
+
+  pause() {
+    if (!this.playing) return;
+    this.playing = false;
+    this._to(this.tick);
+    this._on.change();
+  }
+
+  /** Stay at the newest tick from now on. */
+  follow() {
+    this.pause();
+    this.following = true;
+    this._to(this.last);
+    this._on.change();
+  }
+
+  setSpeed(speed) {
+    this.speed = speed;
+    this._on.change();
+  }
+
+  _to(position) {
+    const most = Math.max(this.last, this.first) + 0.999;
+    this.position = Math.min(Math.max(position, this.first), most);
+    this._on.move();
+  }
+
+  _advance = (now) => {
+    if (!this.playing) return;
+    const passed = Math.min(now - this._before, LONGEST);
+    this._before = now;
+    const next = this.position + (passed / 1000) * this.speed;
+    if (Math.floor(next) >= this.last + 1) {
+      this.pause();
+      return;
+    }
+    // What is not here yet is waited for, not skipped.
+    if (this._on.ready(Math.floor(next))) this._to(next);
+    requestAnimationFrame(this._advance);
+  };
+}

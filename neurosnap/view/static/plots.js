@@ -1,0 +1,177 @@
+// What happens over time: a small plot for each kind of number, all on one axis of ticks.
+
+import uPlot from "./vendor/uplot/uPlot.esm.js";
+import { make, number, write } from "./dom.js";
+import { font, palette } from "./palette.js";
+
+const POINTS = 600;
+const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
+
+// What belongs together is plotted together; the rest by itself.
+const PLOTS = [
+  { title: "Edges", columns: ["edges"] },
+  { title: "Err", columns: ["err"] },
+  { title: "Depth and height", columns: ["depth", "height"] },
+  { title: "Pulses a tick", columns: ["pulses"] },
+  { title: "Distance to target", columns: ["distance"] },
+];
+const INKS = ["first", "second", "third", "fourth"];
+
+/** One axis pair in the colours of the page. */
+export function axes(colours) {
+  const look = {
+    stroke: colours.mute,
+    font: font(10),
+    grid: { stroke: colours.line, width: 1 },
+    ticks: { show: false },
+  };
+  return [
+    { ...look, size: 20, gap: 2, space: 60 },
+    { ...look, size: 42, gap: 3, space: 22 },
+  ];
+}
+
+/** The line style of the n-th series: told apart by dashes, too. */
+export function line(colours, n, label) {
+  const ink = INKS[n % INKS.length];
+  return {
+    label,
+    stroke: colours[ink],
+    width: 1.6,
+    dash: [[], [6, 3], [2, 3], [8, 3, 2, 3]][n % 4],
+    points: { show: false },
+    spanGaps: false,
+  };
+}
+
+/** Put the line that marks a tick where it belongs. */
+export function mark(now, drawn, tick) {
+  const { over } = drawn;
+  now.style.top = `${over.offsetTop}px`;
+  now.style.height = `${over.clientHeight}px`;
+  now.style.transform = `translateX(${over.offsetLeft + drawn.valToPos(tick, "x")}px)`;
+}
+
+/** The panel of plots. */
+export class Plots {
+  /**
+   * @param {HTMLElement} home
+   * @param {string[]} columns those there are
+   * @param {(column: string, from: number, to: number, points: number) => Promise} fetchSeries
+   * @param {(tick: number) => void} seek called with the tick that was clicked
+   */
+  constructor(home, columns, fetchSeries, seek) {
+    this._fetch = fetchSeries;
+    this._seek = seek;
+    this._range = [1, 0];
+    this._asking = false;
+    this._tick = 1;
+    this._plots = PLOTS.map(({ title, columns: own }) => ({
+      title,
+      columns: own.filter((column) => columns.includes(column)),
+    })).filter((plot) => plot.columns.length > 0);
+    home.replaceChildren(...this._plots.map((plot) => this._figure(plot)));
+    new ResizeObserver(() => this._resize()).observe(home);
+  }
+
+  /** Show ticks `first` to `last`. */
+  async load(first, last) {
+    this._range = [first, last];
+    if (this._asking || last < first) return; // whoever is asking looks at the range again
+    this._asking = true;
+    try {
+      while (!(await this._ask())) {
+        await new Promise((soon) => setTimeout(soon, AGAIN));
+      }
+    } finally {
+      this._asking = false;
+    }
+  }
+
+  /** Show which tick one is at. */
+  at(frame) {
+    this._tick = frame.tick;
+    for (const plot of this._plots) {
+      this._place(plot);
+      plot.columns.forEach((column, k) => {
+        const value = frame[column] ?? latest(plot.data, k + 1, frame.tick);
+        write(plot.values[k], number(value));
+      });
+    }
+  }
+
+  /** The scheme of colours has changed. */
+  recolour() {
+    for (const plot of this._plots) if (plot.data) this._draw(plot);
+  }
+
+  /** Ask for everything once; tell whether all is there now. */
+  async _ask() {
+    const [first, last] = this._range;
+    let done = true;
+    for (const plot of this._plots) {
+      const series = [];
+      for (const column of plot.columns) {
+        series.push(await this._fetch(column, first, last, POINTS));
+      }
+      plot.data = uPlot.join(series.map(({ ticks, values }) => [ticks, values]));
+      done &&= series.every((one) => one.done);
+      if (plot.drawn) plot.drawn.setData(plot.data);
+      else this._draw(plot);
+    }
+    return done && last === this._range[1];
+  }
+
+  _figure(plot) {
+    plot.home = make("div", { className: "plot" });
+    plot.now = make("div", { className: "now" });
+    plot.values = plot.columns.map(() => make("b", {}, "–"));
+    const caption = make("figcaption", {}, `${plot.title} `);
+    plot.columns.forEach((column, k) => {
+      const name = plot.columns.length > 1 ? ` ${column} ` : "";
+      caption.append(make("i", { className: `swatch ${INKS[k]}` }), name, plot.values[k], " ");
+    });
+    return make("figure", {}, caption, plot.home);
+  }
+
+  _draw(plot) {
+    const colours = palette();
+    plot.drawn?.destroy();
+    const options = {
+      width: Math.max(plot.home.clientWidth, 60),
+      height: Math.max(plot.home.clientHeight, 40),
+      scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low), high || 1] } },
+      axes: axes(colours),
+      series: [{}, ...plot.columns.map((column, k) => line(colours, k, column))],
+      legend: { show: false },
+      cursor: { drag: { x: false, y: false }, y: false, points: { show: false } },
+      hooks: { draw: [() => this._place(plot)] }, // sizes are known only then
+    };
+    plot.drawn = new uPlot(options, plot.data, plot.home);
+    plot.drawn.over.addEventListener("click", (event) =>
+      this._seek(Math.round(plot.drawn.posToVal(event.offsetX, "x"))),
+    );
+    plot.home.append(plot.now);
+  }
+
+  _place(plot) {
+    if (plot.drawn && plot.data[0].length > 0) mark(plot.now, plot.drawn, this._tick);
+  }
+
+  _resize() {
+    for (const plot of this._plots) {
+      const { clientWidth: width, clientHeight: height } = plot.home;
+      if (!plot.drawn || width === 0) continue;
+      plot.drawn.setSize({ width, height });
+    }
+  }
+}
+
+/** The last value at a tick or before it that is known. */
+function latest(data, k, tick) {
+  if (!data) return null;
+  for (let at = data[0].length - 1; at >= 0; at -= 1) {
+    if (data[0][at] <= tick && data[k][at] != null) return data[k][at];
+  }
+  return null;
+}

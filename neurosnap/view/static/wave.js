@@ -1,0 +1,162 @@
+// One wave of a tick, hop by hop: which of them, how far it has gone, and how deep it
+// went against how high the order is.
+
+import { find, make, write } from "./dom.js";
+import { literalName } from "./literals.js";
+
+const HOP = 450; // milliseconds
+const STATE = ""; // where the others have a name, which is never empty
+const REST = 0.8; // hops' time that a wave played within a tick stands still at its end
+
+/** The panel of the wave, and the clock it is shown by. */
+export class WaveView {
+  /**
+   * @param {{names: string[], actions: string[], change: () => void}} on `change` is called
+   *   when it shows something else
+   */
+  constructor(on) {
+    this._on = on;
+    this._wave = null;
+    this._which = STATE; // or the first literal of a signal
+    this._at = null; // hops gone; null: it is not being looked at
+    this._hops = new Map();
+    this._started = null;
+    this._drawn = "";
+    find("wave-which").addEventListener("change", (event) => {
+      this._which = event.target.value;
+      this._take(this._frame);
+      this._on.change();
+    });
+    find("wave-play").addEventListener("click", () => this.toggle());
+    find("wave-hop").addEventListener("input", (event) => {
+      this._started = null;
+      this._at = Number(event.target.value);
+      this._changed();
+    });
+  }
+
+  /** What the diagram shows of it: its hops by literal, and how many it has gone. */
+  get shown() {
+    return this._at === null ? null : { hops: this._hops, at: this._at };
+  }
+
+  /** Show another tick; its state, until its wave is asked for. */
+  show(frame) {
+    if (frame === this._frame) return;
+    this._started = null;
+    this._at = null;
+    this._take(frame);
+  }
+
+  /** Let the wave run along with the tick, `part` of which has gone. */
+  run(part) {
+    if (this._wave === null) return;
+    this._at = Math.min(part * (this._wave.depth + 1 + REST), this._wave.depth);
+    this._say();
+  }
+
+  /** Start the wave from its signal, or stop looking at it. */
+  toggle() {
+    if (this._at !== null) {
+      this._started = null;
+      this._at = null;
+      this._changed();
+    } else if (this._wave !== null) {
+      // Who wants no motion goes hop by hop with the slider.
+      const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+      this._at = still ? this._wave.depth : 0;
+      this._started = still ? null : performance.now();
+      if (!still) requestAnimationFrame(this._advance);
+      this._changed();
+    }
+  }
+
+  _advance = (now) => {
+    if (this._started === null) return;
+    const gone = Math.max(0, (now - this._started) / HOP);
+    this._at = Math.min(gone, this._wave.depth);
+    if (gone < this._wave.depth) requestAnimationFrame(this._advance);
+    else this._started = null;
+    this._changed();
+  };
+
+  _changed() {
+    this._say();
+    this._on.change();
+  }
+
+  _take(frame) {
+    this._frame = frame;
+    const known = new Map(frame.waves.map((wave) => [this._keyOf(wave), wave]));
+    this._offer(known);
+    this._wave = known.get(this._which) ?? known.get(STATE) ?? null;
+    this._hops = new Map(this._wave?.hops);
+    if (this._at !== null) this._at = Math.min(this._at, this._wave?.depth ?? 0);
+    this._draw(frame);
+    this._say();
+  }
+
+  /** What a wave has in common with those of other ticks that ask the same. */
+  _keyOf({ kind, signal }) {
+    return kind === "state" ? STATE : literalName(this._on.names, signal[0] ?? 0);
+  }
+
+  _nameOf(key, { kind, signal }) {
+    if (kind === "state") return "state";
+    if (this._on.actions.includes(key)) return `consequences of ${key}`;
+    const others = signal.slice(1).map((literal) => literalName(this._on.names, literal));
+    if (others.length > 1) return `signal ${key} and ${others.length} more`;
+    return ["signal " + key, ...others].join(" + ");
+  }
+
+  _offer(known) {
+    const named = new Map([...known].map(([key, wave]) => [key, this._nameOf(key, wave)]));
+    if (!named.has(this._which)) named.set(this._which, `${this._which}: not at this tick`);
+    const offered = JSON.stringify([...named]);
+    if (offered !== this._offered) {
+      this._offered = offered;
+      const options = [...named].map(([value, name]) => make("option", { value }, name));
+      find("wave-which").replaceChildren(...options);
+    }
+    find("wave-which").value = this._which;
+  }
+
+  _draw(frame) {
+    const depth = this._wave?.depth ?? 0;
+    const bars = [["depth", depth], ["height", frame.height]];
+    // Of other waves the longest chain that starts in their signal was not recorded here.
+    if (this._wave?.kind === "state") bars.splice(1, 0, ["longest", frame.longest]);
+    const key = bars.join();
+    if (key === this._drawn) return;
+    this._drawn = key;
+    const most = Math.max(1, ...bars.map(([, value]) => value));
+    find("wave-bars").replaceChildren(
+      ...bars.map(([name, value]) => {
+        const bar = make("i", { className: name });
+        bar.style.width = `${(100 * value) / most}%`;
+        return make("div", {}, make("span", {}, name), bar, make("b", {}, String(value)));
+      }),
+    );
+    const says = bars.map(([name, value]) => `${name} ${value}`).join(", ");
+    find("wave-bars").setAttribute("aria-label", says);
+    find("wave-hop").max = depth;
+  }
+
+  _say() {
+    const [depth, hop] = [this._wave?.depth ?? 0, this._at === null ? null : Math.floor(this._at)];
+    find("wave-hop").value = this._at ?? depth;
+    find("wave-hop").setAttribute("aria-valuetext", `hop ${hop ?? depth} of ${depth}`);
+    find("wave-play").disabled = this._wave === null;
+    write(find("wave-play"), hop === null ? "Play wave" : "Show state");
+    write(find("wave-says"), this._words(hop));
+  }
+
+  _words(hop) {
+    if (this._wave === null) return "No wave of this tick was recorded.";
+    const whole = this._wave.settled ? "" : " It has not settled.";
+    const all = `${this._hops.size} literals reached with ${this._wave.pulses} pulses.${whole}`;
+    if (hop === null) return all;
+    const there = [...this._hops.values()].filter((at) => at <= hop).length;
+    return `Hop ${hop} of ${this._wave.depth}: ${there} of ${all}`;
+  }
+}

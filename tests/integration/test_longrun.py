@@ -1,0 +1,66 @@
+"""A run may last: its memory does not grow, and its recording comes in files."""
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+
+from neurosnap.record.layout import SMALLEST
+from neurosnap.source import open_source
+from neurosnap.swarm.embody import body_of
+from neurosnap.swarm.options import CellKind, RunOptions
+from tools.longrun import Gauge, long_run, main, write_readings
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.zenoh
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("cells", ["inline", "worker"])
+def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
+    readings = tmp_path / "readings.csv"
+    write_readings(readings, 900, 6, 1)
+    source = open_source(str(readings), 1)
+    source.close()
+    options = RunOptions(
+        source=str(readings),
+        body=body_of(source, "walker"),
+        ticks=900,
+        cells=cells,
+        keyframe_every=100,
+        split=SMALLEST,
+    )
+    found = asyncio.run(long_run(options, tmp_path, pause=0.05, verified=True))
+    assert (found.ticks, found.lost, found.verified) == (900, 0, True)
+    assert found.files > 1
+    assert found.recorded > SMALLEST
+    kinds = {"launcher"}
+    if cells == "worker":
+        kinds |= {"hub", "recorder", "coordinator", "world", "worker"}
+    assert found.memory.keys() == kinds
+    assert all(0 < one.begin <= one.most for one in found.memory.values())
+
+
+def test_growth_is_told_from_a_start_that_takes_memory() -> None:
+    gauge = Gauge(1.0)
+    for tick in range(1, 1001):
+        gauge.follow(tick)
+        loaded = 10**6 + 10**5 * min(tick, 50)
+        gauge.samples.append((tick, {"steady": loaded, "leaky": loaded + 8 * tick}))
+    memory = gauge.memory()
+    assert memory["steady"].slope == pytest.approx(0.0, abs=1e-6)
+    assert memory["leaky"].slope == pytest.approx(8.0)
+    assert memory["leaky"].end - memory["leaky"].begin == 8 * 900
+
+
+def test_it_can_be_ended_early_and_says_what_it_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = "--ticks 5000 --sensors 3 --seconds 0.5 --pause 0.05 --verify --json"
+    assert main([*given.split(), "--folder", str(tmp_path)]) == 0
+    *_, last = capsys.readouterr().out.splitlines()
+    found = json.loads(last)
+    assert 0 < found["ticks"] < 5000
+    assert found["verified"]
+    assert list(tmp_path.iterdir()) == []

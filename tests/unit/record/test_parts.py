@@ -1,0 +1,413 @@
+"""A recording in several files: each a run by itself, and all together the run."""
+
+import asyncio
+import random
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.context import Body
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.record import parts
+from neurosnap.record.info import describe, render
+from neurosnap.record.parts import LATE, Parts, Split, split_of
+from neurosnap.record.past import Past
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.replay import verify
+from neurosnap.record.resume import look_back, whole_ticks
+from neurosnap.record.whole import first_path, open_whole, part_path, part_paths
+from neurosnap.swarm.inline import run_inline
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import describe as facts_of
+from tests.unit.swarm.scripted import Scripted
+
+TICKS = 60
+EVERY = 10
+ACTIONS = ("go", "stay")
+
+
+def options(workers: int = 0, ticks: int = TICKS) -> RunOptions:
+    return RunOptions(
+        source="scripted",
+        body=Body.full(["s0", "s1", "s2"], ACTIONS),
+        ticks=ticks,
+        threshold=0.2,
+        cells="worker" if workers else "inline",
+        workers=max(workers, 1),
+        keyframe_every=EVERY,
+    )
+
+
+def rows() -> list[list[bool | None]]:
+    chance = random.Random(3)
+    table: list[list[bool | None]] = []
+    for _ in range(2 * TICKS):
+        a, b, c = (chance.random() < 0.5 for _ in range(3))
+        row: list[bool | None] = [a, a or b, c]
+        table.append(
+            [None if chance.random() < 0.1 else on for on in row[:2]] + row[2:]
+        )
+    return table
+
+
+def made(
+    log: Path, workers: int = 0, past: Past | None = None, ticks: int = TICKS
+) -> Path:
+    """Record a run in one process."""
+    given = options(workers, ticks)
+    with pytest.MonkeyPatch.context() as patch:
+        source = Scripted(rows(), ACTIONS)
+        patch.setattr("neurosnap.swarm.inline.open_source", lambda *_: source)
+        stop, facts = asyncio.Event(), facts_of(given)
+        asyncio.run(run_inline(given, log, facts, past, stop, lambda _: None))
+    return log
+
+
+@pytest.fixture(scope="module", params=[0, 2], ids=["cells", "workers"])
+def whole(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A run in one file."""
+    return made(tmp_path_factory.mktemp("whole") / "log.mcap", request.param)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every key-frame begin another file."""
+    monkeypatch.setattr(parts, "split_of", lambda _: Split(1))
+
+
+def overtaking(recorded: Iterable[Recorded], seed: int) -> list[Recorded]:
+    """Let senders overtake each other by some messages, each in its own order."""
+    chance, due = random.Random(seed), dict[str, float]()
+    keyed = []
+    for place, one in enumerate(recorded):
+        who = one.message.sender
+        due[who] = max(due.get(who, 0.0), place + chance.random() * 40)
+        keyed.append((due[who], place, one))
+    return [one for _, _, one in sorted(keyed, key=lambda entry: entry[:2])]
+
+
+def write(
+    whole: Path, log: Path, recorded: Iterable[Recorded], step: int = 1
+) -> dict[int, Path]:
+    """Record messages again, `step` nanoseconds apart, as if they came now."""
+    old = Recording.open(whole)
+    with Parts(log, old.metadata) as writer:
+        for count, one in enumerate(recorded):
+            writer.add(one.delivery, 10**18 + count * step)
+            writer.flush()
+        writer.finish({}, old.noted().expected)
+    return part_paths(log)
+
+
+def content(recorded: Iterable[Recorded]) -> list[tuple[str, int, bytes]]:
+    return sorted((m.message.sender, m.sequence, m.payload) for m in recorded)
+
+
+# Each by itself, and all together -----------------------------------------------------
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("seed", [None, 0, 1, 2])
+def test_every_file_is_a_run_by_itself(
+    whole: Path, tmp_path: Path, seed: int | None
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    if seed is not None:
+        recorded = overtaking(recorded, seed)
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    assert list(paths) == list(range(TICKS // EVERY + 1))
+    ends: dict[str, int] = {}
+    for number, path in paths.items():
+        recording = Recording.open(path)
+        assert recording.finished
+        assert (recording.part, recording.begins) == (number, number * EVERY)
+        assert recording.completeness() == recording.noted().completeness
+        assert recording.completeness().whole
+        share, upcoming = recording.share, recording.noted().expected
+        assert share is not None
+        assert all(share.get(who, 0) == end for who, end in ends.items())
+        ends = upcoming
+        if number:
+            verdict = verify(path)
+            assert (verdict.difference, verdict.complete) == (None, True)
+            last = number == len(paths) - 1
+            assert (verdict.start, verdict.ticks) == (
+                number * EVERY,
+                0 if last else EVERY,
+            )
+    assert content(open_whole(paths[0]).messages()) == content(recorded)
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("seed", [0, 1])
+def test_all_files_are_the_run(whole: Path, tmp_path: Path, seed: int) -> None:
+    recorded = overtaking(Recording.open(whole).messages(), seed)
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    alone, verdict = verify(whole), verify(paths[0])
+    assert (verdict.same, verdict.complete, verdict.start) == (True, True, 0)
+    assert verdict.files == len(paths) > 1
+    counts = ("ticks", "wirings", "waves", "states", "decisions")
+    assert [getattr(verdict, n) for n in counts] == [getattr(alone, n) for n in counts]
+    assert open_whole(paths[0]).snapshot == Recording.open(whole).snapshot
+    said = render(describe(Recording.open(paths[1])))
+    assert f"files: {len(paths)}\n" in said
+    assert "\tlog.mcap\n\tlog_0001.mcap\n" in said
+
+
+@pytest.mark.usefixtures("small")
+def test_what_is_tampered_with_is_found_in_its_file(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    for place, one in enumerate(recorded):
+        if isinstance(one.message, wire.State) and one.message.tick == 25:
+            message = msgspec.structs.replace(one.message, depth=one.message.depth + 1)
+            changed = one._replace(message=message, payload=wire.encode(message))
+            recorded[place] = changed
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    found = {number: verify(path).same for number, path in paths.items() if number}
+    assert [number for number, same in found.items() if not same] == [2]
+    assert not verify(paths[0]).same
+
+
+# What is late, lost, or comes again ---------------------------------------------------
+
+
+def last_of(recorded: Sequence[Recorded], tick: int) -> int:
+    """Return the place of the last report on the waves up to a tick."""
+    frame = next(
+        one.message
+        for one in recorded
+        if isinstance(one.message, wire.KeyFrame) and one.message.tick == tick
+    )
+    return max(
+        place
+        for place, one in enumerate(recorded)
+        if isinstance(one.message, wire.Settled | wire.Tally)
+        and one.message.wave <= frame.waves
+    )
+
+
+@pytest.mark.usefixtures("small")
+def test_a_message_lost_at_the_end_of_a_file_is_missing_in_one(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    gone = recorded.pop(last_of(recorded, 20))
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    missing = [Recording.open(path).completeness().missing for path in paths.values()]
+    assert [each for each in missing if each] == [{gone.message.sender: 1}]
+    verdict = verify(paths[0])
+    assert not verdict.complete
+
+
+@pytest.mark.usefixtures("small")
+def test_a_message_that_comes_again_in_a_later_file_is_left_out(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    again = recorded[last_of(recorded, 20)]
+    paths = write(whole, tmp_path / "log.mcap", [*recorded[:-5], again, *recorded[-5:]])
+    recording = open_whole(paths[0])
+    assert recording.noted().completeness.duplicates == 1
+    assert content(recording.messages()) == content(recorded)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_key_frame_that_comes_again_begins_no_file(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    twice = [
+        one
+        for each in recorded
+        for one in [each] * (1 + isinstance(each.message, wire.KeyFrame))
+    ]
+    paths = write(whole, tmp_path / "log.mcap", twice)
+    assert len(paths) == TICKS // EVERY + 1
+    assert verify(paths[0]).same
+
+
+@pytest.mark.usefixtures("small")
+def test_a_file_does_not_wait_for_whoever_is_silent(
+    whole: Path, tmp_path: Path
+) -> None:
+    """What comes long after the next file began is the next one's."""
+    recorded = list(Recording.open(whole).messages())
+    late = recorded.pop(last_of(recorded, 20))
+    who = late.message.sender
+    later = [place for place, one in enumerate(recorded) if one.message.sender == who]
+    resumed = next(place for place in later if recorded[place].sequence > late.sequence)
+    order = [*recorded[:resumed], late, *recorded[resumed:]]
+    # All between the key-frame and the late one takes longer than anybody waits.
+    paths = write(whole, tmp_path / "log.mcap", order, step=LATE)
+    assert all(Recording.open(path).completeness().whole for path in paths.values())
+    assert (verify(paths[0]).same, verify(paths[0]).complete) == (True, True)
+
+
+def test_faults_go_where_their_sender_is(whole: Path, tmp_path: Path) -> None:
+    old = Recording.open(whole)
+    recorded = list(old.messages())
+    place = last_of(recorded, 20)
+    who, sequence = recorded[place].message.sender, recorded[place].sequence
+    fault = wire.Fault(who, "odd")
+    order = []
+    for number, one in enumerate(recorded):
+        mine = one.message.sender == who and one.sequence >= sequence
+        if number == place:  # between two reports on the last waves before
+            order.append(
+                one._replace(message=fault, payload=wire.encode(fault), log_time=0)
+            )
+        order.append(one._replace(sequence=one.sequence + mine))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts, "split_of", lambda _: Split(1))
+        paths = write(whole, tmp_path / "log.mcap", order)
+    held = {
+        number
+        for number, path in paths.items()
+        if any(one.message == fault for one in Recording.open(path).messages())
+    }
+    assert held == {1}
+    assert verify(paths[0]).same
+
+
+# Which are kept, what they are called -------------------------------------------------
+
+
+def test_the_newest_are_kept(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, "split_of", lambda _: Split(1, keep=2))
+    log = tmp_path / "log.mcap"
+    paths = write(whole, log, Recording.open(whole).messages())
+    assert list(paths) == [TICKS // EVERY - 1, TICKS // EVERY]
+    verdict = verify(log)  # though the first is gone
+    assert (verdict.same, verdict.complete) == (True, True)
+    assert (verdict.start, verdict.ticks) == (TICKS - EVERY, EVERY)
+
+
+def test_a_file_that_is_missing_between_is_noticed(
+    whole: Path, tmp_path: Path, small: None
+) -> None:
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    paths[3].unlink()
+    verdict = verify(paths[0])
+    assert not verdict.complete
+    assert not verdict.same
+
+
+@pytest.mark.usefixtures("small")
+def test_a_file_in_the_way_is_not_overwritten(whole: Path, tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    other = part_path(log, 3)
+    other.write_bytes(b"another's")
+    with pytest.raises(RecordingError, match=r"must not exist yet, got .*log_0003"):
+        Parts(log, Recording.open(whole).metadata)
+    assert other.read_bytes() == b"another's"
+    assert list(tmp_path.iterdir()) == [other]
+
+
+def test_files_have_names_in_order() -> None:
+    log = Path("at/run.v2.mcap")
+    names = [part_path(log, number) for number in (0, 1, 12, 9999)]
+    assert names == sorted(names)
+    assert [
+        first_path(path, n) for path, n in zip(names, (0, 1, 12, 9999), strict=True)
+    ] == [log] * 4
+
+
+@pytest.mark.parametrize("text", ["-1", "65535", "many"])
+def test_a_wrong_size_is_refused(text: str) -> None:
+    with pytest.raises(RecordingError, match=r"^split: must be sizes, got "):
+        split_of({"split": text})
+
+
+def test_options_know_the_smallest_file() -> None:
+    given = msgspec.structs.asdict(options())
+    with pytest.raises(
+        InvalidValueError, match=r"^split: must be 0, or at least 65536"
+    ):
+        RunOptions(**{**given, "split": 65535})
+    with pytest.raises(InvalidValueError, match=r"^keep: must come with split, got 2"):
+        RunOptions(**{**given, "split": 0, "keep": 2})
+    with pytest.raises(InvalidValueError, match=r"^keep: must go with a source that"):
+        RunOptions(**{**given, "split": 65536, "keep": 2})
+    still = {**given, "body": Body(own=("s0",)), "split": 65536, "keep": 2}
+    assert split_of(facts_of(RunOptions(**still))) == Split(65536, 2)
+    assert split_of({}) is None
+
+
+# Going on -----------------------------------------------------------------------------
+
+
+def course(log: Path) -> list[wire.Message]:
+    kinds = (wire.Observation, wire.Decision)
+    return [
+        one.message
+        if isinstance(one.message, kinds)
+        else msgspec.structs.replace(one.message, wave=1, pulses=0, depth=0)
+        for one in open_whole(log).messages(("observe", "state", "decide"))
+    ]
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
+def test_a_run_goes_on_in_its_last_file(
+    whole: Path, tmp_path: Path, share: float
+) -> None:
+    workers = options_workers(whole)
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    for number in (4, 5, 6):
+        if number > 4:
+            paths[number].unlink()
+    data = paths[4].read_bytes()
+    chunks = Recording.open(paths[4]).layout.chunks
+    at = chunks[int(share * len(chunks))].offset
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[:at])
+    paths[4].write_bytes(data[:at])
+    _, past = look_back(paths[0])
+    assert (past.log, past.part, past.begins) == (str(paths[4]), 4, 4 * EVERY)
+    assert 4 * EVERY <= past.tick < 5 * EVERY
+    assert past.tick == whole_ticks(paths[0])
+    assert len(past.actions) == past.tick - 1
+    paths[4].unlink()
+    past = msgspec.structs.replace(past, log=str(cut))
+    made(tmp_path / "log.mcap", workers, past)
+    assert not part_path(cut, 4).exists()
+    again = verify(paths[0])
+    assert (again.difference, again.complete, again.ticks) == (None, True, TICKS)
+    assert verify(paths[4]).same
+    assert course(paths[0]) == course(whole)
+
+
+def options_workers(log: Path) -> int:
+    recorded = msgspec.json.decode(Recording.open(log).metadata["options"])
+    return int(recorded["workers"]) if recorded["cells"] == "worker" else 0
+
+
+@pytest.mark.usefixtures("small")
+def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -> None:
+    """What a file lacks at its end, the next one is based on."""
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    layout = Recording.open(paths[2]).layout
+    paths[2].write_bytes(paths[2].read_bytes()[: layout.chunks[-8].offset])
+    _, past = look_back(paths[0])
+    assert (past.part, past.begins) == (2, 2 * EVERY)
+    assert 2 * EVERY <= past.tick < 3 * EVERY
+
+
+@pytest.mark.usefixtures("small")
+def test_without_its_first_files_a_world_that_acts_cannot_go_on(
+    whole: Path, tmp_path: Path
+) -> None:
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    paths[1].unlink()
+    rule = r"must have its decisions of ticks 1 to 59, to do them again, got 49"
+    with pytest.raises(RecordingError, match=rule):
+        look_back(paths[6])

@@ -1,0 +1,93 @@
+"""Tables of sources that are outside."""
+
+from pathlib import Path
+
+import pytest
+
+from neurosnap.config.faults import ConfigError
+from neurosnap.config.load import load
+from neurosnap.config.prepare import FOREVER, prepare
+from neurosnap.outside.open import mqtt_options, open_outside
+from neurosnap.swarm.options import RunOptions
+
+MQTT = """
+[source]
+kind = "mqtt"
+stale_after = 60
+sensors = [
+  { name = "door", topic = "home/+/door" },
+  { name = "warm", topic = "home/t", field = "c", on_above = 21, off_below = 20 },
+]
+actions = [{ name = "light", topic = "home/light/set", payload = "1" }]
+[source.broker]
+host = "broker.test"
+username = "me"
+password_file = "secret"
+[source.tick]
+interval = 0.5
+[source.publish]
+prefix = "memory"
+"""
+
+
+def options(folder: Path, text: str) -> RunOptions:
+    path = folder / "swarm.toml"
+    path.write_text(f"{text}\n[recording]\nrecord = false\n", encoding="utf-8")
+    return prepare(load(path)).options
+
+
+def test_topics_are_sensors_and_files_are_beside_the_description(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "secret").write_text("hush\n", encoding="utf-8")
+    made = options(tmp_path, MQTT)
+    assert made.body.own == ("door", "warm")
+    assert made.body.actions == ("none", "light")
+    assert made.ticks == FOREVER
+    given = mqtt_options(made.arguments)
+    assert given.broker.password_file == str(tmp_path / "secret")
+    assert given.broker.password() == "hush"
+    assert "hush" not in repr(made)
+    assert given.sensors[1].off_below == 20
+    source = open_outside(made.source, made.arguments)
+    assert (source.sensors, source.live) == (("door", "warm"), True)
+    source.close()
+
+
+@pytest.mark.parametrize("kind", ["stdin", "zenoh"])
+def test_readings_have_names_and_a_pace(tmp_path: Path, kind: str) -> None:
+    made = options(
+        tmp_path,
+        f'[source]\nkind = "{kind}"\nsensors = ["door", "2"]\nstale_after = 9.5\n',
+    )
+    assert made.body.own == ("door", "2")
+    source = open_outside(made.source, made.arguments)
+    assert source.sensors == ("door", "2")
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('kind = "stdin"', "swarm.toml:1: source.sensors"),
+        ('kind = "zenoh"\nsensors = []', "swarm.toml:3: source.sensors"),
+        (
+            'kind = "zenoh"\nsensors = ["a"]\ninterval = 1\nmax_interval = 2',
+            "interval: must not come with min_interval or max_interval",
+        ),
+        (
+            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a/#/b" }]',
+            "must be a topic filter",
+        ),
+        ('kind = "mqtt"\nsensors = [{ name = "a", topics = "a" }]', "topic"),
+        (
+            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n'
+            '[source.broker]\npassword_env = "NO_SUCH"\nusername = "me"',
+            "password_env: must be set in the environment, got 'NO_SUCH'",
+        ),
+    ],
+)
+def test_a_wrong_one_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        options(tmp_path, f"[source]\n{text}")
+    assert says in str(refused.value)

@@ -1,0 +1,137 @@
+"""Runs recorded in this process, and what a replay says of every tick of them."""
+
+import asyncio
+import random
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from neurosnap.agent.context import Body
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.replay import Replay
+from neurosnap.record.writer import Writer
+from neurosnap.source import open_source
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import run
+
+TICKS = 40
+
+
+def path_run(ticks: int = TICKS, **changes: object) -> RunOptions:
+    options = _options("neurosnap/Path-v0", {"places": 8}, ticks)
+    return msgspec.structs.replace(options, **changes)
+
+
+def planner_run(ticks: int = TICKS) -> RunOptions:
+    size = {"width": 3, "height": 3}
+    target = ("x_below_1", "y_below_2*")
+    return _options(
+        "neurosnap/Grid-v0", size, ticks, agent="planner", target=target, full=True
+    )
+
+
+def seeker_run(ticks: int = TICKS) -> RunOptions:
+    return _options(
+        "neurosnap/Rail-v0",
+        {"places": 6, "target": 2},
+        ticks,
+        snapshot="discounted",
+        threshold=0.1,
+        decay=0.9,
+    )
+
+
+def csv_run(path: Path, ticks: int = TICKS) -> RunOptions:
+    """A rule is learned, and broken by what is observed at tick 25."""
+    chance = random.Random(3)
+    lines = ["a,b,c"]
+    for tick in range(1, ticks + 1):
+        a = chance.random() < 0.5
+        either = a or chance.random() < 0.5
+        lines.append("1,0,0" if tick == 25 else f"{a:d},{either:d},{tick % 2}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return _options(str(path), {}, ticks, threshold=0.1)
+
+
+def _options(
+    source: str,
+    arguments: Mapping[str, int],
+    ticks: int,
+    *,
+    full: bool = False,
+    **changes: object,
+) -> RunOptions:
+    opened = open_source(source, 5, arguments)
+    opened.close()
+    parts = (opened.sensors, opened.actions, opened.orders)
+    body = (
+        Body.full(*parts)
+        if full
+        else Body(own=parts[0], actions=parts[1], orders=parts[2])
+    )
+    given = {"threshold": 0.08, "keyframe_every": 7, "cells": "inline", **changes}
+    return RunOptions(
+        source=source,
+        arguments=dict(arguments),
+        body=body,
+        ticks=ticks,
+        seed=5,
+        **given,  # type: ignore[arg-type]
+    )
+
+
+def recorded(options: RunOptions, log: Path) -> Path:
+    asyncio.run(run(options, log, asyncio.Event()))
+    return log
+
+
+def in_chunks(log: Path, target: Path, chunk: int, seed: int | None = None) -> Path:
+    """Record it all again in chunks of some size, senders overtaking each other."""
+    recording = Recording.open(log)
+    messages = list(recording.messages())
+    if seed is not None:
+        messages = overtaken(messages, random.Random(seed))
+    with Writer(target, chunk=chunk) as writer:
+        writer.start(recording.metadata)
+        for each in messages:
+            writer.add(each.delivery, each.log_time)
+        writer.finish({}, recording.noted().expected)
+    return target
+
+
+def overtaken(messages: Sequence[Recorded], chance: random.Random) -> list[Recorded]:
+    """Return messages a little out of order, each sender's in order."""
+    due: dict[str, float] = {}
+    timed = []
+    for place, each in enumerate(messages):
+        sender = each.message.sender
+        due[sender] = max(due.get(sender, 0.0), place + 12 * chance.random())
+        timed.append((due[sender], place, each))
+    return [each for _, _, each in sorted(timed, key=lambda entry: entry[:2])]
+
+
+class Told(NamedTuple):
+    """What a replay says of a tick."""
+
+    state: list[int | None]
+    hasse: frozenset[tuple[int, int]]
+    height: int
+
+
+def told(log: Path) -> dict[int, Told]:
+    """Return what a replay derives, tick by tick."""
+    replay = Replay(Recording.open(log))
+    found = {}
+    for tick in replay.ticks():
+        state, graph = replay.core.snapshot.state, replay.core.graph
+        edges = {(a, b) for a, b in np.argwhere(graph.hasse()).tolist()}
+        found[tick] = Told(ternary(state), frozenset(edges), graph.height())
+    return found
+
+
+def ternary(literals: Iterable[bool]) -> list[int | None]:
+    pairs = np.asarray(list(literals)).reshape(-1, 2).tolist()
+    return [1 if on else 0 if off else None for on, off in pairs]

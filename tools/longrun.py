@@ -1,0 +1,258 @@
+#!/usr/bin/env python3
+"""Let a swarm run for long, and see whether its memory grows.
+
+The readings are drawn: some sensors at random, the others made of them, so that there
+is something to learn. The memory of every process is looked at once in a while, and a
+line is laid through what it has from a tenth of the run on, when all is loaded that
+ever is.
+"""
+
+import argparse
+import asyncio
+import json
+import random
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+# Run as a file, the folder of this file is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import msgspec
+import numpy as np
+import psutil
+
+from neurosnap.cli.shared import in_bytes
+from neurosnap.errors import NeurosnapError
+from neurosnap.record.replay import verify
+from neurosnap.record.whole import part_paths
+from neurosnap.source import open_source
+from neurosnap.swarm.embody import body_of
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import run
+
+KINDS = ("hub", "recorder", "coordinator", "world", "cell", "worker")
+_WARM = 0.1  # share of the run whose memory does not count
+
+
+class Memory(msgspec.Struct, kw_only=True):
+    """What one process, or all cells together, had in memory."""
+
+    begin: int
+    """Bytes after a tenth of the run."""
+    end: int
+    """Bytes at the end."""
+    most: int
+    """The most bytes at any time."""
+    slope: float
+    """Bytes a tick from a tenth of the run on, by least squares."""
+
+
+class LongRun(msgspec.Struct, kw_only=True):
+    """What came of it."""
+
+    ticks: int
+    seconds: float
+    samples: int
+    files: int
+    """Files of the recording."""
+    recorded: int
+    """Their bytes."""
+    lost: int
+    """Messages missing from it."""
+    verified: bool | None
+    """A replay derives all of it again; None: nobody looked."""
+    memory: dict[str, Memory]
+    """By process; that of this one under ``launcher``."""
+
+
+def write_readings(path: Path, rows: int, sensors: int, seed: int) -> None:
+    """Write a file of readings in which a third of the sensors determine the rest."""
+    chance = random.Random(seed)
+    free = max(1, sensors // 3)
+    with path.open("w", encoding="utf-8") as file:
+        file.write(",".join(f"s{number}" for number in range(sensors)) + "\n")
+        for _ in range(rows):
+            base = [chance.random() < 0.3 for _ in range(free)]
+            made = (
+                base[k % free] or base[(k + 1) % free] for k in range(sensors - free)
+            )
+            file.write(",".join(str(int(bit)) for bit in (*base, *made)) + "\n")
+
+
+class Gauge:
+    """Looks at the memory of this process and of its children.
+
+    Args:
+        pause: Seconds between two looks.
+    """
+
+    def __init__(self, pause: float) -> None:
+        self._pause = pause
+        self.tick = 0
+        self.samples: list[tuple[int, dict[str, int]]] = []
+
+    def follow(self, tick: int) -> None:
+        """Take in how far the run is."""
+        self.tick = tick
+
+    async def watch(self) -> None:
+        """Look again and again, until cancelled."""
+        while True:
+            if self.tick:
+                self.samples.append((self.tick, _resident()))
+            await asyncio.sleep(self._pause)
+
+    def memory(self) -> dict[str, Memory]:
+        """Return what it came to."""
+        warm = _WARM * self.tick
+        kept = [sample for sample in self.samples if sample[0] >= warm]
+        measured = {}
+        for name in sorted({name for _, found in kept for name in found}):
+            # At the end some have gone already.
+            there = [(tick, found[name]) for tick, found in kept if name in found]
+            ticks, held = np.array(there, np.float64).T
+            slope = np.polyfit(ticks, held, 1)[0] if np.ptp(ticks) > 0 else 0.0
+            measured[name] = Memory(
+                begin=int(held[0]),
+                end=int(held[-1]),
+                most=int(held.max()),
+                slope=float(slope),
+            )
+        return measured
+
+
+def _resident() -> dict[str, int]:
+    """Return the bytes in memory by kind of process."""
+    me = psutil.Process()
+    found = {"launcher": me.memory_info().rss}
+    for child in me.children(recursive=True):
+        try:
+            kind, size = child.name().partition("/")[0], child.memory_info().rss
+        except psutil.NoSuchProcess:
+            continue
+        if kind in KINDS:
+            found[kind] = found.get(kind, 0) + size
+    return found
+
+
+async def long_run(
+    options: RunOptions,
+    folder: Path,
+    *,
+    pause: float = 1.0,
+    seconds: float = float("inf"),
+    verified: bool = False,
+) -> LongRun:
+    """Make a run and measure.
+
+    Args:
+        options: What to run.
+        folder: Where it is recorded.
+        pause: Seconds between two looks at the memory.
+        seconds: After so long the run is ended in order.
+        verified: Whether to derive the recording again.
+    """
+    gauge, log, stop = Gauge(pause), folder / "run.mcap", asyncio.Event()
+    watching = asyncio.create_task(gauge.watch(), name="longrun/gauge")
+    ending = asyncio.create_task(_end_after(seconds, stop), name="longrun/end")
+    began = time.perf_counter()
+    try:
+        outcome = await run(options, log, stop, gauge.follow)
+    finally:
+        watching.cancel()
+        ending.cancel()
+    paths = list(part_paths(log).values())
+    balance = outcome.completeness
+    return LongRun(
+        ticks=outcome.totals.ticks,
+        seconds=time.perf_counter() - began,
+        samples=len(gauge.samples),
+        files=len(paths),
+        recorded=sum(path.stat().st_size for path in paths),
+        lost=0 if balance is None else sum(balance.missing.values()),
+        verified=verify(log).same if verified else None,
+        memory=gauge.memory(),
+    )
+
+
+async def _end_after(seconds: float, stop: asyncio.Event) -> None:
+    try:
+        async with asyncio.timeout(None if np.isinf(seconds) else seconds):
+            await stop.wait()
+    except TimeoutError:
+        stop.set()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make the run, print what came of it, and return the exit code."""
+    given = _parser().parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="neurosnap-long-", dir=given.folder) as at:
+        folder = Path(at)
+        readings = folder / "readings.csv"
+        write_readings(readings, given.ticks, given.sensors, given.seed)
+        source = open_source(str(readings), given.seed)
+        source.close()
+        options = RunOptions(
+            source=str(readings),
+            body=body_of(source, "walker"),
+            ticks=given.ticks,
+            seed=given.seed,
+            cells=given.cells,
+            workers=min(2, given.sensors),
+            split=given.split,
+            keep=given.keep,
+        )
+        try:
+            found = asyncio.run(
+                long_run(
+                    options,
+                    folder,
+                    pause=given.pause,
+                    seconds=given.seconds,
+                    verified=given.verify,
+                )
+            )
+        except NeurosnapError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 1
+    for name, value in msgspec.structs.asdict(found).items():
+        if name != "memory":
+            print(f"{name:10} {value}")
+    for name, memory in found.memory.items():
+        print(
+            f"{name:12} {memory.begin / 2**20:8.1f} MiB {memory.end / 2**20:8.1f} MiB"
+            f" {memory.slope:+9.2f} bytes a tick"
+        )
+    if given.json:
+        print(json.dumps(msgspec.to_builtins(found)))
+    return 0 if not found.lost and found.verified is not False else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="longrun", description=__doc__.split("\n")[0])
+    parser.add_argument(
+        "--ticks", type=int, default=288_000, help="eight hours at ten a second"
+    )
+    parser.add_argument("--sensors", type=int, default=20, help="cells of the swarm")
+    parser.add_argument("--seed", type=int, default=0, help="draws the readings")
+    parser.add_argument(
+        "--cells", choices=("inline", "worker", "process"), default="inline"
+    )
+    parser.add_argument(
+        "--split", type=in_bytes, default=in_bytes("64MiB"), help="as in run"
+    )
+    parser.add_argument("--keep", type=int, default=0, help="as in run")
+    parser.add_argument(
+        "--seconds", type=float, default=float("inf"), help="end it after so long"
+    )
+    parser.add_argument("--pause", type=float, default=1.0, help="between two looks")
+    parser.add_argument("--folder", type=Path, help="where to record meanwhile")
+    parser.add_argument("--verify", action="store_true", help="derive it again")
+    parser.add_argument("--json", action="store_true", help="one object, last")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

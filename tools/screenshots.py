@@ -1,0 +1,146 @@
+#!/usr/bin/env python3
+"""Take the README's pictures of `neurosnap view`: one of each main view.
+
+    tools/screenshots.py LOG [--tick TICK] [--signal NAME] [--out DIR] [--dark]
+
+The recording should be a planner's: only its waves go deep.
+"""
+
+import argparse
+import asyncio
+import os
+import shutil
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Literal
+
+# Run as a file, the folder of this file is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from playwright.async_api import Page, async_playwright
+
+from neurosnap.view.desk import Desk
+from neurosnap.view.server import serving
+
+SIZE = 1280, 720
+Scheme = Literal["light", "dark"]
+
+# It asks nobody anything: what a page fetches is what the page fetches.
+_ARGUMENTS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def chromium() -> str | None:
+    """Return where Debian's Chromium is; None: it is not there."""
+    return os.environ.get("CHROMIUM") or shutil.which("chromium")
+
+
+@asynccontextmanager
+async def browsing(
+    scheme: Scheme = "light", *, still: bool = False
+) -> AsyncIterator[Page]:
+    """Open an empty page in a browser of its own.
+
+    Args:
+        scheme: The colours the system is said to have.
+        still: Whether the system is said to want no motion.
+    """
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(
+            executable_path=chromium(), args=_ARGUMENTS
+        )
+        try:
+            yield await browser.new_page(
+                viewport={"width": SIZE[0], "height": SIZE[1]},
+                color_scheme=scheme,
+                reduced_motion="reduce" if still else "no-preference",
+            )
+        finally:
+            await browser.close()
+
+
+async def wait_shown(page: Page, tick: int) -> None:
+    """Wait until the page shows a tick, its order and its plots."""
+    shown = f'#drawing[data-tick="{tick}"][aria-busy="false"]'
+    await page.wait_for_selector(shown, state="attached")
+    await page.wait_for_selector("#plots canvas", state="attached")
+
+
+async def wait_until(page: Page, condition: str) -> None:
+    """Wait until an expression is true; the page's own rules forbid the usual way."""
+    await page.evaluate(
+        f"""(async () => {{
+            while (!({condition})) await new Promise(requestAnimationFrame);
+        }})()"""
+    )
+
+
+async def shoot(page: Page, tick: int, signal: str, folder: Path) -> list[Path]:
+    """Take the pictures of an open page.
+
+    Args:
+        page: It shows a recording.
+        tick: What to show.
+        signal: The first literal of the wave to show.
+        folder: Where they go.
+    """
+    taken = []
+
+    async def take(name: str) -> None:
+        taken.append(folder / f"view-{name}.png")
+        await page.screenshot(path=taken[-1])
+
+    await page.fill("#time", str(tick))
+    await wait_shown(page, tick)
+    await take("diagram")
+    await page.select_option("#wave-which", signal)
+    hops = int(await page.get_attribute("#wave-hop", "max") or "0")
+    await page.fill("#wave-hop", str(hops // 2 + 0.5))  # pulses are on their way
+    # Large enough to be read, in the middle of where it is.
+    sensor = signal.removesuffix("*")
+    await page.fill("#search-text", sensor)
+    await page.press("#search-text", "Enter")
+    await page.press("#search-text", "Escape")
+    await page.click("#nearer")
+    await page.click("#choice-close")
+    await take("wave")
+    await page.press("body", "w")
+    await page.press("body", "0")
+    await page.click("#tab-plots")
+    await page.press("body", "t")
+    await wait_until(page, "document.querySelector('#plots .uplot').clientHeight > 99")
+    await take("time")
+    return taken
+
+
+async def _main(given: argparse.Namespace) -> None:
+    given.out.mkdir(parents=True, exist_ok=True)
+    scheme: Scheme = "dark" if given.dark else "light"
+    async with serving(Desk(given.log)) as address, browsing(scheme) as page:
+        await page.goto(address.url)
+        await page.wait_for_selector("#drawing[data-tick]", state="attached")
+        for path in await shoot(page, given.tick, given.signal, given.out):
+            print(path)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="screenshots", description="Take pictures.")
+    parser.add_argument("log", type=Path, help="a planner's recording")
+    parser.add_argument("--tick", type=int, required=True, help="what to show")
+    parser.add_argument("--signal", required=True, help="a wave, by its first literal")
+    parser.add_argument("--out", type=Path, default=Path("docs"), help="where they go")
+    parser.add_argument("--dark", action="store_true", help="in dark colours")
+    return parser
+
+
+if __name__ == "__main__":
+    asyncio.run(_main(_parser().parse_args()))
