@@ -1,0 +1,71 @@
+"""``neurosnap export``: a recording in the formats of other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from neurosnap.cli.shared import (
+    LOST,
+    Json,
+    Log,
+    OptionalTick,
+    app,
+    errors,
+    print_json,
+    say,
+    screen,
+)
+
+
+@app.command()
+def export(
+    log: Log,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="csv or parquet: a table with a row a tick. graphml: what was learned."
+            " foxglove: what Foxglove and Lichtblick draw; layout: panels for that.",
+        ),
+    ] = "csv",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Where to. [default: beside the recording]"),
+    ] = None,
+    at: OptionalTick = None,
+    only_readings: Annotated[
+        bool,
+        typer.Option(
+            "--only-readings",
+            help="With csv: time and readings alone, as `neurosnap run` takes them.",
+        ),
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace what is there.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Write a recording in another format: a table, a graph, or for a viewer."""
+    from neurosnap.export.write import export as write
+    from neurosnap.export.write import parse_form
+
+    with errors():
+        exported = write(
+            log,
+            parse_form(form),
+            out,
+            at=at,
+            only_readings=only_readings,
+            force=force,
+        )
+        say(as_json).print(f"wrote {exported.path}", markup=False, soft_wrap=True)
+        if exported.incomplete:
+            say(as_json).print(f"{exported.incomplete} ticks lack something")
+        if not exported.whole:
+            screen.print("the recording is not whole: wrote what there is")
+        if as_json:
+            print_json(msgspec.to_builtins(exported))
+        if not exported.whole:
+            raise typer.Exit(LOST)

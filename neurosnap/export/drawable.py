@@ -1,0 +1,181 @@
+"""A recording as viewers draw it: a second MCAP file, with derived messages in it.
+
+Foxglove and Lichtblick open a recording as it is. What they cannot do is to take
+packed bits apart, and to derive the order that was learned. The derived messages are
+not in the recording, because that holds what was on the wire and is verified by that;
+and because whoever records knows no order and would have to learn it a second time.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, MessageError, RecordingError
+from neurosnap.export.arrange import radius
+from neurosnap.export.learning import Learning
+from neurosnap.export.panels import BELIEVED, GRAPH, LOG, READINGS, STATE, layout
+from neurosnap.export.said import line_of, lost_line, resumed_line
+from neurosnap.export.scene import order_scene, state_scene
+from neurosnap.export.shapes import UNKNOWN
+from neurosnap.export.sink import COPIED, Sink
+from neurosnap.export.ticks import InOrder, Tick
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.replay import options_of, resumed_at
+from neurosnap.sensorium import Sensorium, unpack
+from neurosnap.swarm.readings import readings, selection
+
+LAYOUT = "layout.json"
+"""What the layout is attached as."""
+
+_EVERY = 10**8
+"""Nanoseconds between two scenes; more of them nobody could see."""
+
+
+def layout_of(recording: Recording) -> bytes:
+    """Return the layout for what `write_drawable` writes of a recording.
+
+    Raises:
+        RecordingError: The recording is not a run's.
+    """
+    sensors = options_of(recording).sensors
+    return layout(sensors, radius(len(sensors)))
+
+
+def write_drawable(path: Path, recording: Recording) -> int:
+    """Write what viewers draw of a recording; return how many ticks there were.
+
+    Memory is bounded. Time: that of reading, of learning once more, and of a scene
+    for each tenth of a second.
+
+    Args:
+        path: What is there is replaced.
+        recording: A run's.
+
+    Raises:
+        RecordingError: The recording is damaged, or not a run's.
+        OSError: It cannot be written.
+    """
+    with Sink(path, options_of(recording).sensors) as sink:
+        sink.attach(LAYOUT, layout_of(recording))
+        drawing = _Drawing(sink, recording)
+        for recorded in recording.messages(COPIED):
+            sink.copy(recorded)
+            drawing.take(recorded)
+        drawing.end()
+    return drawing.ticks
+
+
+class _Drawing:
+    """Derives from each message what is drawn of it."""
+
+    def __init__(self, sink: Sink, recording: Recording) -> None:
+        options = options_of(recording)
+        self.ticks = 0
+        self._sink = sink
+        self._path = recording.path
+        self._names = options.sensors
+        self._resumed = frozenset(resumed_at(recording))
+        self._order = InOrder(recording)
+        self._scenes = _Scenes(sink, Learning(recording, options), options.sensors)
+
+    def take(self, recorded: Recorded) -> None:
+        """Draw a message.
+
+        Raises:
+            RecordingError: It is of other sensors, or out of order.
+            OSError: The disk does not take what is drawn.
+        """
+        try:
+            self._draw(recorded.message, recorded.log_time)
+        except (InvalidValueError, MessageError) as error:
+            raise RecordingError(f"{self._path}: {error}") from error
+        self._show(self._order.add(recorded))
+
+    def end(self) -> None:
+        """Draw what is left.
+
+        Raises:
+            OSError: The disk does not take what is drawn.
+        """
+        self._show(self._order.rest())
+        self._scenes.end()
+
+    def _draw(self, message: wire.Message, time: int) -> None:
+        count = len(self._names)
+        line = line_of(message, self._names, time)
+        if line is not None:
+            self._sink.put(LOG, line, time)
+        match message:
+            case wire.Observation(tick=tick):
+                if tick - 1 in self._resumed:
+                    self._sink.put(LOG, resumed_line(time, tick - 1), time)
+                literals = selection(*readings(message, count))
+                self._sink.put(READINGS, self._signs(literals), time)
+            case wire.State():
+                literals = unpack(message.literals, 2 * count)
+                self._sink.put(BELIEVED, self._signs(literals), time)
+            case _:
+                pass
+
+    def _signs(self, literals: NDArray[np.bool_]) -> dict[str, int]:
+        """Return a number a sensor, by which of its literals is there."""
+        signs = np.where(literals[::2], 1, np.where(literals[1::2], 0, UNKNOWN))
+        return dict(zip(self._names, signs.tolist(), strict=True))
+
+    def _show(self, ticks: list[Tick]) -> None:
+        self.ticks += len(ticks)
+        for tick in ticks:
+            self._scenes.take(tick)
+
+
+class _Scenes:
+    """Draws the order and the state, each where it changed, and not too often."""
+
+    def __init__(self, sink: Sink, learning: Learning, names: tuple[str, ...]) -> None:
+        self._sink = sink
+        self._learning = learning
+        self._sensorium = Sensorium(names)
+        self._lost = False
+        self._last = -_EVERY
+        self._waiting: wire.State | None = None
+        self._settled = 0
+        self._wires = b""
+
+    def take(self, tick: Tick) -> None:
+        """Learn from a tick, and draw it if it is time.
+
+        A tick that does not follow ends the drawing: an order that was learned without
+        one of its observations is another.
+        """
+        if self._lost:
+            return
+        if not self._learning.take(tick):
+            self._lost = True
+            missing, time = self._learning.tick + 1, max(self._settled, tick.settled)
+            self._sink.put(LOG, lost_line(time, missing), time)
+            return
+        if tick.state is None:
+            return
+        self._waiting, self._settled = tick.state, tick.settled
+        if self._settled - self._last >= _EVERY:
+            self._draw(tick.state)
+
+    def end(self) -> None:
+        """Draw the last tick, if that is still to be done."""
+        if self._waiting is not None:
+            self._draw(self._waiting)
+
+    def _draw(self, state: wire.State) -> None:
+        graph = self._learning.graph
+        literals = unpack(state.literals, len(graph))
+        wires = graph.wires("hasse").tobytes()
+        if wires != self._wires:
+            self._wires = wires
+            scene = order_scene(graph, self._sensorium, self._settled)
+            self._sink.put(GRAPH, scene, self._settled)
+        self._sink.put(
+            STATE, state_scene(graph, literals, self._settled), self._settled
+        )
+        self._last, self._waiting = self._settled, None

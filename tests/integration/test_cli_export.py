@@ -1,0 +1,106 @@
+"""``neurosnap export`` as people meet it, and its CSV as a source of another run."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from neurosnap import wire
+from neurosnap.cli import app
+from neurosnap.record.reader import Recording
+
+pytestmark = pytest.mark.slow
+
+TICKS = 30
+
+
+def call(*arguments: object) -> Result:
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return result
+
+
+def run(source: object, log: Path) -> Path:
+    given = ("--ticks", TICKS, "--seed", 5, "--cells", "inline", "--out", log)
+    assert call("run", source, *given).exit_code == 0
+    return log
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run("neurosnap/Path-v0", tmp_path_factory.mktemp("logs") / "path.mcap")
+
+
+def states(log: Path) -> list[wire.Message]:
+    """Return the states of a run, without what it took to find them."""
+    return [each.message for each in Recording.open(log).messages(("state",))]
+
+
+def test_the_readings_of_a_run_give_the_same_states_again(
+    log: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "path.csv"
+    result = call("export", log, "--only-readings", "-o", out)
+    assert result.exit_code == 0
+    assert result.stdout == f"wrote {out}\n"
+    again = run(out, tmp_path / "again.mcap")
+    found, expected = states(again), states(log)
+    assert len(found) == TICKS
+    for one, other in zip(found, expected, strict=True):
+        assert isinstance(one, wire.State)
+        assert isinstance(other, wire.State)
+        assert (one.tick, one.literals) == (other.tick, other.literals)
+        assert (one.height, one.edges) == (other.height, other.edges)
+        assert one.incoherent == other.incoherent
+
+
+@pytest.mark.parametrize(
+    ("form", "ending"),
+    [
+        ("csv", ".csv"),
+        ("parquet", ".parquet"),
+        ("graphml", ".graphml"),
+        ("foxglove", ".foxglove.mcap"),
+        ("layout", ".layout.json"),
+    ],
+)
+def test_it_goes_beside_the_recording_and_says_where(
+    log: Path, form: str, ending: str
+) -> None:
+    result = call("export", log, "--format", form, "--json")
+    assert result.exit_code == 0
+    facts = json.loads(result.stdout)
+    assert facts["path"] == str(log.with_name(f"path{ending}"))
+    assert Path(facts["path"]).is_file()
+    assert (facts["format"], facts["whole"]) == (form, True)
+
+
+def test_a_cut_recording_is_exported_with_a_word_of_it(
+    log: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(log.read_bytes()[:-3000])
+    result = call("export", path)
+    assert result.exit_code == 3
+    assert "not whole" in result.stderr
+    with (tmp_path / "cut.csv").open(newline="") as file:
+        assert 0 < len(list(csv.DictReader(file))) <= TICKS
+
+
+def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) -> None:
+    taken = tmp_path / "taken.csv"
+    taken.touch()
+    for given in (
+        ("--format", "xls"),
+        ("--format", "csv", "--at", 3),
+        ("--out", taken),
+        ("--out", tmp_path / "none" / "out.csv"),
+    ):
+        result = call("export", log, *given)
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert result.stderr.startswith("error: ")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken.csv"]
+    assert call("export", tmp_path / "none.mcap").exit_code == 1
+    assert call("export", taken).exit_code == 1
