@@ -35,11 +35,11 @@ def graph(
     """Print the implications learned, by name."""
     from neurosnap.diagram import diagram, parse_format, render
     from neurosnap.record.history import snapshot_at
-    from neurosnap.record.reader import Recording
+    from neurosnap.record.whole import open_whole
 
     with errors():
         wanted = parse_format("json" if as_json else form)
-        tick, snapshot = snapshot_at(Recording.open(log), at)
+        tick, snapshot = snapshot_at(open_whole(log), at)
         drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
         if as_json:
             print_json(msgspec.to_builtins(drawn))

@@ -53,13 +53,13 @@ def depth(
     """Measure how deep waves travel against the height of the order."""
     from neurosnap import show
     from neurosnap.depth import draw, fit, from_recording, measure, write_csv
-    from neurosnap.record.reader import Recording
+    from neurosnap.record.whole import open_whole
 
     with errors():
         tall = _numbers("heights", heights)
         sizes = _numbers("sensors", sensors) if sensors else _sizes(tall)
         if log is not None:
-            rows = from_recording(Recording.open(log))
+            rows = from_recording(open_whole(log))
         else:
             total = len(sizes) * len(tall) * waves
             with show.progress(screen, "waves", total) as on_progress:

@@ -33,7 +33,7 @@ def watch(
     ] = False,
 ) -> None:
     """Show observations that contradict what was learned, as they come."""
-    from neurosnap.record.reader import Recording
+    from neurosnap.record.whole import open_whole
     from neurosnap.show import anomaly
     from neurosnap.swarm import registry
     from neurosnap.swarm.watch import recorded
@@ -45,7 +45,7 @@ def watch(
 
     with errors():
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
-            for told in recorded(Recording.open(what)):
+            for told in recorded(open_whole(Path(what))):
                 show(told)
             return
         if connect and what is None:

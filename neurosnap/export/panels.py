@@ -42,7 +42,7 @@ def layout(sensors: Sequence[str], reach: float) -> bytes:
         "StateTransitions!readings": _bars("Readings", READINGS, sensors),
         "StateTransitions!believed": _bars("Believed", BELIEVED, sensors),
         "Plot!numbers": {
-            "foxglovePanelTitle": "Waves",
+            **_title("Waves"),
             "paths": [_path(f"/state.{name}", name) for name in _CURVES],
             "showLegend": True,
             "legendDisplay": "floating",
@@ -86,7 +86,12 @@ def quoted(name: str) -> str:
 
 def _bars(title: str, topic: str, sensors: Sequence[str]) -> dict[str, Any]:
     paths = [_path(f"{topic}.{quoted(name)}", name) for name in sensors[:_SHOWN]]
-    return {"foxglovePanelTitle": title, "isSynced": True, "paths": paths}
+    return {**_title(title), "isSynced": True, "paths": paths}
+
+
+def _title(title: str) -> dict[str, str]:
+    """Return a panel's title, which each viewer keeps under a name of its own."""
+    return {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
 def _path(value: str, label: str) -> dict[str, Any]:

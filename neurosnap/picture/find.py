@@ -15,7 +15,7 @@ from neurosnap.poc.morphism import PocMorphism
 from neurosnap.poc.pocset import PocSet
 from neurosnap.poc.realization import Realization
 from neurosnap.record.history import snapshot_at
-from neurosnap.record.reader import Recording
+from neurosnap.record.whole import open_whole
 from neurosnap.sensorium import unpack
 
 MOST = 400
@@ -70,7 +70,7 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
     What was observed by then takes the place of a realisation, where every reading was
     known.
     """
-    recording = Recording.open(path)
+    recording = open_whole(path)
     tick, snapshot = snapshot_at(recording, tick)
     poc = PocSet.from_graph(snapshot.poc_graph(), snapshot.sensorium)
     count, state, seen = len(poc), None, []

@@ -111,7 +111,7 @@ async def run_on(
                 given_up = restarts >= supervision.max_restarts
                 if given_up or stop.is_set() or not _mends(supervision, error):
                     raise
-                found = await asyncio.to_thread(_whole_part, log, past)
+                found = await asyncio.to_thread(_whole_part, log, past, options)
                 gained, past = _make_room(log, broken, found, past)
                 delay = supervision.backoff if gained else min(2 * delay, _LONGEST)
                 restarts += 1
@@ -133,15 +133,17 @@ def _mends(supervision: Supervision, error: SwarmError) -> bool:
     return supervision.restart == "always"
 
 
-def _whole_part(log: Path, before: Past | None) -> Past | None:
+def _whole_part(log: Path, before: Past | None, options: RunOptions) -> Past | None:
     """Return where a recorded run can go on; None: it has no whole tick.
+
+    That is before its last tick: with that done again, too, it ends as it should.
 
     Raises:
         RecordingError: It has several files and cannot go on all the same; there is
             nothing else to go on from, and too much in them to be thrown away.
     """
     try:
-        return look_back(log)[1]
+        return look_back(log, options.ticks - 1)[1]
     except RecordingError:
         if before is None and len(part_paths(log)) > 1:
             raise

@@ -24,7 +24,7 @@ from neurosnap.record.whole import open_whole, part_paths
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm import join
 from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.endure import Restart, keep_furthest, run_on
+from neurosnap.swarm.endure import Restart, _whole_part, keep_furthest, run_on
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
@@ -315,6 +315,21 @@ def test_of_two_recordings_the_further_stays(
     keep_furthest(log, broken)
     assert verify(log).ticks == kept
     assert list(tmp_path.iterdir()) == [log]
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 12])
+def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
+    ticks: int, tmp_path: Path
+) -> None:
+    options = msgspec.structs.replace(options_for(ticks), cells="inline")
+    log, again = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    asyncio.run(run(options, log, asyncio.Event()))
+    past = _whole_part(log, None, options)
+    assert (0 if past is None else past.tick) == ticks - 1
+    outcome = asyncio.run(run(options, again, asyncio.Event(), past=past))
+    assert outcome.totals.ticks == ticks
+    verdict = verify(again)
+    assert (verdict.same, verdict.ticks) == (True, ticks)
 
 
 def test_a_recording_alone_is_left_alone(tmp_path: Path) -> None:

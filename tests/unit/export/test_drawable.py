@@ -1,7 +1,7 @@
 """What viewers get: read back by the library, taken apart by the viewers' rules."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,12 @@ from neurosnap.export.said import line_of
 from neurosnap.export.scene import order_scene
 from neurosnap.export.sink import COPIED
 from neurosnap.poc.graph import PocGraph
+from neurosnap.record import parts
 from neurosnap.record.history import snapshot_at
 from neurosnap.record.layout import PROFILE
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
+from neurosnap.record.whole import open_whole, part_paths
 from neurosnap.record.writer import Writer
 from neurosnap.sensorium import Sensorium, unpack
 from tests.property.strategies import graphs
@@ -248,16 +250,15 @@ def test_a_fault_is_an_error_of_whoever_met_it(tmp_path: Path) -> None:
     Draft202012Validator(json.loads(shapes.foxglove(shapes.LOG))).validate(line)
 
 
-def without(log: Path, path: Path, tick: int) -> Path:
-    """Copy a recording, but for the observation of a tick."""
+def without(log: Path, path: Path, tick: int, topics: Collection[str]) -> Path:
+    """Copy a recording, but for what is said of a tick on some topics."""
     old = Recording.open(log)
     with Writer(path) as writer:
         writer.start(old.metadata)
         for each in old.messages():
             message = each.message
-            if isinstance(message, wire.Observation) and message.tick == tick:
-                continue
-            writer.put(message, each.delivery, each.log_time)
+            if getattr(message, "tick", 0) != tick or message.key not in topics:
+                writer.put(message, each.delivery, each.log_time)
         writer.finish({}, {})
     return path
 
@@ -282,16 +283,31 @@ def test_what_is_of_other_sensors_is_an_error(log: Path, tmp_path: Path) -> None
             write_drawable(tmp_path / "out", Recording.open(path))
 
 
+@pytest.mark.parametrize("topics", [("observe",), ("observe", "state", "decide")])
 def test_no_order_is_drawn_behind_a_missing_observation(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(drawable, "_EVERY", 0)
     path = tmp_path / "drawn.mcap"
-    write_drawable(path, Recording.open(without(log, tmp_path / "log.mcap", 9)))
+    lacking = without(log, tmp_path / "log.mcap", 9, topics)
+    write_drawable(path, Recording.open(lacking))
     assert len(said(path, "/graph/state")) == 8
     errors = [line["message"] for _, line in said(path, "/log") if line["level"] == 4]
     assert len(errors) == 1
     assert errors[0].startswith("the observation of tick 9 is missing")
+
+
+def test_a_later_file_is_drawn_from_its_key_frame_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, "split_of", lambda _: parts.Split(1))
+    split = recorded(tmp_path / "log.mcap")
+    recording = Recording.open(part_paths(split)[1])
+    assert recording.begins > 0
+    count = write_drawable(tmp_path / "drawn.mcap", recording)
+    time, scene = said(tmp_path / "drawn.mcap", "/graph")[-1]
+    _, snapshot = snapshot_at(open_whole(split), recording.begins + count)
+    assert scene == order_scene(snapshot.poc_graph(), snapshot.sensorium, time)
 
 
 def test_what_is_drawn_is_no_recording(drawn: Path) -> None:
@@ -358,20 +374,21 @@ def test_edges_lead_up_and_complements_stand_opposite(graph: PocGraph) -> None:
             assert places[b, 2] >= places[a, 2] + 1
 
 
-@given(graph=graphs())
-def test_no_two_literals_stand_at_one_place(graph: PocGraph) -> None:
-    places = arranged(graph)[:, :2]
+@pytest.mark.parametrize("sensors", [1, 2, 3, 10, 100])
+def test_no_literal_stands_in_anothers_way(sensors: int) -> None:
+    places = arranged(PocGraph.from_implications(sensors, []))[:, :2]
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
-    assert (apart + np.eye(len(graph)) * 9 > 0.5).all()
+    assert (apart + np.eye(2 * sensors) * 9 > 0.7).all()
 
 
 def test_edges_are_coloured_by_what_they_do() -> None:
-    graph = PocGraph.from_implications(2, [(0, 3)])
-    scene = order_scene(graph, Sensorium(["a", "b"]), 0)
+    # a excludes b; c and d are equal, and so are their complements.
+    graph = PocGraph.from_implications(4, [(0, 3), (4, 6), (6, 4)])
+    scene = order_scene(graph, Sensorium(["a", "b", "c", "d"]), 0)
     excites, inhibits, same = scene["entities"][0]["lines"]
     assert [len(excites["points"]), len(inhibits["points"]), len(same["points"])] == [
         0,
         4,
-        0,
+        4,
     ]
     assert excites["color"] != inhibits["color"]

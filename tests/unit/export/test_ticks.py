@@ -8,6 +8,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.export import ticks as module
 from neurosnap.export.ticks import InOrder, Tick, ticks
 from neurosnap.record.reader import Recording
+from neurosnap.record.writer import Writer
 from tests.unit.record.samples import delivered, record
 
 
@@ -75,3 +76,16 @@ def test_what_comes_after_its_tick_is_an_error(tmp_path: Path) -> None:
         RecordingError, match=r"log\.mcap: tick: must come once, .* got 1$"
     ):
         found(tmp_path / "log.mcap", again)
+
+
+def test_a_later_file_begins_with_its_own_first_tick(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with Writer(path) as writer:
+        writer.start({"part": "1", "begins": "6"})
+        for delivery in delivered([messages(6)[2], *messages(7)]):
+            writer.add(delivery, delivery.sent)
+        writer.finish({}, {})
+    recording = Recording.open(path)
+    order = InOrder(recording)
+    given = [order.add(each) for each in recording.messages()]
+    assert [[tick.number for tick in due] for due in given] == [[], [], [], [7]]

@@ -190,6 +190,22 @@ def test_several_files_are_exported_like_one(
     assert export(files[1], "foxglove").ticks == len(share)
 
 
+def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
+    old = Recording.open(log)
+    with Writer(tmp_path / "log.mcap") as writer:
+        writer.start(old.metadata)
+        for each in old.messages():
+            message = each.message
+            if not (isinstance(message, wire.State) and message.tick in (5, 8)):
+                writer.put(message, each.delivery, each.log_time)
+        writer.finish({}, {})
+    done = export(tmp_path / "log.mcap", "csv", tmp_path / "out.csv")
+    assert (done.ticks, done.incomplete, done.whole) == (TICKS, 2, False)
+    lacking = [row for row in table(tmp_path / "out.csv") if not row["state"]]
+    assert [row["tick"] for row in lacking] == ["5", "8"]
+    assert all(row["depth"] == row["incoherent"] == "" for row in lacking)
+
+
 @pytest.mark.parametrize("name", ["run-1-cells", "run-1-workers"])
 def test_recordings_of_an_older_schema_are_exported(name: str, tmp_path: Path) -> None:
     golden = Path(__file__).parents[2] / "golden" / f"{name}.mcap"
