@@ -32,7 +32,7 @@ def export(
     ] = "csv",
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Where to. [default: beside the recording]"),
+        typer.Option("--out", "-o", help="Where to. \\[default: beside the recording]"),
     ] = None,
     at: OptionalTick = None,
     only_readings: Annotated[

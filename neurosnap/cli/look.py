@@ -58,7 +58,7 @@ def model(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Where to draw. [default: NAME.png]"),
+        typer.Option(metavar="FILE.png", help="Where to draw. \\[default: NAME.png]"),
     ] = None,
     at: OptionalTick = None,
     limit: Annotated[

@@ -35,7 +35,8 @@ def depth(
         WiringKind, typer.Option(help="Which edges carry pulses.")
     ] = "hasse",
     sensors: Annotated[
-        str, typer.Option(help="Cells in each swarm. [default: 1 and 2 × the tallest]")
+        str,
+        typer.Option(help="Cells in each swarm. \\[default: 1 and 2 × the tallest]"),
     ] = "",
     waves: Annotated[int, typer.Option(help="Waves at each height.")] = 10,
     cells: Annotated[
@@ -44,7 +45,7 @@ def depth(
     workers: Annotated[int, typer.Option(help="Processes that have many cells.")] = 2,
     edges: Annotated[
         int,
-        typer.Option(help="Covers of a random order, both ways. [default: a chain]"),
+        typer.Option(help="Covers of a random order, both ways. \\[default: a chain]"),
     ] = 0,
     seed: Annotated[int, typer.Option(help="Draws random orders.")] = 0,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write.")] = Path(),
@@ -91,7 +92,7 @@ def depth(
 @app.command()
 def figures(
     only: Annotated[
-        str, typer.Option(metavar="A,B", help="By name or number. [default: all]")
+        str, typer.Option(metavar="A,B", help="By name or number. \\[default: all]")
     ] = "",
     runs: Annotated[int, typer.Option(help="Runs of everything.")] = 50,
     steps: Annotated[int, typer.Option(help="Observations in each.")] = 8000,
@@ -106,7 +107,7 @@ def figures(
         bool, typer.Option(help="Let learned graphs have equivalences.")
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(help="Threads. [default: one a core]")
+        int | None, typer.Option(help="Threads. \\[default: one a core]")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -20,7 +20,7 @@ Described = Annotated[
 ]
 Ticks = Annotated[
     int | None,
-    typer.Option(help="Observations to take. [default: 300, or a whole CSV]"),
+    typer.Option(help="Observations to take. \\[default: 300, or a whole CSV]"),
 ]
 Seed = Annotated[int, typer.Option(help="Draws all that is random.")]
 Agent = Annotated[AgentKind, typer.Option(help="Who decides.")]
@@ -28,7 +28,7 @@ Target = Annotated[
     str | None,
     typer.Option(
         help="What a planner wants to sense (below_5,below_4*), or the place an"
-        " excited agent is drawn to. [default: for excited, drawn by the seed]"
+        " excited agent is drawn to. \\[default: for excited, drawn by the seed]"
     ),
 ]
 Explore = Annotated[float, typer.Option(help="Share of random actions, in [0, 1].")]

@@ -56,7 +56,7 @@ def replay(
         bool, typer.Option("--resume", help="Go on from the last whole tick.")
     ] = False,
     ticks: Annotated[
-        int | None, typer.Option(help="With --resume: ticks in all. [default: +300]")
+        int | None, typer.Option(help="With --resume: ticks in all. \\[default: +300]")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="With --resume: where to record.")

@@ -69,7 +69,7 @@ def run(
     ] = "process",
     workers: Workers = 2,
     out: Annotated[
-        Path | None, typer.Option(help="Where to record. [default: logs/…]")
+        Path | None, typer.Option(help="Where to record. \\[default: logs/…]")
     ] = None,
     record: Annotated[bool, typer.Option(help="Record at all.")] = True,
     split: Annotated[
@@ -103,14 +103,14 @@ def run(
     listen: Annotated[
         str,
         typer.Option(
-            metavar="ENDPOINT", help="Where the hub listens. [default: on a socket]"
+            metavar="ENDPOINT", help="Where the hub listens. \\[default: on a socket]"
         ),
     ] = "",
     connect: Annotated[
         str, typer.Option(metavar="ENDPOINT", help="A hub that is there already.")
     ] = "",
     swarm: Annotated[
-        str, typer.Option(metavar="ID", help="Its id. [default: a random one]")
+        str, typer.Option(metavar="ID", help="Its id. \\[default: a random one]")
     ] = "",
     elsewhere: Annotated[
         str,

@@ -79,7 +79,7 @@ def record(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Where to record; a second swarm goes beside it. [default: logs/…]"
+            help="Where to record; a second swarm goes beside it. \\[default: logs/…]"
         ),
     ] = None,
     restart: Restart = "on-failure",

@@ -17,13 +17,13 @@ def watch(
         str | None,
         typer.Argument(
             metavar="[SWARM|LOG]",
-            help="A swarm's id, or a recording. [default: the one that runs here]",
+            help="A swarm's id, or a recording. \\[default: the one that runs here]",
         ),
     ] = None,
     connect: Annotated[
         str,
         typer.Option(
-            metavar="ENDPOINT", help="Where its hub is. [default: as `ps` has it]"
+            metavar="ENDPOINT", help="Where its hub is. \\[default: as `ps` has it]"
         ),
     ] = "",
     tls: Tls = "",

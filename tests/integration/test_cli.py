@@ -219,6 +219,10 @@ def test_a_verb_explains_itself(verb: str) -> None:
     assert result.stderr == ""
 
 
+def test_help_says_what_happens_without_an_option() -> None:
+    assert "[default: logs/" in call("run", "--help").stdout  # not taken for a style
+
+
 def test_help_lists_the_verbs() -> None:
     result = call("--help")
     assert result.exit_code == 0
