@@ -22,6 +22,7 @@ from tools import (
     bench_agent,
     bench_learn,
     bench_observe,
+    bench_page,
     bench_run,
     bench_swarm,
     bench_tick,
@@ -40,6 +41,7 @@ ROWS: dict[str, Callable[[Sizes], list[Line]]] = {
     "tick": bench_tick.tick,
     "worker": bench_worker.worker,
     "verify": bench_run.verify,
+    "page": bench_page.page,
 }
 
 

@@ -124,6 +124,7 @@ def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
         env = gymnasium.make(options.source, disable_env_checker=True, **given)
     except (InvalidValueError, gymnasium.error.Error, TypeError):
         return None  # another version's, or made up
+    env.reset(seed=options.seed)  # some draw their fields, or the target, only then
     if not env.has_wrapper_attr("fields"):
         env.close()
         return None

@@ -79,7 +79,7 @@ export class EdgeView {
       make(
         "tr",
         {},
-        make("th", { scope: "row" }, make("i", { className: `swatch ${INKS[k] ?? "limit"}` }), label),
+        make("th", { scope: "row" }, swatch(INKS[k] ?? "limit"), label),
         this._values[k],
       ),
     );
@@ -117,3 +117,5 @@ export class EdgeView {
     this._plot.append(now);
   }
 }
+
+const swatch = (ink) => make("i", { className: `swatch ${ink}` });

@@ -2,12 +2,12 @@
 // is where a position becomes a frame, and a frame goes to all that show it.
 
 import * as api from "./api.js";
-import { bind, tickAsked } from "./bindings.js";
 import { showCells } from "./cells.js";
 import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
 import { find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
+import { bind } from "./keys.js";
 import { follow, patched } from "./live.js";
 import { Orders } from "./orders.js";
 import { Outline } from "./outline.js";
@@ -15,7 +15,7 @@ import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { Reel } from "./reel.js";
 import { Search } from "./search.js";
-import { Timeline } from "./timeline.js";
+import { tickAsked, Timeline } from "./timeline.js";
 import { Voice } from "./voice.js";
 import { WaveView } from "./wave.js";
 import { WorldView } from "./world.js";

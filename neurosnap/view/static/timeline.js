@@ -1,4 +1,5 @@
-// The time line: a slider over the whole recording, and buttons around it.
+// The time line: a slider over the whole recording, buttons around it, and the tick in
+// the page's address.
 
 import { find, make, write } from "./dom.js";
 import { SPEEDS } from "./player.js";
@@ -50,4 +51,10 @@ export class Timeline {
     this._slider.setAttribute("aria-valuetext", text);
     write(find("tick"), text);
   }
+}
+
+/** The tick in the address; null if there is none. */
+export function tickAsked() {
+  const found = /^#t=(\d+)$/.exec(location.hash);
+  return found && Number(found[1]);
 }

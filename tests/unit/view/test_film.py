@@ -21,6 +21,7 @@ from neurosnap.view.weighing import weighed
 from tests.unit.view.films import (
     TICKS,
     csv_run,
+    drawn_run,
     in_chunks,
     path_run,
     planner_run,
@@ -331,3 +332,8 @@ def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
     assert len(seen) > 5
     assert (film.last, film.cut, film.files.finished) == (TICKS, None, True)
     assert film.frames(1, TICKS) == Film(small).frames(1, TICKS)
+
+
+def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:
+    film = Film(recorded(drawn_run(), tmp_path / "run.mcap"))
+    assert film.frames(1, TICKS)[-1].tick == TICKS
