@@ -198,6 +198,8 @@ def child(
     _call_itself(seat.who)
     # Ctrl-C reaches the whole process group; the parent decides what ends when.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Asked to end before it lives, it lives and ends. There is one thread still.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     reporter = Reporter(seat.who, connection)
     # What the fork server loaded stays shared with it only while nobody walks over it.
     gc.freeze()
@@ -206,8 +208,15 @@ def child(
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGTERM, stop.set)
-        with _orphanage(seat.who, stop):
-            await job(seat, stop, reporter, *arguments)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        try:
+            with _orphanage(seat.who, stop):
+                await job(seat, stop, reporter, *arguments)
+        finally:
+            # It is about to end: asked to now, it must not be killed by that, as it
+            # would be once the loop is closed.
+            loop.remove_signal_handler(signal.SIGTERM)
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
     try:
         asyncio.run(live())

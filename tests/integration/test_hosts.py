@@ -185,7 +185,7 @@ def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
             ("--connect", "tcp/127.0.0.1:1", "--listen", "tcp/127.0.0.1:2"),
             "connect: must not come with an endpoint to listen on",
         ),
-        (("--connect", "tcp/192.0.2.1:7447"), "endpoint: must be tcp/ on loopback"),
+        (("--connect", "tcp/192.0.2.1:7447"), "connect: must be tcp/ on loopback"),
     ],
 )
 def test_what_cannot_be_shared_is_refused(

@@ -68,9 +68,9 @@ def test_a_port_in_use_ends_it_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("network", "text"),
     [
-        (("--listen", "tcp/0.0.0.0:7447"), "endpoint: must be tcp/ on loopback"),
-        (("--listen", "tcp/192.0.2.1:7447"), "endpoint: must be tcp/ on loopback"),
-        (("--listen", "tls/127.0.0.1:7447"), "endpoint: must come with keys (--tls)"),
+        (("--listen", "tcp/0.0.0.0:7447"), "listen: must be tcp/ on loopback"),
+        (("--listen", "tcp/192.0.2.1:7447"), "listen: must be tcp/ on loopback"),
+        (("--listen", "tls/127.0.0.1:7447"), "listen: must come with keys (--tls)"),
         (("--tls", "keys"), "tls: must come with an endpoint to listen on"),
         (
             ("--listen", "tls/127.0.0.1:7447", "--tls", "nowhere"),
