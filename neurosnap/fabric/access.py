@@ -66,7 +66,9 @@ RIGHTS: dict[Role, Rights] = {
         reads=("state", "decide", READING),
         announces=("world",),
     ),
-    "recorder": Rights(reads=ALL, announces=("recorder",), watches=True),
+    "recorder": Rights(
+        publishes=("fault",), reads=ALL, announces=("recorder",), watches=True
+    ),
     "cell": Rights(
         publishes=("excite", "inhibit", "settle", "fault", "leave"),
         reads=_topics(wire.cell_keys(0)),

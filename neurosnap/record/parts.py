@@ -137,8 +137,11 @@ class Parts:
             known.append(self._older.sequences.upcoming(sender))
         return max(known)
 
-    def add(self, delivery: wire.Delivery, log_time: int) -> None:
+    def add(self, delivery: wire.Delivery, log_time: int) -> bool:
         """Write one message into the file it belongs to; see `Writer.add`.
+
+        Returns:
+            Whether it is one that can be written; foreign ones are left out.
 
         Raises:
             RecordingError: The disk does not take what it is given, or a file exists
@@ -146,12 +149,13 @@ class Parts:
         """
         message = self._newest.read(delivery)
         if message is None:
-            return
+            return False
         if self._split is None:
             self._newest.put(message, delivery, log_time)
-            return
+            return True
         for heard in self._causes.take(Heard(message, delivery, log_time)):
             self._write(*heard)
+        return True
 
     def _write(
         self, message: wire.Message, delivery: wire.Delivery, log_time: int

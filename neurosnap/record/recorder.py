@@ -34,7 +34,7 @@ async def run_recorder(
     """Record all traffic until every one of `parts` has left; finish the recording.
 
     Reads everything, and the presence of `parts`, since one that was killed has no
-    last word; publishes nothing.
+    last word; publishes a ``fault`` for what cannot be recorded.
 
     Args:
         writer: Entered by the caller, who also leaves it in case of an error.
@@ -50,7 +50,7 @@ async def run_recorder(
     Raises:
         RecordingError: The disk does not take it; what was flushed stays readable.
     """
-    listener = _Listener(writer, parts)
+    listener = _Listener(writer, parts, fabric)
     await fabric.subscribe(("**",), listener.handle, poll=_POLL)
     await fabric.watch(listener.change)
     await fabric.announce()
@@ -84,7 +84,8 @@ async def _flush(writer: Parts, fabric: Fabric) -> None:
 class _Listener:
     """Writes each delivery, and keeps count of who has left and what it came to."""
 
-    def __init__(self, writer: Parts, parts: Collection[str]) -> None:
+    def __init__(self, writer: Parts, parts: Collection[str], fabric: Fabric) -> None:
+        self._fabric = fabric
         self.all_left = asyncio.Event()
         self.closed = False
         self._writer = writer
@@ -98,7 +99,10 @@ class _Listener:
         if self.closed:
             return
         for delivery in deliveries:
-            self._writer.add(delivery, time.time_ns())
+            if not self._writer.add(delivery, time.time_ns()):
+                # Whom it was for says what is wrong with it; it may be for nobody.
+                what = f"{delivery.key:.100}: must hold a message that can be recorded"
+                self._fabric.publish(wire.Fault(self._fabric.who, what))
             if delivery.key in ("leave", "state"):
                 self._note(delivery)
         self._find_all_left()

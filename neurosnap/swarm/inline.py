@@ -166,7 +166,8 @@ class _Inline:
             await run_outlet(self._options, fabric, self._leave)
 
     async def _record(self, writer: Parts, parts: tuple[str, ...]) -> Completeness:
-        async with self._hub.fabric("recorder") as fabric:
+        first = 0 if self._past is None else self._past.counts.get("recorder", 0)
+        async with self._hub.fabric("recorder", first=first) as fabric:
             return await run_recorder(writer, fabric, self._leave, parts=parts)
 
 

@@ -259,7 +259,10 @@ def options() -> RunOptions:
 
 # What the table allows and this run need not do: nothing goes wrong, no sensor looks
 # back at a state, none is read outside, and no cells share a worker.
-UNSAID = {"coordinator": {"fault", "loom", "anomaly"}, "world": {"fault"}, "cell": {"fault"}}
+UNSAID = {
+    "coordinator": {"fault", "loom", "anomaly"},
+    **dict.fromkeys(("world", "cell", "recorder"), {"fault"}),
+}
 UNHEARD = {"coordinator": {"tally"}, "world": {"state", "reading"}}
 
 
