@@ -355,7 +355,10 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     "ticks 0": (("CSV", "--ticks", 0), "ticks: "),
     "ticks below": (("CSV", "--ticks", -5), "got -5"),
     "ticks text": (("CSV", "--ticks", "many"), "Invalid value for '--ticks'"),
-    "seed below": (("CSV", "--seed", -1), "seed: must be in [0, 9223372036854775807], got"),
+    "seed below": (
+        ("CSV", "--seed", -1),
+        "seed: must be in [0, 9223372036854775807], got",
+    ),
     "seed large": (("CSV", "--seed", 2**63), "seed: "),
     "deadline 0": (("CSV", "--deadline", 0), "deadline: "),
     "deadline NaN": (("CSV", "--deadline", "nan"), "deadline: "),

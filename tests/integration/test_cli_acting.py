@@ -70,7 +70,10 @@ def test_every_agent_runs_and_its_recording_verifies(
         ),
         (("--agent", "excited", "--target", 5), "target: must be a place in 0..4"),
         (("--target", "below_1"), "target: must go with a planner only"),
-        (("--agent", "excited", "--explore", 1.5), "explore: must be in [0, 1], got 1.5"),
+        (
+            ("--agent", "excited", "--explore", 1.5),
+            "explore: must be in [0, 1], got 1.5",
+        ),
         (("--set", "colour=red"), "arguments: must be ones that neurosnap/Path-v0"),
         (("--set", "places"), "set: must be NAME=VALUE, got 'places'"),
         (("--set", "places=1"), "places: must be a whole number of at least 2, got 1"),

@@ -133,9 +133,7 @@ def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
             if (a // 2, b // 2) in judged
         }
         both = {
-            (a, b)
-            for a, b in oracles.equal(n, weights)
-            if (a // 2, b // 2) in judged
+            (a, b) for a, b in oracles.equal(n, weights) if (a // 2, b // 2) in judged
         }
         assert snapshot.clock == tick
         assert weights_of(snapshot) == weights
