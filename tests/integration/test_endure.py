@@ -197,7 +197,7 @@ def test_files_that_cannot_be_gone_on_from_are_left_alone(tmp_path: Path) -> Non
                 if one.name() == "world":
                     one.send_signal(signal.SIGKILL)
 
-    with pytest.raises(RecordingError, match="must (have|unpack)"):
+    with pytest.raises(RecordingError, match=r"must (have|unpack)"):
         asyncio.run(
             run_on(options, log, asyncio.Event(), Supervision(), on_progress=damage)
         )

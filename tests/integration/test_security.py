@@ -261,7 +261,7 @@ def options() -> RunOptions:
 # back at a state, none is read outside, and no cells share a worker.
 UNSAID = {
     "coordinator": {"fault", "loom", "anomaly"},
-    **dict.fromkeys(("world", "cell", "recorder"), {"fault"}),
+    **{role: {"fault"} for role in ("world", "cell", "recorder")},
 }
 UNHEARD = {"coordinator": {"tally"}, "world": {"state", "reading"}}
 
