@@ -11,7 +11,6 @@ import msgspec
 import psutil
 import pytest
 
-from neurosnap import wire
 from neurosnap.errors import (
     InvalidValueError,
     PartDiedError,
@@ -20,7 +19,7 @@ from neurosnap.errors import (
 )
 from neurosnap.record.layout import SMALLEST
 from neurosnap.record.replay import verify
-from neurosnap.record.whole import open_whole, part_paths
+from neurosnap.record.whole import part_paths
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm import join
 from neurosnap.swarm.embody import body_of
@@ -30,6 +29,7 @@ from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.service import Served, serve
 from neurosnap.swarm.supervision import Supervision
+from tests.course import course
 from tools.soak import VICTIMS, soak
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -105,18 +105,6 @@ class Disturbed:
             on_restart=self.restarts.append,
             **where,
         )
-
-
-def course(log: Path) -> list[wire.Message]:
-    kinds = (wire.Observation, wire.Decision)
-    found: list[wire.Message] = []
-    for recorded in open_whole(log).messages(("observe", "state", "decide")):
-        message = recorded.message
-        if isinstance(message, wire.State):
-            found.append(msgspec.structs.replace(message, wave=1, pulses=0, depth=0))
-        elif isinstance(message, kinds):
-            found.append(message)
-    return found
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
 from neurosnap import wire
@@ -23,6 +22,7 @@ from neurosnap.source import Argument, open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
+from tests.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow, pytest.mark.timeout(150)]
 
@@ -129,19 +129,6 @@ def facts(said: str) -> dict[str, Any]:
     assert found is not None, said
     told: dict[str, Any] = json.loads(found[0])
     return told
-
-
-def course(log: Path) -> list[wire.Message]:
-    """Return what a run saw, held for true and did; not how its waves went."""
-    kinds = (wire.Observation, wire.Decision)
-    found: list[wire.Message] = []
-    for recorded in Recording.open(log).messages(("observe", "state", "decide")):
-        message = recorded.message
-        if isinstance(message, wire.State):
-            found.append(msgspec.structs.replace(message, wave=1, pulses=0, depth=0))
-        elif isinstance(message, kinds):
-            found.append(message)
-    return found
 
 
 def in_one_piece(ticks: int, log: Path) -> Path:

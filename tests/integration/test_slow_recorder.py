@@ -19,6 +19,7 @@ from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
+from tests.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow, pytest.mark.timeout(90)]
 
@@ -40,17 +41,6 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[wire.Message]:
     inline = msgspec.structs.replace(OPTIONS, cells="inline")
     asyncio.run(run(inline, log, asyncio.Event()))
     return course(log)
-
-
-def course(log: Path) -> list[wire.Message]:
-    """Return what was sensed, known and done, without what the schedule decides."""
-    found: list[wire.Message] = []
-    for recorded in Recording.open(log).messages(("observe", "state", "decide")):
-        message = recorded.message
-        if isinstance(message, wire.State):
-            message = msgspec.structs.replace(message, wave=1, pulses=0, depth=0)
-        found.append(message)
-    return found
 
 
 def recorder() -> psutil.Process:

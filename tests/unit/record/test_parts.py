@@ -22,6 +22,7 @@ from neurosnap.record.whole import first_path, open_whole, part_path, part_paths
 from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe as facts_of
+from tests.course import course
 from tests.unit.swarm.scripted import Scripted
 
 TICKS = 60
@@ -343,16 +344,6 @@ def test_options_know_the_smallest_file() -> None:
 
 
 # Going on -----------------------------------------------------------------------------
-
-
-def course(log: Path) -> list[wire.Message]:
-    kinds = (wire.Observation, wire.Decision)
-    return [
-        one.message
-        if isinstance(one.message, kinds)
-        else msgspec.structs.replace(one.message, wave=1, pulses=0, depth=0)
-        for one in open_whole(log).messages(("observe", "state", "decide"))
-    ]
 
 
 @pytest.mark.usefixtures("small")
