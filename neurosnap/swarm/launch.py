@@ -222,10 +222,15 @@ class _Launch:
             await wait_any(self._supervisor.failed, conductor.ready, conductor.ended)
             if self._supervisor.error is not None:
                 raise self._supervisor.error
+        if plan.outlet is not None:
+            # Before there is anything to tell of: what it misses, it never tells.
+            seat = self._seat(OUTLET)
+            outlet = await start(plan.outlet, seat, *plan.outlet_arguments)
+            await wait_any(self._supervisor.failed, outlet.ready, outlet.ended)
+            if self._supervisor.error is not None:
+                raise self._supervisor.error
         if plan.world is not None and "world" not in plan.elsewhere:
             world = await start(plan.world, self._seat("world"), *plan.world_arguments)
-        if plan.outlet is not None:
-            await start(plan.outlet, self._seat(OUTLET), *plan.outlet_arguments)
         job, more = (
             (be_cell, ())
             if not plan.workers

@@ -6,6 +6,7 @@ coordinator say, and publishes nothing in the swarm.
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -89,7 +90,12 @@ class Listener:
             self._state = None
 
 
-async def run_outlet(options: RunOptions, fabric: Fabric, stop: asyncio.Event) -> None:
+async def run_outlet(
+    options: RunOptions,
+    fabric: Fabric,
+    stop: asyncio.Event,
+    on_ready: Callable[[], None] = lambda: None,
+) -> None:
     """Publish a run at the broker of its source until `stop` is set.
 
     Reads ``observe``, ``state``, ``anomaly`` and ``decide``; publishes nothing in the
@@ -99,6 +105,7 @@ async def run_outlet(options: RunOptions, fabric: Fabric, stop: asyncio.Event) -
         options: The run's.
         fabric: Entered by the caller.
         stop: Ends it.
+        on_ready: Called once it misses nothing any more.
 
     Raises:
         InvalidValueError: The broker refuses the name, the password or a topic; or
@@ -127,6 +134,7 @@ async def run_outlet(options: RunOptions, fabric: Fabric, stop: asyncio.Event) -
                 listener.take(wire.decode(delivery.key, delivery.payload))
 
     await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
+    on_ready()
     serving = asyncio.create_task(fabric.serve(stop), name="outlet/serve")
     try:
         await outlet.serve(stop)
@@ -140,5 +148,5 @@ async def be_outlet(
 ) -> None:
     """Be the one who tells a broker; see `run_outlet`."""
     async with seat.fabric() as fabric:
-        await run_outlet(options, fabric, stop)
+        await run_outlet(options, fabric, stop, reporter.ready)
     reporter.done()
