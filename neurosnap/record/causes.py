@@ -65,22 +65,26 @@ class Causes:
     def _keep(self, heard: Heard) -> bool:
         """Keep a message that has to wait, or is behind one of its sender's."""
         sender = heard.message.sender
-        if sender not in self._behind and not self._is_early(heard.message):
+        is_early = is_beyond(heard.message, self._tick, self._wave)
+        if sender not in self._behind and not is_early:
             return False
         self._early.append(heard)
         self._behind.add(sender)
         return True
 
-    def _is_early(self, message: wire.Message) -> bool:
-        match message:
-            case wire.Observation(tick=tick):
-                return tick > self._tick
-            case (
-                wire.Pulse(wave=wave)
-                | wire.Settled(wave=wave)
-                | wire.Burst(wave=wave)
-                | wire.Tally(wave=wave)
-            ):
-                return wave > self._wave
-            case _:
-                return False
+
+def is_beyond(message: wire.Message, tick: int, wave: int) -> bool:
+    """Tell whether an answer is to a later word of the coordinator.
+
+    Args:
+        message: Of anybody; what answers nothing is never beyond.
+        tick: The last that was asked for.
+        wave: The last that was started.
+    """
+    match message:
+        case wire.Observation():
+            return message.tick > tick
+        case wire.Pulse() | wire.Settled() | wire.Burst() | wire.Tally():
+            return message.wave > wave
+        case _:
+            return False

@@ -29,10 +29,10 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.record.causes import Causes, Heard
+from neurosnap.record.causes import Causes, Heard, is_beyond
 from neurosnap.record.layout import SMALLEST
 from neurosnap.record.past import Past, begin_recording, facts_of
-from neurosnap.record.sequences import Completeness
+from neurosnap.record.sequences import Completeness, added_up
 from neurosnap.record.whole import part_path, part_paths
 from neurosnap.record.writer import Writer
 
@@ -211,7 +211,7 @@ class Parts:
         sender = message.sender
         if sender in self._passed:
             return False
-        if not _is_after(message, self._boundary):
+        if not is_beyond(message, self._boundary.tick, self._boundary.wave):
             return True
         self._pass(sender)
         if self._passed >= older.sequences.first.keys():
@@ -260,16 +260,7 @@ class Parts:
             self._write(*heard)
         self._close()
         balances = [*self._closed, self._newest.finish(totals, expected)]
-        missing: dict[str, int] = {}
-        for balance in balances:
-            for who, count in balance.missing.items():
-                missing[who] = missing.get(who, 0) + count
-        return Completeness(
-            messages=sum(balance.messages for balance in balances),
-            missing=dict(sorted(missing.items())),
-            duplicates=sum(balance.duplicates for balance in balances),
-            foreign=sum(balance.foreign for balance in balances),
-        )
+        return added_up(balances)
 
     def abandon(self) -> None:
         """Close without totals and index; see `Writer.abandon`."""
@@ -288,19 +279,3 @@ class Parts:
         trace: TracebackType | None,
     ) -> None:
         self.abandon()
-
-
-def _is_after(message: wire.Message, boundary: _Boundary) -> bool:
-    """Tell whether a message is of a later wave or tick than a file's last."""
-    match message:
-        case wire.Observation(tick=tick):
-            return tick > boundary.tick
-        case (
-            wire.Pulse(wave=wave)
-            | wire.Settled(wave=wave)
-            | wire.Burst(wave=wave)
-            | wire.Tally(wave=wave)
-        ):
-            return wave > boundary.wave
-        case _:
-            return False

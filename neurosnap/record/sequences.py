@@ -10,7 +10,8 @@ what comes before that is none of its business.
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 import msgspec
@@ -34,6 +35,18 @@ class Completeness(msgspec.Struct, frozen=True):
     def whole(self) -> bool:
         """Nothing that was sent is missing."""
         return not self.missing
+
+
+def added_up(balances: Iterable[Completeness]) -> Completeness:
+    """Return what several files of one run hold together."""
+    messages = duplicates = foreign = 0
+    missing: Counter[str] = Counter()
+    for balance in balances:
+        messages += balance.messages
+        duplicates += balance.duplicates
+        foreign += balance.foreign
+        missing.update(balance.missing)
+    return Completeness(messages, dict(sorted(missing.items())), duplicates, foreign)
 
 
 def _start(gap: tuple[int, int]) -> int:

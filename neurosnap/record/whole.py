@@ -14,7 +14,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.record.chunks import EVER
 from neurosnap.record.layout import Cut
 from neurosnap.record.reader import Noted, Recorded, Recording
-from neurosnap.record.sequences import Completeness
+from neurosnap.record.sequences import Completeness, added_up
 
 
 def part_path(log: Path, number: int) -> Path:
@@ -127,19 +127,9 @@ class Whole(Recording):
         What one ends before and the next begins after is missing.
         """
         noted = [part.noted() for part in self.parts]
-        missing = dict(self._between(noted))
-        for each in noted:
-            for who, count in each.completeness.missing.items():
-                missing[who] = missing.get(who, 0) + count
-        return Noted(
-            Completeness(
-                messages=sum(each.completeness.messages for each in noted),
-                missing=dict(sorted(missing.items())),
-                duplicates=sum(each.completeness.duplicates for each in noted),
-                foreign=sum(each.completeness.foreign for each in noted),
-            ),
-            noted[-1].expected,
-        )
+        between = Completeness(0, dict(self._between(noted)))
+        balances = (each.completeness for each in noted)
+        return Noted(added_up([between, *balances]), noted[-1].expected)
 
     def _between(self, noted: Sequence[Noted]) -> Iterator[tuple[str, int]]:
         lost: dict[str, int] = {}

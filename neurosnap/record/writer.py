@@ -70,8 +70,6 @@ class Writer:
         self.path = Path(path)
         self.sequences = Sequences()
         self.foreign = 0
-        self.size = 0
-        """Bytes given to the file, the chunk in progress not among them."""
         self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
         self._started = False
         self._stream = os.fdopen(_create(self.path), "wb")
@@ -100,6 +98,11 @@ class Writer:
             topic: self._mcap.register_channel(f"/{topic}", "json", ids[message])
             for topic, message in wire.TOPICS.items()
         }
+
+    @property
+    def size(self) -> int:
+        """Bytes given to the file, the chunk in progress not among them."""
+        return self._stream.tell()
 
     def start(self, metadata: Mapping[str, str]) -> None:
         """Write what the run is, before its first message.
@@ -185,7 +188,6 @@ class Writer:
         channel = self._channels[wire.topic(key)]
         try:
             self._mcap.add_message(channel, log_time, payload, sent, sequence)
-            self.size = self._stream.tell()
         except OSError as error:
             raise self._failed(error) from error
 

@@ -169,7 +169,7 @@ class Conductor:
                 rule = f"must be on a wave up to {self._next - 1}"
                 raise MessageError(f"{report.key}: {rule}, got {report.wave}")
             return None
-        self._wires.check_epoch(report)
+        self._wires.check_epoch(report, cells)
         if isinstance(report, wire.Tally):
             wave.tally(report, cells)
         else:

@@ -122,9 +122,9 @@ class WorkerWires:
             raise MessageError(f"{report.key}: must be a worker's, got {got}")
         return self._hosted[report.worker]
 
-    def check_epoch(self, report: wire.Settled | wire.Tally) -> None:
+    def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
         """Refuse a worker's report by edges it had before, in part, or never."""
-        worker = self._hosted.index(self.cells_of(report))
+        worker = self._hosted.index(cells)
         if report.epoch not in self._in_force[worker]:
             raise outdated(report, self._told[worker])
 

@@ -82,14 +82,15 @@ class Wires(Protocol):
         """
         ...
 
-    def check_epoch(self, report: wire.Settled | wire.Tally) -> None:
+    def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
         """Refuse a report of somebody whose edges were not those in force.
 
         That of the last wiring is not the only epoch that does: a wiring sent whole to
         all changes the edges of nobody who had them, and may still be on its way.
 
         Args:
-            report: Of somebody here; see `cells_of`.
+            report: Of somebody here.
+            cells: By `cells_of`.
 
         Raises:
             MessageError: A wiring was lost, or is on its way still.
@@ -188,9 +189,9 @@ class CellWires:
             raise MessageError(f"{report.key}: must be a cell's, got {_sender(report)}")
         return range(report.cell, report.cell + 1)
 
-    def check_epoch(self, report: wire.Settled | wire.Tally) -> None:
+    def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
         """Refuse a cell's report by edges it had before, or never."""
-        (cell,) = self.cells_of(report)
+        cell = cells.start
         if not self._changed[cell] <= report.epoch <= self._told[cell]:
             raise outdated(report, self._told[cell])
 

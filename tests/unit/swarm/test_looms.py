@@ -243,7 +243,8 @@ def test_a_repeat_wires_every_worker_anew_first() -> None:
 def allows(wires: WorkerWires, worker: int, epoch: int) -> bool:
     """Tell whether a worker may report by an epoch."""
     try:
-        wires.check_epoch(tally(1, worker, {}, 1, epoch=epoch))
+        report = tally(1, worker, {}, 1, epoch=epoch)
+        wires.check_epoch(report, wires.cells_of(report))
     except MessageError as error:
         return not str(error).endswith(f"got epoch {epoch} from worker {worker}")
     return True

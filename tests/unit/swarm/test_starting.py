@@ -198,7 +198,7 @@ def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
                 else wire.Tally(1, 0, 0, b"", b"", (0,), 0, epoch)
             )
             try:
-                each.check_epoch(report)
+                each.check_epoch(report, each.cells_of(report))
             except ValueError:
                 assert not fits
             else:
