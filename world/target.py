@@ -14,6 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.moves import distances_to
 from world.places import World, frozen, is_whole
 
 
@@ -180,7 +181,8 @@ class Target(
 
     def _aim(self, target: int) -> None:
         self._target = target
-        self._distances = frozen(distances_to(self.moves, target))
+        there = np.arange(self.moves.shape[1]) == target
+        self._distances = frozen(distances_to(self.moves, there))
 
     def _sensed(
         self, observation: NDArray[np.int8], info: dict[str, Any]
@@ -190,34 +192,6 @@ class Target(
         scent = [self._distance < before, self._distance > before]
         told = {**info, "target": self._target, "distance": self._distance}
         return np.concatenate([observation, np.array(scent, dtype=np.int8)]), told
-
-
-def distances_to(moves: NDArray[np.intp], target: int) -> NDArray[np.float64]:
-    """Return the fewest actions that lead from each place to the target.
-
-    Moves need no way back: what counts is the way there. A place from which no actions
-    lead to the target is infinitely far, so a step to it from elsewhere is for the
-    worse and a step between two of them is neither.
-
-    Args:
-        moves: ``(actions, places)``; where an action leads from a place.
-        target: The number of a place.
-
-    Returns:
-        ``(places,)``, whole numbers from 0 up or ``inf``. Takes a pass over `moves` for
-        each distance there is.
-    """
-    distances = np.full(moves.shape[1], np.inf)
-    distances[target] = distance = 0
-    found = np.isfinite(distances)
-    while True:
-        # Backwards, all at once: the places from which one action leads to a found one.
-        nearest = found[moves].any(axis=0) & ~found
-        if not nearest.any():
-            return distances
-        distance += 1
-        distances[nearest] = distance
-        found |= nearest
 
 
 def _world(env: gymnasium.Env[NDArray[np.int8], np.int64]) -> World:

@@ -11,6 +11,7 @@ import typer
 
 from neurosnap.cli.shared import print_json
 from neurosnap.errors import NeurosnapError, RecordingError
+from neurosnap.fabric.waiting import wait_at_most
 
 T = TypeVar("T")
 
@@ -37,7 +38,7 @@ async def look(
         port: 0: any that is free.
         browser: Whether to open it.
         grows: Says whether somebody still writes it; None: if a swarm of this machine
-            is noted to. It may not have begun yet then, which is waited for otherwise.
+            is noted to. As long as somebody does, its beginning is waited for.
         as_json: Say where as JSON.
 
     Raises:
@@ -45,17 +46,15 @@ async def look(
             serves the page is not installed.
     """
     try:
+        from neurosnap.swarm.registry import recorded_in
         from neurosnap.view.desk import Desk
-        from neurosnap.view.members import recorded_in
         from neurosnap.view.server import serving
     except ModuleNotFoundError as error:
         if error.name not in _NEEDED:
             raise
         raise NeurosnapError(f"{error.name}: {_EXTRA}") from error
-    if grows is None:
-        desk = await asyncio.to_thread(Desk, log, lambda: bool(recorded_in(log)))
-    else:
-        desk = await _begun(lambda: Desk(log, grows), grows, stop)
+    writes = grows or (lambda: bool(recorded_in(log)))
+    desk = await _begun(lambda: Desk(log, writes), writes, stop)
     async with serving(desk, port) as address:
         # Not through what folds lines: it is to be copied whole.
         if as_json:
@@ -79,9 +78,7 @@ async def _begun(
         except RecordingError:
             if last:
                 raise
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_POLL):
-                await stop.wait()
+        await wait_at_most(stop, _POLL)
 
 
 async def viewed(

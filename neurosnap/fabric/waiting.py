@@ -1,4 +1,4 @@
-"""Waiting for the first of several things."""
+"""Waiting for the first of several things, or for one of them at most so long."""
 
 import asyncio
 
@@ -16,3 +16,12 @@ async def wait_any(*events: asyncio.Event) -> None:
     finally:
         for task in waits:
             task.cancel()
+
+
+async def wait_at_most(event: asyncio.Event, seconds: float) -> None:
+    """Return once `event` is set, or some seconds have gone by."""
+    try:
+        async with asyncio.timeout(seconds):
+            await event.wait()
+    except TimeoutError:
+        pass

@@ -17,6 +17,7 @@ from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import nearest
 from neurosnap.fabric.hub import open_hub
 from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.waiting import wait_at_most
 from neurosnap.record.history import last_tick, snapshot_at
 from neurosnap.record.reader import Recorded, Recording
 
@@ -163,10 +164,6 @@ class _Pace:
         delay = due - time.perf_counter()
         self._count += 1
         if delay > 0:
-            try:
-                async with asyncio.timeout(delay):
-                    await stop.wait()
-            except TimeoutError:
-                pass
+            await wait_at_most(stop, delay)
         elif self._count % _BURST == 0:
             await asyncio.sleep(0)

@@ -21,6 +21,7 @@ from neurosnap.errors import (
     RecordingError,
     SwarmError,
 )
+from neurosnap.fabric.waiting import wait_at_most
 from neurosnap.record.past import Past
 from neurosnap.record.reader import Recording
 from neurosnap.record.resume import look_back, whole_ticks
@@ -118,7 +119,7 @@ async def run_on(
                 tick = 0 if past is None else past.tick
                 on_restart(Restart(str(error), tick, max(0, reached - tick)))
                 reached = tick
-                await _pause(stop, delay)
+                await wait_at_most(stop, delay)
             else:
                 broken.unlink(missing_ok=True)  # the new recording holds all of it
                 return msgspec.structs.replace(outcome, restarts=restarts)
@@ -196,12 +197,3 @@ def _number(log: Path) -> int:
         return Recording.open(log).part or 0
     except RecordingError:
         return 0
-
-
-async def _pause(stop: asyncio.Event, seconds: float) -> None:
-    """Wait, unless the run is to end meanwhile."""
-    try:
-        async with asyncio.timeout(seconds):
-            await stop.wait()
-    except TimeoutError:
-        pass

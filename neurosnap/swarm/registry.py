@@ -58,7 +58,7 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         born=process.create_time(),
         source=source,
         endpoint=endpoint,
-        log="" if log is None else str(log.absolute()),
+        log="" if log is None else str(log.resolve()),
     )
     path = _folder() / f"{swarm}{_ENTRY}"
     draft = path.with_suffix(".part")
@@ -68,6 +68,11 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         yield
     finally:
         path.unlink(missing_ok=True)
+
+
+def recorded_in(log: Path) -> list[Note]:
+    """Return the swarms of this machine that record into a file."""
+    return [note for note in swarms() if note.log == str(log.resolve())]
 
 
 def swarms() -> list[Note]:

@@ -189,17 +189,11 @@ class Weighed(msgspec.Struct, frozen=True, kw_only=True):
     """The tick since when it has held, or has not; 0: from the beginning."""
 
 
-class Edge(msgspec.Struct, frozen=True, kw_only=True):
+class Edge(Weighed, frozen=True, kw_only=True):
     """`Weighed` at the tick asked for, and around it."""
 
     source: int
     target: int
-    tick: int
-    weights: tuple[float, float, float, float]
-    threshold: float
-    total: float
-    holds: bool
-    since: int
     over: list[Weighed]
     """By tick: at key-frames, and closer together near the tick."""
 

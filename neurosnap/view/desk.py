@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.errors import RecordingError
+from neurosnap.fabric.waiting import wait_at_most
 from neurosnap.view import api
 from neurosnap.view.film import Film
 from neurosnap.view.series import Ledger
@@ -44,8 +45,10 @@ class Desk:
         self._open()
 
     def _open(self) -> None:
-        self.film = Film(self._log)
-        self.ledger = Ledger(Film(self._log))
+        # Both or none: the ledger has a film of its own, of the same file.
+        film = Film(self._log)
+        ledger = Ledger(Film(self._log, film.scene))
+        self.film, self.ledger = film, ledger
         self.live = self._is_live(self._grows())
 
     async def ask(
@@ -61,7 +64,7 @@ class Desk:
     async def run(self) -> api.Run:
         """Return what is being looked at, as it is now."""
         await self.look()
-        return self.film.run(self.live)
+        return await self.ask(Film.run, self.live)
 
     async def look(self) -> None:
         """See whether the recording has grown, if it is time to.
@@ -84,7 +87,9 @@ class Desk:
                 self._open()
                 return
         except RecordingError:
-            return  # the run that goes on has not begun to write
+            # Deleted; or the run that goes on has not begun to write.
+            self.live = self._is_live(grows)
+            return
         self.film.grow()
         self.live = self._is_live(grows)
 
@@ -96,20 +101,16 @@ class Desk:
     async def read_on(self, stop: asyncio.Event) -> None:
         """Read the ledger in the background until `stop` is set."""
         while not stop.is_set():
-            ledger = self.ledger
+            ledger, live = self.ledger, self.live
             try:
                 more = await asyncio.to_thread(ledger.read_on)
+                ledger.ended = False
             except RecordingError:
                 ledger.ended = True  # what was read until then is there
                 more = False
-            if not more:
-                await _pause(stop, _IDLE)
-
-
-async def _pause(stop: asyncio.Event, seconds: float) -> None:
-    """Wait, unless it is to end meanwhile."""
-    try:
-        async with asyncio.timeout(seconds):
-            await stop.wait()
-    except TimeoutError:
-        pass
+            if more:
+                continue
+            if live:
+                await wait_at_most(stop, _IDLE)
+            else:  # nothing more can come
+                await stop.wait()

@@ -17,15 +17,15 @@ def graph_id(graph: PocGraph) -> str:
     return blake2b(graph.wires("hasse").tobytes(), digest_size=8).hexdigest()
 
 
-def drawn(tick: int, graph: PocGraph, sensorium: Sensorium) -> Graph:
-    """Return the order of `graph` with its layers. O(N²) time."""
+def drawn(name: str, tick: int, graph: PocGraph, sensorium: Sensorium) -> Graph:
+    """Return the order of `graph`, whose id is `name`, with its layers. O(N²) time."""
     standing = graph.representative
     heights = graph.heights()
     pairs = np.argwhere(graph.hasse())
     below, above = pairs.T
     chosen = (below <= above ^ 1) & (standing[below] != standing[above])
     return Graph(
-        id=graph_id(graph),
+        id=name,
         tick=tick,
         height=graph.height(),
         nodes=[

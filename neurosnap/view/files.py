@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from neurosnap.errors import RecordingError
 from neurosnap.record.glance import Glance, glance, go_on
 from neurosnap.record.layout import Chunk, opened
 from neurosnap.record.reader import Recording
@@ -85,14 +86,13 @@ class Files:
         Raises:
             RecordingError: A file cannot be read.
         """
+        dropped = self._drop_deleted()
         before = [len(file.chunks) for file in self._files]
         # All of them, and not only up to the first that has grown.
         gains = [go_on(file.path, file.seen) for file in self._files]
-        grown = any(gains)
+        grown = dropped or any(gains)
         if self.split:
-            known = {file.path for file in self._files}
-            paths = part_paths(self._log).values()
-            fresh = [File(path) for path in paths if path not in known]
+            fresh = self._fresh()
             self._files += fresh
             grown = grown or bool(fresh)
         after = [len(file.chunks) for file in self._files]
@@ -101,15 +101,38 @@ class Files:
         moved = before[:-1] != after[: len(before) - 1] or (
             len(after) > len(before) and before[-1] != after[len(before) - 1]
         )
-        return grown, moved
+        return grown, dropped or moved
+
+    def _drop_deleted(self) -> bool:
+        """Leave out files that were deleted from the beginning; return whether any."""
+        there = [file for file in self._files if file.path.exists()]
+        if not self.split or not there or len(there) == len(self._files):
+            return False
+        self._files = there
+        return True
+
+    def _fresh(self) -> list[File]:
+        """Return the files that are new, as far as they have begun."""
+        known = {file.path for file in self._files}
+        fresh = []
+        for path in part_paths(self._log).values():
+            if path not in known:
+                try:
+                    fresh.append(File(path))
+                except RecordingError:
+                    break  # nothing is written in it yet: it is looked at again
+        return fresh
 
     def replaced(self) -> bool:
-        """Return whether the first of them is another file now than it was.
+        """Return whether the first there is now is none of those that were there.
 
         Raises:
-            RecordingError: It is not there.
+            RecordingError: None is there.
         """
-        return identity(self._files[0].path) != self._files[0].identity
+        paths = list(part_paths(self._log).values()) if self.split else []
+        first = paths[0] if paths else self._files[0].path
+        known = {file.path: file.identity for file in self._files}
+        return identity(first) != known.get(first)
 
     @property
     def first(self) -> Recording:

@@ -39,18 +39,19 @@ class Film:
 
     Args:
         path: The recording: whole, cut short, or growing.
+        scene: Its world, where that is known already.
 
     Raises:
         RecordingError: It cannot be read, or is not a run's.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, scene: Scene | None = None) -> None:
         self.path = path
         self.files = Files(path)
         self.options = options_of(self.files.first)
         self.reel = Reel(self.files)
         self.recall = Recall(self.reel, self.options)
-        self.scene = Scene(self.options)
+        self.scene = Scene(self.options) if scene is None else scene
         self.first = self._first()
         self.last = self.reel.last_tick()
         self.grown = 0
@@ -137,7 +138,7 @@ class Film:
         graph = snapshot.poc_graph()
         name = graph_id(graph)
         if name not in self._graphs:
-            self._graphs[name] = drawn(tick, graph, snapshot.sensorium)
+            self._graphs[name] = drawn(name, tick, graph, snapshot.sensorium)
             if len(self._graphs) > _GRAPHS:
                 self._graphs.popitem(last=False)
         self._graphs.move_to_end(name)
@@ -172,7 +173,8 @@ class Film:
                     tick = now + 1
                     yield now, self._id_of(snapshot.poc_graph())
             except RecordingError:
-                tick += 1  # behind a gap there may be a key-frame
+                # Behind the gap it is known again from the next key-frame on.
+                tick = self.reel.keyframe_after(tick)
 
     def _id_of(self, graph: PocGraph) -> str:
         """Return `graph_id`; worked out once for each of a row of ticks."""

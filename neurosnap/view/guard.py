@@ -9,10 +9,10 @@ Nothing is ever changed by a request, so only GET and HEAD are taken.
 """
 
 import secrets
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -111,11 +111,9 @@ class Guard:
 
     def _brought(self, scope: Scope) -> str:
         """Return the token in the cookie; empty: there is none."""
-        try:
-            cookies = SimpleCookie(Headers(scope=scope).get("cookie", ""))
-        except CookieError:
-            return ""
-        return cookies[self._cookie].value if self._cookie in cookies else ""
+        # Not by http.cookies, which drops all of them for one that it cannot read: a
+        # browser sends what other programs of this machine have set, too.
+        return HTTPConnection(scope).cookies.get(self._cookie, "")
 
     def _is_token(self, text: str) -> bool:
         return secrets.compare_digest(text.encode(), self._token.encode())

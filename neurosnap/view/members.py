@@ -4,25 +4,20 @@ A part's messages have running numbers. So its last one says how many there were
 only the end of a recording has to be read: every cell reports on every tick.
 """
 
+from collections.abc import Collection
 from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.swarm.registry import Note, Part, parts, swarms
+from neurosnap.swarm.registry import Part, parts, recorded_in
 from neurosnap.swarm.shares import shares
 from neurosnap.view.api import Cells, Member
 from neurosnap.view.film import Film
 
 _LATEST = 16
 """Chunks at the end of a recording that are read, at most."""
-_REPORTING: dict[str, type[wire.Message]] = {
-    "settle": wire.Settled,
-    "tally": wire.Tally,
-    "observe": wire.Observation,
-    "state": wire.State,
-    "decide": wire.Decision,
-    "leave": wire.Leave,
-}
+_REPORTING = ("settle", "tally", "observe", "state", "decide", "leave")
+"""What each part sends on every tick, or at its end."""
 
 
 def members(film: Film) -> Cells:
@@ -31,8 +26,8 @@ def members(film: Film) -> Cells:
     Raises:
         RecordingError: The recording's totals are not what a writer writes.
     """
-    sent = _sent(film)
     hosting = _hosting(film)
+    sent = _sent(film, hosting)
     there = {part.who: part for part in _running(film.path)}
     services = [who for who in ("coordinator", "world") if who in sent]
     return Cells(
@@ -58,17 +53,17 @@ def _hosting(film: Film) -> dict[str, range]:
     return dict(zip(options.host_names(), each, strict=True))
 
 
-def _sent(film: Film) -> dict[str, int]:
-    """Return how many messages each part has sent."""
+def _sent(film: Film, hosting: Collection[str]) -> dict[str, int]:
+    """Return how many messages each part has sent, as far as those that host go."""
     noted = film.files.last.noted().expected
     if noted:
         return noted
     sent: dict[str, int] = {}
-    missing = set(_hosting(film))
+    missing = set(hosting)
     for _, strip in film.reel.readable_back(_LATEST):
-        for topic, kind in _REPORTING.items():
+        for topic in _REPORTING:
             try:
-                messages = strip.all(topic, kind)
+                messages = strip.all(topic, wire.TOPICS[topic])
             except RecordingError:
                 continue
             for message, number in zip(messages, strip.sequences(topic), strict=True):
@@ -82,11 +77,6 @@ def _sent(film: Film) -> dict[str, int]:
 def _running(log: Path) -> list[Part]:
     """Return the processes of this machine that are recorded there now."""
     return [part for note in recorded_in(log) for part in parts(note)]
-
-
-def recorded_in(log: Path) -> list[Note]:
-    """Return the swarms of this machine that record into a file."""
-    return [note for note in swarms() if note.log == str(log.absolute())]
 
 
 def _host(part: Part | None) -> str | None:

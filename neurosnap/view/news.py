@@ -5,6 +5,8 @@ from collections.abc import AsyncIterator
 
 import msgspec
 
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.waiting import wait_at_most
 from neurosnap.view import api
 from neurosnap.view.desk import Desk
 from neurosnap.view.film import Film
@@ -18,13 +20,20 @@ _HEARTBEAT = 15.0
 
 
 async def news(desk: Desk, stop: asyncio.Event) -> AsyncIterator[bytes]:
-    """Yield server-sent events until the recording has its end, or `stop` is set."""
+    """Yield server-sent events until the recording has its end, or `stop` is set.
+
+    A recording that cannot be read any further has its end, too.
+    """
     loop = asyncio.get_running_loop()
     listener = _Listener()
     said = loop.time()
     while not stop.is_set():
-        await desk.look()
-        event = await desk.ask(listener.event, desk.live)
+        try:
+            await desk.look()
+            event = await desk.ask(listener.event, desk.live)
+        except RecordingError as error:
+            # The answer has begun: what is wrong can only be said in it, as its last.
+            event = listener.cut(str(error))
         if event is not None:
             said = loop.time()
             yield b"data: " + msgspec.json.encode(event) + b"\n\n"
@@ -33,11 +42,7 @@ async def news(desk: Desk, stop: asyncio.Event) -> AsyncIterator[bytes]:
         elif loop.time() - said > _HEARTBEAT:
             said = loop.time()
             yield b": still here\n\n"
-        try:
-            async with asyncio.timeout(_EVERY):
-                await stop.wait()
-        except TimeoutError:
-            continue
+        await wait_at_most(stop, _EVERY)
 
 
 class _Listener:
@@ -65,6 +70,11 @@ class _Listener:
         return api.Event(
             ticks=film.last, live=live, cut=cut, reset=reset, frames=changes
         )
+
+    def cut(self, why: str) -> api.Event:
+        """Return that no more can be read."""
+        ticks = 0 if self._film is None else self._film.last
+        return api.Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
 
     def _changes(self, film: Film) -> list[api.Change]:
         """Return how the newest frames differ from what was told.

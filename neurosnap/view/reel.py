@@ -194,6 +194,14 @@ class Reel:
                 return max(before, key=lambda frame: frame.tick)
         return None
 
+    def keyframe_after(self, tick: int) -> int:
+        """Return the tick of the first key-frame after one; very large: none."""
+        for number in range(max(0, self.chunk_of(tick) - 1), len(self)):
+            after = [f.tick for f in self._keyframes(number) if f.tick > tick]
+            if after:
+                return min(after)
+        return 1 << 62
+
     def keyframes(self, most: int) -> Iterator[wire.KeyFrame]:
         """Yield key-frames, by tick; where there are more than `most`, some of them."""
         chunks = [k for k in range(len(self)) if self._has_keyframe(k)]

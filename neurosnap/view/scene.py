@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.fields import inclusions
 from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.moves import distances_to
 from neurosnap.sensorium import Sensorium
 from neurosnap.source import import_worlds
 from neurosnap.swarm.options import RunOptions
@@ -90,7 +91,6 @@ class Scene:
         return float(np.count_nonzero(wrong))
 
     def _survey(self, env: gymnasium.Env[Any, Any], options: RunOptions) -> None:
-        env.reset(seed=options.seed)  # which draws what is drawn
         fields = np.asarray(_attribute(env, "fields"), np.bool_)
         self._count = len(fields)
         names = tuple(_attribute(env, "sensors") or ())
@@ -103,7 +103,7 @@ class Scene:
             aims = _aims(env, options, fields)
             self.stage = _stage(env, options, len(columns), aims)
             if aims.any():
-                self._distances = _distances(_attribute(env, "moves"), aims)
+                self._distances = distances_to(_attribute(env, "moves"), aims)
 
 
 def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
@@ -146,25 +146,6 @@ def _aims(
     held = [fields[literal >> 1] ^ bool(literal & 1) for literal in wanted]
     everywhere: NDArray[np.bool_] = np.all(held, axis=0)
     return everywhere
-
-
-def _distances(moves: NDArray[np.intp], aims: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the fewest actions that lead from each place to one that is wanted.
-
-    Args:
-        moves: ``(actions, places)``; where an action leads from a place.
-        aims: ``(places,)``.
-
-    Returns:
-        ``(places,)``; infinite where none do.
-    """
-    distances = np.where(aims, 0.0, np.inf)
-    while True:
-        nearer: NDArray[np.float64]
-        nearer = np.minimum(distances, distances[moves].min(axis=0) + 1)
-        if np.array_equal(nearer, distances):
-            return distances
-        distances = nearer
 
 
 def _stage(

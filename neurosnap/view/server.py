@@ -169,18 +169,14 @@ async def serving(desk: Desk, port: int = 0) -> AsyncIterator[Address]:
                 h11_max_incomplete_event_size=2 * LARGEST_HEAD,
             )
         )
-        work = {
-            "view/server": server.serve(sockets=[listener]),
-            "view/ledger": desk.read_on(stop),
-        }
-        tasks = [asyncio.create_task(job, name=name) for name, job in work.items()]
-        try:
-            yield address
-        finally:
-            stop.set()
-            server.should_exit = True
-            for task in tasks:
-                await task
+        async with asyncio.TaskGroup() as group:
+            group.create_task(server.serve(sockets=[listener]), name="view/server")
+            group.create_task(desk.read_on(stop), name="view/ledger")
+            try:
+                yield address
+            finally:
+                stop.set()
+                server.should_exit = True
 
 
 def _listener(port: int) -> socket.socket:

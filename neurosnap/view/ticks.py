@@ -45,6 +45,7 @@ class Ticks:
         self.observations: dict[int, wire.Observation] = {}
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
+        self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
         self._waves = Waves(self._sensors) if with_waves else None
@@ -55,14 +56,16 @@ class Ticks:
 
         It is where the observation is not recorded, or is of other sensors.
         """
-        none = np.zeros(2 * self._sensors, np.bool_)
         observation = self.observations.get(tick)
         if observation is None:
-            return none
-        try:
-            return selection(*readings(observation, self._sensors))
-        except ShapeError:
-            return none
+            return np.zeros(2 * self._sensors, np.bool_)
+        if tick not in self._literals:
+            try:
+                found = selection(*readings(observation, self._sensors))
+            except ShapeError:
+                found = np.zeros(2 * self._sensors, np.bool_)
+            self._literals[tick] = found
+        return self._literals[tick]
 
     def waves(self, tick: int) -> list[api.Wave]:
         """Return the waves of a tick, oldest first."""

@@ -33,12 +33,12 @@ class Waves:
 
     def __init__(self, sensors: int) -> None:
         self._literals = range(2 * sensors)
-        self._starts: dict[int, wire.WaveStart] = {}
+        self._starts: dict[int, dict[int, wire.WaveStart]] = {}  # by tick, by wave
         self._found: dict[int, _Found] = {}
 
     def begin(self, start: wire.WaveStart) -> None:
         """Take note of a wave; some are announced to many."""
-        self._starts.setdefault(start.wave, start)
+        self._starts.setdefault(start.tick, {}).setdefault(start.wave, start)
 
     def report(self, reports: Iterable[wire.Settled]) -> None:
         """Take in what cells reported, on whatever wave."""
@@ -73,9 +73,11 @@ class Waves:
         )
 
     def reached(self, number: int) -> list[int]:
-        """Return the literals that a wave reached."""
+        """Return the literals that a wave reached, in no order."""
         found = self._found.get(number)
-        return [] if found is None else [hop[0] for hop in self._hops(found)]
+        if found is None:
+            return []
+        return [literal for literal in found.hops if literal in self._literals]
 
     def of(self, tick: int, observed: tuple[int, ...]) -> list[api.Wave]:
         """Return the waves of a tick, oldest first; arguments as in `settled`."""
@@ -110,8 +112,8 @@ class Waves:
 
     def _of(self, tick: int) -> list[wire.WaveStart]:
         """Return the announcements of a tick's waves, oldest first."""
-        starts = [start for start in self._starts.values() if start.tick == tick]
-        return sorted(starts, key=lambda start: start.wave)
+        starts = self._starts.get(tick, {})
+        return [starts[wave] for wave in sorted(starts)]
 
     def _at(self, number: int) -> _Found:
         if number not in self._found:

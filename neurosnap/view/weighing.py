@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import msgspec
+
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.snapshot import Snapshot
 from neurosnap.view.api import Edge, Weighed
@@ -28,17 +30,8 @@ def weighed(film: Film, source: int, target: int, tick: int) -> Edge:
     around = {each.tick: each for each in _far(film, source, target)}
     around |= {each.tick: each for each in _near(film, source, target, tick)}
     around[tick] = now
-    return Edge(
-        source=source,
-        target=target,
-        tick=tick,
-        weights=now.weights,
-        threshold=now.threshold,
-        total=now.total,
-        holds=now.holds,
-        since=now.since,
-        over=[around[each] for each in sorted(around)],
-    )
+    over = [around[each] for each in sorted(around)]
+    return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
 
 
 def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:

@@ -118,3 +118,35 @@ def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> Non
 def test_there_has_to_be_a_file(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"^log: must exist"):
         Film(tmp_path / "none.mcap")
+
+
+def test_files_deleted_while_they_are_looked_at_are_left_out(
+    log: Path, split: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "run.mcap"
+    for part in (0, 1, 2):
+        part_path(target, part).write_bytes(part_path(split, part).read_bytes())
+    film = Film(target)
+    assert film.first == 1
+    target.unlink()
+    assert not film.files.replaced()
+    assert film.grow()
+    assert (film.first, film.last) == (SPLIT[0] + 1, TICKS)
+    assert film.frames(1, TICKS) == Film(log).frames(film.first, TICKS)
+    assert not film.grow()
+    target.write_bytes(split.read_bytes())  # the run was taken up again from the start
+    assert film.files.replaced()
+
+
+def test_a_file_in_which_nothing_is_written_yet_is_waited_for(
+    split: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "run.mcap"
+    target.write_bytes(split.read_bytes())
+    film = Film(target)
+    next_ = part_path(target, 1)
+    next_.touch()
+    assert not film.grow()
+    next_.write_bytes(part_path(split, 1).read_bytes())
+    assert film.grow()
+    assert film.last == SPLIT[1]

@@ -67,6 +67,17 @@ def test_whoever_has_the_cookie_is_let_through() -> None:
     assert ask().body == b"the recording"
 
 
+@pytest.mark.parametrize(
+    "other", ['a={"x": 1}', "path=/x", "bare", "a=b,c", 'q="unended']
+)
+@pytest.mark.parametrize("order", [1, -1])
+def test_cookies_of_other_programs_of_this_machine_do_no_harm(
+    other: str, order: int
+) -> None:
+    brought = "; ".join([other, COOKIE[1].decode()][::order])
+    assert ask(headers=[HOST, (b"cookie", brought.encode())]).status == 200
+
+
 def test_whoever_has_the_address_gets_the_cookie_and_a_clean_address() -> None:
     greeted = ask("/", query=f"token={TOKEN}", headers=[HOST])
     assert (greeted.status, greeted.headers["location"]) == (303, "/")

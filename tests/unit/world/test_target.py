@@ -1,24 +1,21 @@
 """A target: distances by brute force, and two sensors that tell their change."""
 
-from collections import deque
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from hypothesis import given
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
+from tests.unit.poc.test_moves import fewest_actions
 from world.cycle import CycleWorld
 from world.grid import GridWorld
 from world.path import PathWorld
 from world.places import World
 from world.punctured_grid import PuncturedGridWorld
 from world.random_fields import RandomFieldsWorld
-from world.target import Target, distances_to
+from world.target import Target
 
 WORLDS = [
     lambda: PathWorld(places=9, wait=True),
@@ -40,37 +37,6 @@ class Slide(World):
             fields=np.array([[True, True, False, False]]),
             wait=False,
         )
-
-
-def fewest_actions(moves: NDArray[np.intp], target: int) -> list[float]:
-    """One breadth-first search forwards from each place, as slowly as can be."""
-    found = []
-    for start in range(moves.shape[1]):
-        depth = {start: 0}
-        queue = deque([start])
-        while queue:
-            here = queue.popleft()
-            for there in moves[:, here].tolist():
-                if there not in depth:
-                    depth[there] = depth[here] + 1
-                    queue.append(there)
-        found.append(depth.get(target, float("inf")))
-    return found
-
-
-@st.composite
-def any_moves(draw: st.DrawFn) -> NDArray[np.intp]:
-    places = draw(st.integers(1, 8))
-    row = st.lists(st.integers(0, places - 1), min_size=places, max_size=places)
-    return np.array(draw(st.lists(row, min_size=1, max_size=3)))
-
-
-@given(any_moves(), st.data())
-def test_distances_are_the_fewest_actions_whatever_the_moves(
-    moves: NDArray[np.intp], data: st.DataObject
-) -> None:
-    target = data.draw(st.integers(0, moves.shape[1] - 1))
-    assert distances_to(moves, target).tolist() == fewest_actions(moves, target)
 
 
 @pytest.mark.parametrize("make", WORLDS)
