@@ -1,6 +1,6 @@
 /* Tell a swarm what a sensor reads, from C, with nothing but Zenoh.
  *
- * Written after the documentation of zenoh-c 1.x; it was neither compiled nor run.
+ * Every call is as the headers of zenoh-c 1.x declare it; it was neither linked nor run.
  *
  *   cc any_program.c -o any_program -lzenohc
  *   ./any_program tcp/127.0.0.1:7447 home door on
@@ -16,8 +16,12 @@ int main(int argc, char **argv) {
         return 2;
     }
     char endpoints[256], key[256];
-    snprintf(endpoints, sizeof endpoints, "[\"%s\"]", argv[1]);
-    snprintf(key, sizeof key, "neurosnap/%s/reading/%s", argv[2], argv[3]);
+    int at = snprintf(endpoints, sizeof endpoints, "[\"%s\"]", argv[1]);
+    int of = snprintf(key, sizeof key, "neurosnap/%s/reading/%s", argv[2], argv[3]);
+    if (at >= (int)sizeof endpoints || of >= (int)sizeof key) {
+        fprintf(stderr, "ENDPOINT, SWARM and SENSOR: must be shorter\n");
+        return 2;
+    }
 
     z_owned_config_t config;
     z_config_default(&config);
@@ -37,5 +41,8 @@ int main(int argc, char **argv) {
                  z_bytes_copy_from_str(&payload, argv[4]) < 0 ||
                  z_put(z_loan(session), z_loan(where), z_move(payload), NULL) < 0;
     z_drop(z_move(session));
+    if (failed) {
+        fprintf(stderr, "SENSOR: must be part of a key that can be put, got %s\n", argv[3]);
+    }
     return failed;
 }

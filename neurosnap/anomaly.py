@@ -26,6 +26,10 @@ from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium, complete
 
+MOST = 64
+"""Broken implications that one anomaly lists; a thousand sensors may break as many as
+there are pairs of them."""
+
 _FADING = 0.02
 _STILL = 0.001
 
@@ -57,7 +61,10 @@ class Anomaly(msgspec.Struct, frozen=True):
     """The tick it began at: all observations since, or those that were judged by the
     order held on to, belong to the same anomaly."""
     broken: tuple[Broken, ...]
-    """The implications that were broken, without those that follow from others."""
+    """The implications that were broken, without those that follow from others: the
+    first `MOST` of them."""
+    more: int
+    """How many more were broken and are not listed."""
     culprits: tuple[str, ...]
     """The fewest sensors that can be wrong, and of such sets the likeliest."""
     candidates: tuple[str, ...]
@@ -189,8 +196,9 @@ class Watcher:
                     name(chain[-1]),
                     tuple(link(*pair) for pair in pairwise(chain)),
                 )
-                for chain in found.chains
+                for chain in found.chains[:MOST]
             ),
+            more=max(0, len(found.chains) - MOST),
             culprits=tuple(names[s] for s in found.culprits),
             candidates=tuple(names[s] for s in found.candidates),
             exact=found.exact,

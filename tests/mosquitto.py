@@ -75,10 +75,26 @@ def started(folder: Path, *lines: str) -> Iterator[Mosquitto]:
         broker.stop()
 
 
+def set_passwords(file: Path, **passwords: str) -> None:
+    """Write who may connect; a broker reads that when it starts."""
+    file.write_text("")
+    for user, password in passwords.items():
+        subprocess.run(
+            ["mosquitto_passwd", "-b", str(file), user, password], check=True
+        )
+
+
 @asynccontextmanager
-async def peer(broker: Mosquitto, *topics: str) -> AsyncIterator[aiomqtt.Client]:
+async def peer(
+    broker: Mosquitto,
+    *topics: str,
+    username: str | None = None,
+    password: str | None = None,
+) -> AsyncIterator[aiomqtt.Client]:
     """Somebody else on the same broker, who listens to `topics`."""
-    async with aiomqtt.Client(HOST, broker.port) as client:
+    async with aiomqtt.Client(
+        HOST, broker.port, username=username, password=password
+    ) as client:
         for topic in topics:
             await client.subscribe(topic, qos=1)
         yield client
@@ -90,3 +106,12 @@ async def heard(client: aiomqtt.Client, topic: str, payload: bytes) -> aiomqtt.M
         if message.topic.value == topic and message.payload == payload:
             return message
     raise AssertionError("the connection ended")
+
+
+async def see(
+    client: aiomqtt.Client, seen: dict[str, bytes], wanted: dict[str, bytes]
+) -> None:
+    """Take down what topics say until all say what is wanted."""
+    while wanted.items() - seen.items():
+        message = await anext(aiter(client.messages))
+        seen[message.topic.value] = bytes(message.payload)

@@ -54,6 +54,7 @@ class Agent:
         self._policy = policy
         self._own = Sensorium(body.own)
         self._senses = Senses(body)
+        self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._decision = Decision(0, -1, "the run begins")
 
     @classmethod
@@ -97,26 +98,41 @@ class Agent:
         """``(2N,)``, coherent: its idea of the present."""
         return self.snapshot.state
 
-    def act(self, bits: ArrayLike, begins: bool = False) -> Decision:
+    def act(
+        self,
+        bits: ArrayLike,
+        begins: bool = False,
+        known: NDArray[np.bool_] | None = None,
+    ) -> Decision:
         """Observe, learn, and decide.
 
+        A sensor whose reading is unknown is neither on nor off: it is in the state as
+        what the known ones imply of it, or not at all, and so are the contextual
+        sensors of the next step that look at it. As a policy sees the state alone, a
+        decision cannot depend on what such a sensor would have read.
+
         Args:
-            bits: What the world's own sensors read after the last decision's action.
+            bits: ``(n,)``, what the world's own sensors read after the last decision's
+                action; what the unknown ones are means nothing.
             begins: It is the first observation of a trajectory, an episode's say, and
                 follows no action. The very first one is, said or not.
+            known: ``(n,)`` bool, which readings are known, one at least; None: all.
 
         Returns:
             The decision: the choice of the body's that is made, and why. O(N²) time.
 
         Raises:
-            ShapeError: Another number of bits.
-            InvalidValueError: An entry is not 0 or 1.
+            ShapeError: Another number of bits, or of known ones.
+            InvalidValueError: An entry is not 0 or 1, or no reading is known.
         """
+        own, sure = self._own.observation(bits), self._checked(known)
         last, tick = self._decision, self._decision.tick + 1
-        observation = self._senses.observe(
-            self._own.observation(bits), -1 if begins else last.action, self.state
+        step = (-1 if begins else last.action, self.state)
+        state = self.snapshot.observe(
+            self._senses.observe(own, *step),
+            self._senses.known(sure, *step, self._known),
         )
-        state = self.snapshot.observe(observation)
+        self._known = sure
         graph = self._graph()
         answers = [graph.up(signal) for signal in self._policy.ask(tick, state)]
         action, why = self._policy.decide(tick, state, answers)
@@ -140,6 +156,19 @@ class Agent:
         closure: NDArray[np.bool_] = self._graph().up(signals[number])
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound
+
+    def _checked(self, known: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+        """Return which own readings are known, as a source says it; None: all are."""
+        if known is None:
+            return None
+        count = len(self.body.own)
+        if known.shape != (count,):
+            raise ShapeError("known", f"must be ({count},)", known.shape)
+        if known.dtype != np.bool_:
+            raise InvalidValueError("known", "must be bool", known.dtype)
+        if not known.any():
+            raise InvalidValueError("known", "must hold one at least", known.tolist())
+        return known.copy()  # the next tick looks back at it
 
     def _graph(self) -> PocGraph:
         return self.snapshot.poc_graph()

@@ -31,7 +31,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from neurosnap.errors import InvalidValueError
 from neurosnap.outside.mqtt_options import MqttBroker
 from neurosnap.outside.mqtt_outbox import TOGETHER, Outbox, Outgoing
-from neurosnap.outside.mqtt_retry import Backoff, give_up
+from neurosnap.outside.mqtt_retry import Backoff, explained, give_up
 
 ONLINE, OFFLINE = b"online", b"offline"
 _ANSWER = 5.0  # seconds a broker may take for any answer
@@ -259,7 +259,7 @@ class MqttLink:
 
     def _say(self, error: Exception) -> None:
         """Say once an outage what is wrong, and again when that changes."""
-        text = str(error)
+        text = str(explained(self._broker, error))
         if text != self._said:
             self._said = text
             _logger.warning("%s: not connected, got %s", self._broker.address, text)

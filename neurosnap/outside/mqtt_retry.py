@@ -56,6 +56,27 @@ def is_refusal(error: Exception) -> bool:
     )
 
 
+def explained(broker: MqttBroker, error: Exception) -> Exception:
+    """Return what is wrong in words that name it, where trying again is no help.
+
+    Args:
+        broker: Who was to be connected to.
+        error: Why it could not be.
+
+    Returns:
+        An `InvalidValueError` that names what the broker or we do not accept, never
+        the password; `error` itself where it may be better next time.
+    """
+    if is_refusal(error):
+        rule = f"must be taken by {broker.address}, with its password ({error})"
+        return InvalidValueError("username", rule, broker.username)
+    # The library keeps only the text, and Python what it was made of.
+    if isinstance(error.__context__, ssl.SSLCertVerificationError):
+        rule = f"must have a certificate that is trusted ({error})"
+        return InvalidValueError("broker", rule, broker.address)
+    return error
+
+
 def give_up(broker: MqttBroker, error: Exception, *, late: bool) -> None:
     """Raise what a start fails of, if it is to fail.
 
@@ -68,15 +89,11 @@ def give_up(broker: MqttBroker, error: Exception, *, late: bool) -> None:
         InvalidValueError: It will not be better next time.
         NeurosnapError: It may be, but it took too long.
     """
+    named = explained(broker, error)
+    if named is not error:
+        raise named from error
     if isinstance(error, InvalidValueError):
         raise error
-    if is_refusal(error):
-        rule = f"must be taken by {broker.address}, with its password ({error})"
-        raise InvalidValueError("username", rule, broker.username) from error
-    # The library keeps only the text, and Python what it was made of.
-    if isinstance(error.__context__, ssl.SSLCertVerificationError):
-        rule = f"must have a certificate that is trusted ({error})"
-        raise InvalidValueError("broker", rule, broker.address) from error
     if late:
         within = f"must answer within {broker.patience:g} s"
         raise NeurosnapError(

@@ -9,13 +9,9 @@ from neurosnap.anomaly import Anomaly
 from neurosnap.errors import MessageError
 from neurosnap.sensorium import Sensorium
 
-MOST = 64
-"""Broken implications that one message lists; a thousand sensors may break as many as
-there are pairs of them."""
-
 
 def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
-    """Return `anomaly` as it goes on the wire: by numbers, and bounded.
+    """Return `anomaly` as it goes on the wire: by numbers.
 
     Args:
         anomaly: What a `Watcher` that had a snapshot found.
@@ -23,7 +19,7 @@ def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
     """
     links = [
         (number, link)
-        for number, broken in enumerate(anomaly.broken[:MOST])
+        for number, broken in enumerate(anomaly.broken)
         for link in broken.links
     ]
     weighed = [link.evidence for _, link in links]
@@ -33,7 +29,7 @@ def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
         culprits=_sensors(anomaly.culprits, sensorium),
         candidates=_sensors(anomaly.candidates, sensorium),
         exact=anomaly.exact,
-        implications=len(anomaly.broken),
+        implications=len(anomaly.broken) + anomaly.more,
         number=tuple(number for number, _ in links),
         sources=tuple(sensorium.literal(link.source) for _, link in links),
         targets=tuple(sensorium.literal(link.target) for _, link in links),

@@ -8,6 +8,7 @@ import gymnasium
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
@@ -18,7 +19,7 @@ from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.record.resume import look_back
 from neurosnap.sensorium import pack
-from neurosnap.source import Argument, import_worlds, open_source
+from neurosnap.source import Argument, Source, import_worlds, open_source
 from neurosnap.swarm.embody import body_of, drawn_to
 from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind
 from neurosnap.swarm.run import run
@@ -130,6 +131,63 @@ def test_a_resumed_agent_goes_on_as_if_nothing_had_been(
     swarm_run(again, tmp_path / "second", past=past)
     assert of_recording(tmp_path / "second") == in_process(options)
     assert verify(tmp_path / "second").same
+
+
+class Foggy:
+    """A source of which every reading may be missing, the first excepted.
+
+    What is missing reads the opposite of what it should.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._chance = np.random.default_rng(SEED)
+        self.known: NDArray[np.bool_] | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._source, name)
+
+    def first(self) -> NDArray[np.bool_] | None:
+        return self._seen(self._source.first())
+
+    def step(self, action: int) -> NDArray[np.bool_] | None:
+        return self._seen(self._source.step(action))
+
+    def _seen(self, bits: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+        if bits is None:
+            return None
+        self.known = self._chance.random(len(bits)) < 0.7
+        self.known[0] = True
+        return bits ^ ~self.known
+
+
+@pytest.mark.parametrize("snapshot", ["empirical", "discounted"])
+@pytest.mark.parametrize("agent", ["walker", "excited", "planner"])
+def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
+    agent: AgentKind,
+    snapshot: SnapshotKind,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    options = options_for(agent, snapshot=snapshot)
+    monkeypatch.setattr(
+        "neurosnap.swarm.inline.open_source", lambda *given: Foggy(open_source(*given))
+    )
+    swarm_run(options, tmp_path / "log")
+    source = Foggy(open_source(PATH, SEED, options.arguments))
+    alone = Agent(options.body, options.new_policy(), options.new_snapshot())
+    bits, states, decisions = source.first(), [], []
+    for _ in range(options.ticks):
+        assert bits is not None
+        # Whatever an unknown reading is said to be: here it is what it should be.
+        assert source.known is not None
+        right = bits ^ ~source.known
+        decisions.append(alone.act(right, source.begins, source.known))
+        states.append(pack(alone.state))
+        bits = source.step(decisions[-1].action)
+    assert of_recording(tmp_path / "log") == (states, decisions[:-1])
+    verdict = verify(tmp_path / "log")
+    assert (verdict.same, verdict.complete) == (True, True), verdict.difference
 
 
 def test_what_was_sensed_of_an_action_is_checked_against_the_decision(

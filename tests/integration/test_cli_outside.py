@@ -41,13 +41,15 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
     lines = [
         {"bits": {"door": 1, "motion": 0}},
         *({"bits": [number % 2, number % 3 > 0]} for number in range(10)),
+        {"sensor": "window", "on": 1},
         {"sensor": "door", "on": None},
     ]
     text = "\n".join(map(json.dumps, lines)) + "\nnonsense\n"
     with running("-", "--cells", cells, "--workers", "1", "--out", str(log)) as process:
         _, errors = process.communicate(text, timeout=PATIENCE)
     assert process.returncode == 0, errors
-    assert "standard input:13: reading: must be a reading in JSON" in errors
+    assert "standard input:14: reading: must be a reading in JSON" in errors
+    assert "sensor: must be one the run began with, got 'window'" in errors
     seen = [r.message for r in Recording.open(log).messages(("observe",))]
     assert [(m.bits, m.known) for m in seen if isinstance(m, wire.Observation)] == [
         (pack([True, False]), b""),

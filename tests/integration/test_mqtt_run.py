@@ -8,11 +8,25 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import aiomqtt
+import msgspec
 import pytest
 
+from neurosnap import wire
+from neurosnap.agent.agent import Agent
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
-from tests.mosquitto import HOST, Mosquitto, heard, needs_mosquitto, peer, started
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.readings import readings
+from tests.mosquitto import (
+    HOST,
+    Mosquitto,
+    heard,
+    needs_mosquitto,
+    peer,
+    see,
+    set_passwords,
+    started,
+)
 
 pytestmark = [
     pytest.mark.slow,
@@ -91,15 +105,6 @@ async def publish(client: aiomqtt.Client, **readings: object) -> None:
     await client.publish(ROOM, json.dumps(readings), qos=1)
 
 
-async def see(
-    client: aiomqtt.Client, seen: dict[str, bytes], wanted: dict[str, bytes]
-) -> None:
-    """Take down what topics say until all say what is wanted."""
-    while wanted.items() - seen.items():
-        message = await anext(aiter(client.messages))
-        seen[message.topic.value] = bytes(message.payload)
-
-
 async def until(client: aiomqtt.Client, topic: str, **wanted: object) -> object:
     """Wait until the JSON on a topic has what is wanted in it."""
     async for message in client.messages:
@@ -134,6 +139,7 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
             (device,) = [t for t in seen if t.startswith("homeassistant/device/")]
             assert b"door" in seen[device]
 
+            await other.publish(ROOM, "no reading at all", qos=1)
             await publish(other, door=True, light=None, t=15)
             await until(other, "memory/predictions", light="ON")
             await publish(other, door=True, light=False, t=15)
@@ -151,10 +157,52 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
     verdict = verify(run.log)
     assert verdict.same, verdict.difference
     assert verdict.complete
+    assert "door: house/room: must be JSON, got 'no reading at all'" in run.said
     assert SECRET not in run.said
     raw = "".join(Recording.open(run.log).metadata.values())
     assert "HOUSE_PASSWORD" in raw
     assert SECRET not in raw
+
+
+async def test_processes_that_miss_readings_decide_as_one_agent_does(
+    tmp_path: Path,
+) -> None:
+    flags = ("--agent", "planner", "--target", "light", "--ticks", "60")
+    with started(tmp_path, "allow_anonymous true") as broker:
+        async with (
+            peer(broker, "memory/world/status") as other,
+            running(tmp_path, broker, "process", *flags) as run,
+        ):
+            await heard(other, "memory/world/status", b"online")
+            ended, turn = asyncio.create_task(run.process.communicate()), 0
+            while not ended.done():
+                door, light = turn % 2 == 0, turn % 3 == 0
+                await publish(
+                    other,
+                    door=None if turn % 5 == 0 else door,
+                    light=None if turn % 7 == 0 else light,
+                    t=15 + turn % 2 * 10,
+                )
+                turn += 1
+            output, errors = await ended
+            assert run.process.returncode == 0, errors.decode() + output.decode()
+    assert verify(run.log).same
+    recording = Recording.open(run.log)
+    options = msgspec.json.decode(recording.metadata["options"], type=RunOptions)
+    alone = Agent(options.body, options.new_policy(), options.new_snapshot())
+    own, decisions, missed = len(options.body.own), [], 0
+    for recorded in recording.messages(("observe",)):
+        assert isinstance(recorded.message, wire.Observation)
+        bits, known = readings(recorded.message, len(options.sensors))
+        known = None if known is None else known[:own]
+        missed += known is not None and not known.all()
+        decisions.append(alone.act(bits[:own], recorded.message.begins, known))
+    told = [recorded.message for recorded in recording.messages(("decide",))]
+    # The first opens the run; that of the last tick is never published.
+    assert told[1:] == decisions[: len(told) - 1]
+    assert missed
+    assert len(decisions) == 60
+    assert any("guarantees" in decision.why for decision in decisions)
 
 
 async def test_a_broker_that_comes_back_is_the_same_house(tmp_path: Path) -> None:
@@ -168,8 +216,12 @@ async def test_a_broker_that_comes_back_is_the_same_house(tmp_path: Path) -> Non
             broker.start()
             async with peer(broker, "memory/#") as other:
                 # All that is held is published again to a broker that forgot it.
-                await heard(other, "memory/sensor/door", b"ON")
-                await heard(other, "memory/world/status", b"online")
+                # The two that say so know nothing of each other: either may be first.
+                again = {
+                    "memory/sensor/door": b"ON",
+                    "memory/world/status": b"online",
+                }
+                await see(other, {}, again)
                 await publish(other, door=False, light=False, t=15)
                 await heard(other, "memory/sensor/door", b"OFF")
                 await publish(other, door="sideways", light=True)
@@ -187,5 +239,20 @@ async def test_a_dead_broker_is_named_at_once(tmp_path: Path) -> None:
         said = output.decode() + errors.decode()
         assert run.process.returncode == 1
     assert f"{HOST}:{dead.port}" in said
+    assert "Traceback" not in said
+    assert SECRET not in said
+
+
+async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
+    passwords = tmp_path / "passwords"
+    set_passwords(passwords, neurosnap="another")
+    lines = ("allow_anonymous false", f"password_file {passwords}")
+    with started(tmp_path, *lines) as broker:
+        async with running(tmp_path, broker, "inline", "--restart", "never") as run:
+            output, errors = await run.process.communicate()
+            said = output.decode() + errors.decode()
+            assert run.process.returncode
+    assert f"username: must be taken by {HOST}:{broker.port}" in said
+    assert "got 'neurosnap'" in said
     assert "Traceback" not in said
     assert SECRET not in said

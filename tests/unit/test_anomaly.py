@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.anomaly import Anomaly, Watcher
+from neurosnap.anomaly import MOST, Anomaly, Watcher
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
@@ -113,6 +113,21 @@ def test_an_anomaly_can_be_written_and_read() -> None:
     assert found is not None
     again = msgspec.json.decode(msgspec.json.encode(found), type=Anomaly)
     assert again == found
+
+
+@pytest.mark.parametrize("sensors", [11, 12, 40])
+def test_there_is_a_bound_to_what_it_lists(sensors: int) -> None:
+    # One at a time, it says: all at once break one implication for each two of them.
+    order = PocGraph.from_implications(
+        sensors,
+        [(2 * a, 2 * b + 1) for a in range(sensors) for b in range(a)],
+    )
+    found = Watcher(Sensorium.of(sensors)).watch(0, order, [True] * sensors)
+    assert found is not None
+    pairs = sensors * (sensors - 1) // 2
+    assert len(found.broken) == min(pairs, MOST)
+    assert len(found.broken) + found.more == pairs
+    assert len({(one.source, one.target) for one in found.broken}) == len(found.broken)
 
 
 @given(runs(), st.sampled_from([0.25, 1 / 8000]), st.booleans())

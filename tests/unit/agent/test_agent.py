@@ -128,6 +128,57 @@ class TestActing:
             assert watching.act([1, 0]).action == -1
         assert as_set(watching.state) == {0, 3}
 
+    def test_what_is_unknown_is_neither_on_nor_off(self) -> None:
+        acting = agent()
+        known = np.array([True, False])
+        first = BODY.actions[acting.act([1, 1], known=known).action]
+        assert 0 in as_set(acting.state)
+        assert not as_set(acting.state) & {2, 3}
+        acting.act([1, 1])
+        # What it did is known, and where: but not whether that was with b or without.
+        sensors = Sensorium(BODY.sensors)
+        a, b, with_a = (sensors.literal(name) for name in ("a", "b", f"{first}&a"))
+        with_b, without_b = (f"{first}&b", f"{first}&~b")
+        counts = acting.snapshot
+        assert counts.evidence(a, b).total == 1
+        assert counts.evidence(a, with_a).total == 2
+        for name in (with_b, without_b):
+            assert counts.evidence(a, sensors.literal(name)).total == 1
+
+    def test_who_says_what_is_known_may_use_the_same_array_again(self) -> None:
+        acting, other = agent("planner"), agent("planner")
+        known = np.zeros(2, np.bool_)
+        for tick in range(12):
+            known[:] = tick % 3 > 0, tick % 3 != 1
+            bits = [tick % 2, tick % 5 > 0]
+            assert acting.act(bits, known=known) == other.act(bits, known=known.copy())
+        assert acting.snapshot.to_bytes() == other.snapshot.to_bytes()
+
+    @pytest.mark.parametrize(
+        ("known", "error", "says"),
+        [
+            (np.ones(3, np.bool_), ShapeError, "known: must be (2,), got (3,)"),
+            (
+                np.ones(2),
+                InvalidValueError,
+                "known: must be bool, got dtype('float64')",
+            ),
+            (
+                np.zeros(2, np.bool_),
+                InvalidValueError,
+                "known: must hold one at least, got [False, False]",
+            ),
+        ],
+    )
+    def test_who_does_not_say_what_is_known_is_refused(
+        self, known: Any, error: type[InvalidValueError], says: str
+    ) -> None:
+        acting, other = agent(), agent()
+        with pytest.raises(error, match=f"^{re.escape(says)}$"):
+            acting.act([1, 0], known=known)
+        assert acting.act([0, 1]) == other.act([0, 1])
+        assert acting.snapshot.clock == 1
+
     @pytest.mark.parametrize(
         ("bits", "says"),
         [

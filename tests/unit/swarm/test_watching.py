@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.anomaly import Watcher
+from neurosnap.anomaly import MOST, Watcher
 from neurosnap.errors import MessageError
 from neurosnap.poc.snapshot import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
-from neurosnap.swarm.watching import MOST, Link, announcement, told
+from neurosnap.swarm.watching import Link, announcement, told
 
 NAMES = Sensorium(["door", "motion", "light"])
 
