@@ -1,5 +1,6 @@
 """``neurosnap coordinate``: a run whose other parts are started elsewhere."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -61,6 +62,13 @@ def coordinate(
     ] = "process",
     workers: Workers = 2,
     record: Annotated[bool, typer.Option(help="Wait for a recorder.")] = True,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LOG",
+            help="Go on with the same run, from the last whole tick of its recording.",
+        ),
+    ] = None,
     anomalies: Anomalies = True,
     hold: Hold = 0,
     deadline: Deadline = 10.0,
@@ -76,6 +84,7 @@ def coordinate(
     They are `neurosnap world`, `record` and `join`, in any order, on any host.
     """
     from neurosnap import show
+    from neurosnap.record.resume import past_of
     from neurosnap.swarm.run import run as run_swarm
 
     with errors():
@@ -85,6 +94,7 @@ def coordinate(
         if options.cells == "inline":
             rule = "must be 'process' or 'worker', for others to start them"
             raise InvalidValueError("cells", rule, options.cells)
+        past = None if resume is None else past_of(resume, options)
         parts = [
             "world",
             *options.host_names(),
@@ -97,6 +107,7 @@ def coordinate(
                     None,
                     stop,
                     on_progress,
+                    past,
                     network=network,
                     swarm=swarm,
                     elsewhere=frozenset(parts),
@@ -108,4 +119,5 @@ def coordinate(
             facts = show.outcome_facts(options, outcome, None)
             # The recording, and whether it is whole, is the recorder's to say.
             kept = {k: v for k, v in facts.items() if k not in ("log", "complete")}
-            print_json({"swarm": swarm, **kept})
+            told = {} if past is None else {"resumed_at": past.tick}
+            print_json({"swarm": swarm, **kept, **told})

@@ -82,6 +82,13 @@ def record(
             help="Where to record; a second swarm goes beside it. \\[default: logs/…]"
         ),
     ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LOG",
+            help="For a run that is resumed: its recording, to be taken over.",
+        ),
+    ] = None,
     restart: Restart = "on-failure",
     patience: Patience = 60.0,
     tls: Tls = "",
@@ -103,7 +110,7 @@ def record(
         if out is not None:
             new_log(swarm, out)  # refused now, and not once the swarm is there
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        share = join.recorder(next_log)
+        share = join.recorder(next_log, resume)
         served = _serve("recorder", swarm, share, network, restart, patience)
         balances = [
             msgspec.json.decode(one.results["recorder"], type=Completeness)

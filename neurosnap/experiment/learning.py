@@ -2,11 +2,11 @@
 
 from typing import Literal, TypeAlias
 
-import msgspec
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.experiment import kernels, truth
+from neurosnap.experiment.stepped import SteppedCell
 from neurosnap.experiment.table import key_of
 from neurosnap.experiment.walks import Walk, walks
 
@@ -16,7 +16,7 @@ _VERSION = 1
 """Raised whenever the same options come to give other errors."""
 
 
-class LearningCell(msgspec.Struct, frozen=True, kw_only=True):
+class LearningCell(SteppedCell, frozen=True, kw_only=True):
     """One learner in one setting: all its runs are one entry of the table."""
 
     setting: str
@@ -29,12 +29,6 @@ class LearningCell(msgspec.Struct, frozen=True, kw_only=True):
     """What its graph is compared with."""
     equivalences: bool
     """Whether its graph has its equivalences."""
-    runs: int
-    """How many walks it learns, each from nothing."""
-    steps: int
-    """Observations in each walk."""
-    seed: int
-    """Draws the walks."""
 
     @property
     def name(self) -> str:
@@ -46,16 +40,6 @@ class LearningCell(msgspec.Struct, frozen=True, kw_only=True):
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
         return key_of(self, "learning", _VERSION)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(steps,)``."""
-        return (self.steps,)
-
-    @property
-    def dtype(self) -> DTypeLike:
-        """The type of a row."""
-        return np.uint16
 
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return Err(t) at each step of a run, in edges: ``(steps,)``.

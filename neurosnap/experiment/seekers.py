@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
-import msgspec
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.agent.draws import Draws
 from neurosnap.experiment.drive import drive
+from neurosnap.experiment.stepped import SteppedCell
 from neurosnap.experiment.table import key_of
 from neurosnap.experiment.walks import SETTINGS, setting
 from neurosnap.source import import_worlds
@@ -40,7 +40,7 @@ class Task:
     """What the environment was reset with."""
 
 
-class SeekerCell(msgspec.Struct, frozen=True, kw_only=True):
+class SeekerCell(SteppedCell, frozen=True, kw_only=True):
     """An excitation-driven agent in a setting; its runs are one entry of the table."""
 
     setting: str
@@ -53,9 +53,6 @@ class SeekerCell(msgspec.Struct, frozen=True, kw_only=True):
     """The share of random actions where nothing better than `worse*` is guaranteed."""
     target: int | None
     """The place to get to; None: one is drawn for every run."""
-    runs: int
-    steps: int
-    seed: int
 
     @property
     def name(self) -> str:
@@ -68,16 +65,6 @@ class SeekerCell(msgspec.Struct, frozen=True, kw_only=True):
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
         return key_of(self, "excited", _VERSION)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(steps,)``."""
-        return (self.steps,)
-
-    @property
-    def dtype(self) -> DTypeLike:
-        """The type of a row."""
-        return np.uint16
 
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the distance to the target at each observation of a run."""

@@ -2,12 +2,12 @@
 
 from typing import Literal, TypeAlias
 
-import msgspec
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.anomaly import Anomaly, Watcher
 from neurosnap.experiment.faults import PLACES, Fault, course, faults, seen
+from neurosnap.experiment.stepped import SteppedCell
 from neurosnap.experiment.table import key_of
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium, complete
@@ -32,7 +32,7 @@ HOLD = 200
 """Ticks that an order is held on to."""
 
 
-class WatchedCell(msgspec.Struct, frozen=True, kw_only=True):
+class WatchedCell(SteppedCell, frozen=True, kw_only=True):
     """A learner in a world with one kind of fault, under the eyes of all judges."""
 
     place: str
@@ -44,9 +44,6 @@ class WatchedCell(msgspec.Struct, frozen=True, kw_only=True):
     fault: Fault
     hold: int
     """Ticks that the last judge holds on to an order."""
-    runs: int
-    steps: int
-    seed: int
 
     @property
     def name(self) -> str:
@@ -58,16 +55,6 @@ class WatchedCell(msgspec.Struct, frozen=True, kw_only=True):
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
         return key_of(self, "watched", _VERSION)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(steps,)``."""
-        return (self.steps,)
-
-    @property
-    def dtype(self) -> DTypeLike:
-        """The type of a row."""
-        return np.uint16
 
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the flags of each step of a run: ``(steps,)``."""

@@ -12,14 +12,13 @@ from mcap.records import Channel
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.record.layout import Chunk, Layout, damaged, opened, parse
+from neurosnap.record.layout import HEAD, Chunk, Layout, damaged, opened, parse
 
 EVER = 1 << 64
 """Behind every time a recording can hold."""
 
-_HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_BODY = _MESSAGE.size - _HEAD.size
+_MESSAGE_BODY = _MESSAGE.size - HEAD.size
 
 Raw: TypeAlias = tuple[str, int, int, int, bytes]
 """Topic, sequence, log time, time sent, payload."""
@@ -123,16 +122,16 @@ class _ChunkReader:
 
         All that is read passes here, half a million messages a second and more.
         """
-        wanted, message, head = self._wanted, _MESSAGE.unpack_from, _HEAD.unpack_from
+        wanted, message, head = self._wanted, _MESSAGE.unpack_from, HEAD.unpack_from
         at, size = 0, len(data)
         try:
             while at < size:
                 opcode, length = head(data, at)
-                after = at + _HEAD.size + length
+                after = at + HEAD.size + length
                 if after > size:
                     raise self._damage(f"record must end by {size}", after)
                 if opcode != Opcode.MESSAGE:
-                    self._register(opcode, data[at + _HEAD.size : after])
+                    self._register(opcode, data[at + HEAD.size : after])
                 elif length < _MESSAGE_BODY:
                     raise self._damage("message must have a whole head", length)
                 else:

@@ -22,7 +22,12 @@ from mcap.records import AttachmentIndex, Channel, Header, Metadata, MetadataInd
 
 from neurosnap.errors import RecordingError
 from neurosnap.record.layout import (
+    CHUNK_HEAD,
+    HEAD,
+    INDEX_ENTRY,
+    INDEX_HEAD,
     LIMIT,
+    MAGIC,
     PROFILE,
     Attached,
     Chunk,
@@ -33,16 +38,11 @@ from neurosnap.record.layout import (
     parse,
 )
 
-_MAGIC = b"\x89MCAP0\r\n"
-_HEAD = struct.Struct("<BQ")
-_CHUNK = struct.Struct("<QQQII")
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _OFFSET = struct.Struct("<HQ")
 _PACKING = struct.Struct("<QI")
 _SIZES = struct.Struct("<QQ")
-_INDEX = struct.Struct("<HI")
 _FOOTER = struct.Struct("<QQI")
-_ENTRY = 16  # bytes of a message index that stand for one message
 _LONGEST = 16  # bytes a compression's name may have
 
 
@@ -107,7 +107,7 @@ def sealed(path: Path, file: BinaryIO, chunk: Chunk) -> Chunk:
     if len(head) < size or head[0] != Opcode.CHUNK:
         rule = f"chunk {chunk.number} must be where the summary says"
         raise damaged(path, chunk.offset, rule, "something else")
-    _, _, unpacked, checksum, _ = _CHUNK.unpack_from(head, _HEAD.size)
+    _, _, unpacked, checksum, _ = CHUNK_HEAD.unpack_from(head, HEAD.size)
     if unpacked != chunk.unpacked:
         rule = f"chunk {chunk.number} must unpack to {chunk.unpacked} bytes"
         raise damaged(path, chunk.offset, rule, unpacked)
@@ -116,23 +116,23 @@ def sealed(path: Path, file: BinaryIO, chunk: Chunk) -> Chunk:
 
 def _chunk_head(compression: str) -> int:
     """Return how many bytes of a chunk's record come before what is packed."""
-    return _HEAD.size + _CHUNK.size + len(compression.encode()) + 8
+    return HEAD.size + CHUNK_HEAD.size + len(compression.encode()) + 8
 
 
 def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     """Read the magic and the header; return where that ends."""
     file.seek(0)
-    if file.read(len(_MAGIC)) != _MAGIC:
+    if file.read(len(MAGIC)) != MAGIC:
         raise RecordingError(f"log: must be an MCAP recording, got {str(path)!r}")
-    record = _record(path, file, len(_MAGIC))
+    record = _record(path, file, len(MAGIC))
     if record is None or record[0] != Opcode.HEADER:
         rule = "the file must start with a whole header"
-        raise damaged(path, len(_MAGIC), rule, "none")
+        raise damaged(path, len(MAGIC), rule, "none")
     try:
         header: Header = parse(Header.read, record[1])
     except ValueError as error:
         rule = "the header must be well-formed"
-        raise damaged(path, len(_MAGIC), rule, error) from error
+        raise damaged(path, len(MAGIC), rule, error) from error
     if header.profile != PROFILE:
         raise RecordingError(
             f"{path}: profile: must be {PROFILE!r}, got {header.profile!r}"
@@ -144,10 +144,10 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
 def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes] | None:
     """Return kind and body of the record at a place; None where it is torn."""
     file.seek(at)
-    head = file.read(_HEAD.size)
-    if len(head) < _HEAD.size:
+    head = file.read(HEAD.size)
+    if len(head) < HEAD.size:
         return None
-    opcode, length = _HEAD.unpack(head)
+    opcode, length = HEAD.unpack(head)
     if length > LIMIT:
         rule = f"a record must have at most {LIMIT} bytes"
         raise damaged(path, at, rule, length)
@@ -160,28 +160,28 @@ def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes] | None:
 
 def _read_summary(path: Path, file: BinaryIO, layout: Layout) -> bool:
     """Take over what the summary says; return whether there is one."""
-    tail = _HEAD.size + _FOOTER.size + len(_MAGIC)
+    tail = HEAD.size + _FOOTER.size + len(MAGIC)
     end = layout.size - tail
-    if end < len(_MAGIC):
+    if end < len(MAGIC):
         return False
     file.seek(end)
     last = file.read(tail)
-    if not last.endswith(_MAGIC) or last[0] != Opcode.FOOTER:
+    if not last.endswith(MAGIC) or last[0] != Opcode.FOOTER:
         return False
-    start, _, checksum = _FOOTER.unpack_from(last, _HEAD.size)
+    start, _, checksum = _FOOTER.unpack_from(last, HEAD.size)
     if not 0 < start <= end or end - start > LIMIT:
         raise damaged(path, end, "the footer must name the summary's place", start)
     file.seek(start)
     summary = file.read(end - start)
-    covered = last[: _HEAD.size + _FOOTER.size - 4]
+    covered = last[: HEAD.size + _FOOTER.size - 4]
     if zlib.crc32(covered, zlib.crc32(summary)) != checksum:
         rule = "the summary must have the checksum noted here"
         raise damaged(path, end, rule, "another")
     try:
         at = 0
         while at < len(summary):
-            opcode, length = _HEAD.unpack_from(summary, at)
-            at += _HEAD.size
+            opcode, length = HEAD.unpack_from(summary, at)
+            at += HEAD.size
             _take_summed(path, file, layout, opcode, summary[at : at + length])
             at += length
     except (struct.error, UnicodeDecodeError, ValueError) as error:
@@ -211,8 +211,8 @@ def _take_summed(
                 name=attached.name,
                 media_type=attached.media_type,
                 size=attached.data_size,
-                offset=attached.offset + _HEAD.size,
-                length=attached.length - _HEAD.size,
+                offset=attached.offset + HEAD.size,
+                length=attached.length - HEAD.size,
             )
         case _:
             pass
@@ -236,7 +236,7 @@ def _indexed(number: int, body: bytes) -> Chunk:
     placed = sorted((place, channel) for channel, place in _OFFSET.iter_unpack(entries))
     ends = [place for place, _ in placed[1:]] + [at + length + indexes]
     counts = {
-        channel: (upto - place - _HEAD.size - _INDEX.size) // _ENTRY
+        channel: (upto - place - HEAD.size - INDEX_HEAD.size) // INDEX_ENTRY
         for (place, channel), upto in zip(placed, ends, strict=True)
     }
     offset = at + _chunk_head(compression)
@@ -267,23 +267,23 @@ def _is_over(path: Path, file: BinaryIO, seen: Glance) -> bool:
     """File the next record; return whether there is none that is whole."""
     layout, at = seen.layout, seen.offset
     file.seek(at)
-    head = file.read(_HEAD.size)
-    opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
-    after = at + _HEAD.size + length
-    if len(head) == _HEAD.size and length > LIMIT:
+    head = file.read(HEAD.size)
+    opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+    after = at + HEAD.size + length
+    if len(head) == HEAD.size and length > LIMIT:
         raise damaged(path, at, f"a record must have at most {LIMIT} bytes", length)
-    if len(head) < _HEAD.size or after > layout.size:
+    if len(head) < HEAD.size or after > layout.size:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
     try:
         match opcode:
             case Opcode.CHUNK:
-                body = file.read(min(length, _CHUNK.size + _LONGEST + 8))
+                body = file.read(min(length, CHUNK_HEAD.size + _LONGEST + 8))
                 layout.chunks.append(_headed(layout, at, length, body))
             case Opcode.MESSAGE_INDEX:
-                channel, size = _INDEX.unpack(file.read(_INDEX.size))
+                channel, size = INDEX_HEAD.unpack(file.read(INDEX_HEAD.size))
                 counts = layout.chunks[-1].counts
-                counts[channel] = counts.get(channel, 0) + size // _ENTRY
+                counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY
             case Opcode.METADATA:
                 _take_metadata(layout, file.read(length))
             case Opcode.ATTACHMENT:
@@ -301,12 +301,12 @@ def _is_over(path: Path, file: BinaryIO, seen: Glance) -> bool:
 
 def _headed(layout: Layout, at: int, length: int, body: bytes) -> Chunk:
     """Return the chunk whose record starts so."""
-    start, end, unpacked, checksum, name = _CHUNK.unpack_from(body)
+    start, end, unpacked, checksum, name = CHUNK_HEAD.unpack_from(body)
     if name > _LONGEST:
         raise ValueError(f"a compression with a name of {name} bytes")
-    compression = body[_CHUNK.size : _CHUNK.size + name].decode()
+    compression = body[CHUNK_HEAD.size : CHUNK_HEAD.size + name].decode()
     offset = at + _chunk_head(compression)
-    packed = at + _HEAD.size + length - offset
+    packed = at + HEAD.size + length - offset
     if unpacked > LIMIT:
         raise ValueError(f"a chunk that unpacks to {unpacked} bytes")
     number = len(layout.chunks) + 1

@@ -21,6 +21,9 @@ TOTALS = "neurosnap.totals"
 SHARE = "neurosnap.share"
 """Where a file is not the first of its run: what number each sender's share begins
 with."""
+CLOSING = "decision"
+"""Among the totals of a file that another follows: the decision of its last tick, as on
+the wire, where it opens the next file."""
 SNAPSHOT = "snapshot.npz"
 SMALLEST = 1 << 16
 """Bytes that a file of several must be allowed to have: with fewer it would hold little
@@ -28,6 +31,20 @@ but its head."""
 LIMIT = 256 * 2**20
 """The largest record, and the largest chunk once unpacked, that is read at all: a
 stranger's file may claim any size. The writer stays below it."""
+
+# The format's own layout, little-endian without padding, as far as it is read here and
+# not by `mcap.records`: https://mcap.dev/spec.
+MAGIC = b"\x89MCAP0\r\n"
+"""The first bytes of a file, and its last."""
+HEAD = struct.Struct("<BQ")
+"""Of a record: its kind, and the bytes behind this."""
+CHUNK_HEAD = struct.Struct("<QQQII")
+"""Of a chunk: its first and last time, bytes unpacked, checksum, and how long the name
+of its compression is."""
+INDEX_HEAD = struct.Struct("<HI")
+"""Of a message index: its channel, and bytes of its entries."""
+INDEX_ENTRY = 16
+"""Bytes of a message index that stand for one message."""
 
 _Record = TypeVar("_Record")
 

@@ -16,6 +16,13 @@ has not come yet, the start of its wave or the decision before its tick, waits f
 
 A sender that says nothing for `LATE` after the key-frame is taken to have had nothing
 left to say; if it had, that goes to the newer file.
+
+The decision of a file's last tick follows the key-frame, so it is in the next file. The
+key-frame says it, too, and it is noted among the totals of the file before, which can
+be verified to its end alone.
+
+A file that is over is finished at once, so that it survives the end of this process;
+what waits for the disk is `neurosnap.record.saving`.
 """
 
 import contextlib
@@ -30,8 +37,9 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.record.causes import Causes, Heard, is_beyond
-from neurosnap.record.layout import SMALLEST
+from neurosnap.record.layout import CLOSING, SMALLEST
 from neurosnap.record.past import Past, begin_recording, facts_of
+from neurosnap.record.saving import Saving
 from neurosnap.record.sequences import Completeness, added_up
 from neurosnap.record.whole import part_path, part_paths
 from neurosnap.record.writer import Writer
@@ -69,7 +77,8 @@ def split_of(metadata: Mapping[str, str]) -> Split | None:
 class _Boundary(NamedTuple):
     """Where the newest file begins."""
 
-    tick: int
+    decision: wire.Decision
+    """That of the key-frame's tick."""
     wave: int
     closes: int
     """The time of recording after which nothing of before is waited for."""
@@ -97,10 +106,11 @@ class Parts:
         self._metadata = facts_of(metadata, past)
         self._check_free()
         self._older: Writer | None = None
-        self._boundary = _Boundary(0, 0, 0)
+        self._boundary = _Boundary(wire.Decision(0, -1, ""), 0, 0)
         self._causes = Causes()
         self._passed: set[str] = set()  # whose messages go to the newest file
         self._closed: list[Completeness] = []
+        self._saving = Saving()
         self._warned = False
         self._newest = self._new_writer()
         try:
@@ -191,7 +201,8 @@ class Parts:
         self._number += 1
         self._newest = self._new_writer()
         self._newest.start(self._facts(frame.tick))
-        self._boundary = _Boundary(frame.tick, frame.waves, log_time + LATE)
+        decision = wire.Decision(frame.tick, frame.action, frame.why)
+        self._boundary = _Boundary(decision, frame.waves, log_time + LATE)
         self._passed = set()
         self._pass(frame.sender)
 
@@ -211,7 +222,7 @@ class Parts:
         sender = message.sender
         if sender in self._passed:
             return False
-        if not is_beyond(message, self._boundary.tick, self._boundary.wave):
+        if not is_beyond(message, self._boundary.decision.tick, self._boundary.wave):
             return True
         self._pass(sender)
         if self._passed >= older.sequences.first.keys():
@@ -226,24 +237,39 @@ class Parts:
             self._newest.sequences.begin(sender, first)
 
     def _close(self) -> None:
-        """Finish the older file, if one is open; delete what is not kept."""
-        older, self._older = self._older, None
-        if older is None:
+        """Finish the older file, if one is open, and let it be saved."""
+        if self._older is None:
             return
+        self._saving.wait()  # what is in here cannot be lost by an error yet
+        older, self._older = self._older, None
         senders = older.sequences.first
         ends = {sender: older.sequences.upcoming(sender) for sender in senders}
         for sender, end in ends.items():
             self._newest.sequences.begin(sender, end)
         # First of all: who goes on from the newest file has to know.
         self._newest.note_share()
-        self._closed.append(older.finish({"ticks": str(self._boundary.tick)}, ends))
-        if self._split is not None and self._split.keep:
-            for number, path in part_paths(self._log).items():
-                if number <= self._number - self._split.keep:
-                    path.unlink(missing_ok=True)
+        closing = self._boundary.decision
+        totals = {
+            "ticks": str(closing.tick),
+            CLOSING: wire.encode(closing).decode(),
+        }
+        self._closed.append(older.end(totals, ends))
+        self._saving.save(older, self._unwanted())
+
+    def _unwanted(self) -> list[Path]:
+        """Return the files that are not kept."""
+        if self._split is None or not self._split.keep:
+            return []
+        last = self._number - self._split.keep
+        return [path for n, path in part_paths(self._log).items() if n <= last]
 
     def flush(self) -> None:
-        """Give what there is to the operating system; see `Writer.flush`."""
+        """Give what there is to the operating system; see `Writer.flush`.
+
+        Raises:
+            RecordingError: Also where a file that was closed before cannot be saved.
+        """
+        self._saving.check()
         if self._older is not None:
             self._older.flush()
         self._newest.flush()
@@ -259,12 +285,14 @@ class Parts:
         for heard in self._causes.rest():
             self._write(*heard)
         self._close()
+        self._saving.close()
         balances = [*self._closed, self._newest.finish(totals, expected)]
         return added_up(balances)
 
     def abandon(self) -> None:
         """Close without totals and index; see `Writer.abandon`."""
         with contextlib.ExitStack() as stack:
+            stack.callback(self._saving.close)
             stack.callback(self._newest.abandon)
             if self._older is not None:
                 stack.callback(self._older.abandon)

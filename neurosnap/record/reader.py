@@ -20,6 +20,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.record.chunks import EVER, raw_messages
 from neurosnap.record.layout import (
+    CLOSING,
     RUN,
     SHARE,
     SNAPSHOT,
@@ -177,6 +178,26 @@ class Recording:
     def totals(self) -> dict[str, str] | None:
         """What was written at the end; None if the recording did not get there."""
         return self.layout.metadata.get(TOTALS)
+
+    @property
+    def closing(self) -> wire.Decision | None:
+        """The decision of a file's last tick, where that opens the file after it.
+
+        None where no file follows, or it was written before that was noted.
+
+        Raises:
+            RecordingError: What is noted there is no decision.
+        """
+        noted = (self.totals or {}).get(CLOSING)
+        if noted is None:
+            return None
+        try:
+            return msgspec.json.decode(noted, type=wire.Decision)
+        except _UNREADABLE as error:
+            rule = "must hold a decision"
+            raise RecordingError(f"{self.path}: {CLOSING}: {rule}, got {error}") from (
+                error
+            )
 
     @property
     def finished(self) -> bool:

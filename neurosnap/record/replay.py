@@ -184,6 +184,7 @@ class Replay:
         self._senses = Senses(self.options.body)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self.complete = recording.finished and recording.noted().completeness.whole
+        self._closing = recording.closing
         self._resumed = deque(t for t in resumed_at(recording) if t > self.first)
         self._messages = recording.messages(
             _INPUTS + _OUTPUTS, start=0 if start is None else start.since
@@ -226,6 +227,19 @@ class Replay:
             if self._resumed and self._resumed[0] == tick:
                 self._resumed.popleft()
                 self._said = deque(self._begin_again())
+        self._check_closing(tick)
+
+    def _check_closing(self, tick: int) -> None:
+        """Hold the last decision against what the file after this one opens with."""
+        closing, derived = self._closing, self.core.decision
+        if closing is None or not (self.complete or tick == closing.tick):
+            return
+        if derived != closing:
+            raise DifferenceError(
+                f"tick {tick}: the decision of the last tick: recorded {closing},"
+                f" derived {derived}"
+            )
+        self.compared["decide"] += 1
 
     def _begin_again(self) -> list[wire.Message]:
         """Return what the core says where the run is taken up again."""

@@ -14,8 +14,10 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
 from neurosnap import wire
-from neurosnap.errors import RecordingError
+from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.record.past import Past
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import DifferenceError, Replay, options_of, resumed_at
@@ -69,6 +71,46 @@ def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
         part=recording.part or 0,
         begins=recording.begins,
     )
+
+
+def past_of(log: Path, options: RunOptions) -> Past:
+    """Return where a run that is described again goes on with its recording.
+
+    Args:
+        log: As in `look_back`.
+        options: The run's; it may have more ticks by now, and other deadlines.
+
+    Raises:
+        InvalidValueError: It is another run, or has no more ticks than there are.
+        RecordingError: As from `look_back`.
+    """
+    recorded, past = look_back(log)
+    same = {name: getattr(options, name) for name in ("ticks", "deadline")}
+    if msgspec.structs.replace(recorded, **same) != options:
+        rule = "must be a recording of the run that is described"
+        raise InvalidValueError("resume", rule, str(log))
+    if options.ticks <= past.tick:
+        rule = f"must be more than the {past.tick} there are"
+        raise InvalidValueError("ticks", rule, options.ticks)
+    return past
+
+
+def past_at(log: Path, there: Past) -> Past:
+    """Return where a run goes on by another copy of its recording.
+
+    Args:
+        log: The copy.
+        there: By the original.
+
+    Raises:
+        InvalidValueError: It is no such copy.
+        RecordingError: As from `look_back`.
+    """
+    _, here = look_back(log, there.tick)
+    if msgspec.structs.replace(here, log=there.log) != there:
+        rule = f"must be the recording that the run goes on from at tick {there.tick}"
+        raise InvalidValueError("resume", rule, str(log))
+    return here
 
 
 def whole_ticks(log: Path) -> int:

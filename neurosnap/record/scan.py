@@ -26,7 +26,12 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from neurosnap.errors import RecordingError
 from neurosnap.record.chunks import unpack
 from neurosnap.record.layout import (
+    CHUNK_HEAD,
+    HEAD,
+    INDEX_ENTRY,
+    INDEX_HEAD,
     LIMIT,
+    MAGIC,
     PROFILE,
     Attached,
     Chunk,
@@ -37,11 +42,7 @@ from neurosnap.record.layout import (
     parse,
 )
 
-_MAGIC = b"\x89MCAP0\r\n"
-_HEAD = struct.Struct("<BQ")
-_CHUNK = struct.Struct("<QQQII")
 _SIZE = struct.Struct("<Q")
-_INDEX = struct.Struct("<HI")
 _CRC = struct.Struct("<I")
 _REPEATED = frozenset(
     (
@@ -100,8 +101,8 @@ class _Scan:
 
     def _read_start(self) -> None:
         """Read the magic and the header."""
-        magic = self._file.read(len(_MAGIC))
-        if magic != _MAGIC:
+        magic = self._file.read(len(MAGIC))
+        if magic != MAGIC:
             raise RecordingError(
                 f"log: must be an MCAP recording, got {str(self._path)!r}"
             )
@@ -120,10 +121,10 @@ class _Scan:
     def _next(self) -> _Record | None:
         """Return the next record; None where it is torn, or there is none."""
         self._at = self._file.tell()
-        head = self._file.read(_HEAD.size)
-        if len(head) < _HEAD.size:
+        head = self._file.read(HEAD.size)
+        if len(head) < HEAD.size:
             return None
-        opcode, length = _HEAD.unpack(head)
+        opcode, length = HEAD.unpack(head)
         if length > LIMIT:
             raise self._damage(f"a record must have at most {LIMIT} bytes", length)
         body = self._file.read(length)
@@ -170,10 +171,10 @@ class _Scan:
 
     def _take_chunk(self, body: bytes) -> None:
         try:
-            start, end, unpacked, checksum, length = _CHUNK.unpack_from(body)
-            before = _CHUNK.size + length
+            start, end, unpacked, checksum, length = CHUNK_HEAD.unpack_from(body)
+            before = CHUNK_HEAD.size + length
             (packed,) = _SIZE.unpack_from(body, before)
-            compression = body[_CHUNK.size : before].decode()
+            compression = body[CHUNK_HEAD.size : before].decode()
         except (struct.error, UnicodeDecodeError) as error:
             raise self._damage("a chunk must have a whole header", error) from error
         before += _SIZE.size
@@ -183,7 +184,7 @@ class _Scan:
             raise self._damage(f"a chunk must unpack to at most {LIMIT}", unpacked)
         chunk = Chunk(
             number=len(self._layout.chunks) + 1,
-            offset=self._at + _HEAD.size + before,
+            offset=self._at + HEAD.size + before,
             packed=packed,
             unpacked=unpacked,
             checksum=checksum,
@@ -195,14 +196,14 @@ class _Scan:
         self._layout.chunks.append(chunk)
 
     def _take_index(self, body: bytes) -> None:
-        entries = len(body) - _INDEX.size
-        if entries < 0 or entries % 16 or not self._layout.chunks:
+        entries = len(body) - INDEX_HEAD.size
+        if entries < 0 or entries % INDEX_ENTRY or not self._layout.chunks:
             raise self._damage("a message index must follow its chunk", "no index")
-        channel, length = _INDEX.unpack_from(body)
+        channel, length = INDEX_HEAD.unpack_from(body)
         if length != entries:
             raise self._damage(f"a message index must have {length} bytes", entries)
         counts = self._layout.chunks[-1].counts
-        counts[channel] = counts.get(channel, 0) + entries // 16
+        counts[channel] = counts.get(channel, 0) + entries // INDEX_ENTRY
 
     def _take_attachment(self, body: bytes) -> None:
         attachment: Attachment = self._parse(Attachment.read, body)
@@ -213,7 +214,7 @@ class _Scan:
             name=attachment.name,
             media_type=attachment.media_type,
             size=len(attachment.data),
-            offset=self._at + _HEAD.size,
+            offset=self._at + HEAD.size,
             length=len(body),
         )
 
@@ -239,19 +240,19 @@ class _Scan:
         covered = record.head + record.body[: -_CRC.size]
         if checksum and zlib.crc32(covered, self._checksum) != checksum:
             raise self._damage("the summary must have the checksum noted here", "other")
-        end = self._file.read(len(_MAGIC) + 1)
-        if not _MAGIC.startswith(end):
+        end = self._file.read(len(MAGIC) + 1)
+        if not MAGIC.startswith(end):
             raise self._damage("the file must end behind its footer", "something else")
         # A torn magic is a torn file, if only just.
-        self._finished = end == _MAGIC
+        self._finished = end == MAGIC
         sealed = self._data_sealed and checksum != 0
         self._layout.sealed = self._finished and sealed
 
     def _read_cut(self) -> None:
         """Note where the file was cut, unless its end is there."""
         size = self._layout.size
-        self._file.seek(max(0, size - len(_MAGIC)))
-        if self._file.read() == _MAGIC and size > len(_MAGIC):
+        self._file.seek(max(0, size - len(MAGIC)))
+        if self._file.read() == MAGIC and size > len(MAGIC):
             raise self._damage("a record must end before the file does", "a longer one")
         self._layout.cut = Cut(len(self._layout.chunks), self._at, size)
 

@@ -235,6 +235,8 @@ class Writer:
     ) -> Completeness:
         """Write the totals, the last key-frame's snapshot and the index; close.
 
+        What was finished survives a power cut; that takes as long as the disk does.
+
         Args:
             totals: Anything worth keeping of the run as a whole; the balance is added.
             expected: For each sender, how many messages it says it sent.
@@ -246,6 +248,29 @@ class Writer:
             RecordingError: The recording was not started, is closed already, or cannot
                 be written; it stays readable up to its last whole chunk.
             InvalidValueError: A text cannot be written as UTF-8.
+        """
+        completeness = self.end(totals, expected)
+        self.save()
+        return completeness
+
+    def end(
+        self, totals: Mapping[str, str], expected: Mapping[str, int]
+    ) -> Completeness:
+        """Write all that `finish` writes, and give it to the operating system.
+
+        It survives the end of this process; nothing can be written any more, and `save`
+        is what is left to do.
+
+        Args:
+            totals: As in `finish`.
+            expected: Likewise.
+
+        Returns:
+            As `finish`.
+
+        Raises:
+            RecordingError: As `finish`.
+            InvalidValueError: Likewise.
         """
         self._demand(self._started and self._open, "must be started and open")
         completeness = self.sequences.completeness(expected, foreign=self.foreign)
@@ -263,12 +288,22 @@ class Writer:
             self._mcap.add_metadata(TOTALS, facts)
             self._mcap.finish()
             self._stream.flush()
-            os.fsync(self._stream.fileno())
-            self._stream.close()
         except OSError as error:
             raise self._failed(error) from error
         self._open = False
         return completeness
+
+    def save(self) -> None:
+        """Wait until the disk has what was written up to `end`; close. On any thread.
+
+        Raises:
+            RecordingError: It cannot be written.
+        """
+        try:
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+        except OSError as error:
+            raise self._failed(error) from error
 
     def abandon(self) -> None:
         """Close without totals and index; do nothing if closed already.

@@ -8,6 +8,7 @@ import msgspec
 
 from neurosnap.errors import SwarmError
 from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.outside.open import is_outside
 from neurosnap.record.past import Past
 from neurosnap.record.resume import restore
 from neurosnap.swarm.brief import Brief
@@ -19,6 +20,9 @@ from neurosnap.swarm.shell import conduct
 
 _LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
 _LOOK = 0.1  # seconds between two looks at who is there
+_TRIES = 3
+"""Deadlines that the world gets to answer, as many as a cell does: a wave is sent again
+twice."""
 
 
 class Result(msgspec.Struct):
@@ -40,6 +44,14 @@ class Result(msgspec.Struct):
 def coordinator_for(options: RunOptions, past: Past | None) -> Coordinator:
     """Return the core of a run: new, or as it was where it is taken up again."""
     return Coordinator.of(options) if past is None else restore(past, options.ticks)
+
+
+def answer_within(options: RunOptions) -> float | None:
+    """Return how many seconds the world may take to answer; None: as long as it takes.
+
+    What is outside says something when something happens there, and not before.
+    """
+    return None if is_outside(options.source) else _TRIES * options.deadline
 
 
 async def be_coordinator(
@@ -68,6 +80,7 @@ async def be_coordinator(
     core = coordinator_for(brief.options, brief.past)
     if patience is None:
         patience = 60.0 + 0.05 * len(parts)
+    options = brief.options
     async with seat.fabric(swift=True) as fabric:
         await _wait_alone(fabric, seat.swarm, brief.vacant)
         await fabric.brief(brief.to_bytes())
@@ -79,7 +92,8 @@ async def be_coordinator(
                 fabric,
                 stop,
                 parts=parts,
-                deadline=brief.options.deadline,
+                deadline=options.deadline,
+                answer=answer_within(options),
                 patience=patience,
                 on_progress=reporter.progress,
             ),

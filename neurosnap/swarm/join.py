@@ -10,7 +10,9 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.record.past import Past
 from neurosnap.record.recorder import be_recorder
+from neurosnap.record.resume import past_at
 from neurosnap.source import open_source
 from neurosnap.swarm.brief import Brief
 from neurosnap.swarm.embody import body_of
@@ -76,20 +78,32 @@ def world(source: str) -> Share:
     return share
 
 
-def recorder(new_log: Callable[[], Path]) -> Share:
+def recorder(new_log: Callable[[], Path], resumed: Path | None = None) -> Share:
     """Return the share of a recorder.
 
     Args:
         new_log: Returns where to record a swarm; asked once for each.
+        resumed: What has been recorded of a run that is resumed, on this host; the new
+            recording takes it over.
     """
 
     def share(swarm: str, brief: Brief) -> list[Duty]:
-        if brief.past is not None:
-            rule = "must be where the recording is that the run goes on from"
-            raise InvalidValueError("recorder", rule, "elsewhere")
+        past = _taken_over(resumed, brief.past)
         heard = ("coordinator", "world", *brief.options.host_names())
         metadata = {**describe(brief.options), "swarm": swarm}
-        arguments = (str(new_log()), metadata, None, heard)
+        arguments = (str(new_log()), metadata, past, heard)
         return [Duty("recorder", be_recorder, arguments, lingers=True)]
 
     return share
+
+
+def _taken_over(resumed: Path | None, past: Past | None) -> Past | None:
+    """Return what a recorder here takes over, of a run with such a past."""
+    if resumed is None and past is None:
+        return None
+    if resumed is None:
+        rule = "must name the recording that the run goes on from"
+        raise InvalidValueError("resume", rule, None)
+    if past is None:
+        raise InvalidValueError("resume", "must go with a resumed run", str(resumed))
+    return past_at(resumed, past)

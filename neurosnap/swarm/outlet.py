@@ -110,7 +110,8 @@ async def run_outlet(
     Raises:
         InvalidValueError: The broker refuses the name, the password or a topic; or
             nothing is to be published.
-        NeurosnapError: The broker cannot be reached at the start.
+        NeurosnapError: The broker cannot be reached at the start; or nothing more can
+            be heard of the swarm.
     """
     from neurosnap.outside.mqtt_outlet import MqttOutlet
 
@@ -135,12 +136,18 @@ async def run_outlet(
 
     await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
     on_ready()
-    serving = asyncio.create_task(fabric.serve(stop), name="outlet/serve")
+    over = asyncio.Event()
+    hearing = asyncio.create_task(fabric.serve(stop), name="outlet/hear")
+    telling = asyncio.create_task(outlet.serve(over), name="outlet/tell")
     try:
-        await outlet.serve(stop)
-        await serving
+        await asyncio.wait((hearing, telling), return_when=asyncio.FIRST_COMPLETED)
+        # Also where nothing can be heard any more: the broker is told that it is over.
+        over.set()
+        await telling
+        await hearing
     finally:
-        serving.cancel()
+        hearing.cancel()
+        telling.cancel()
 
 
 async def be_outlet(

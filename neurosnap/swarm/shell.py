@@ -1,7 +1,8 @@
 """The async shell around a core that conducts a swarm: the coordinator, a depth probe.
 
 It waits until every part is there, hands the core what arrives, publishes what the core
-answers, and keeps a deadline for every wave in flight. It decides nothing itself.
+answers, and keeps a deadline for every wave in flight, and for the world's next
+observation. It decides nothing itself.
 """
 
 import asyncio
@@ -13,6 +14,7 @@ from typing import Protocol
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.swarm.answer import Answer
 from neurosnap.swarm.part import decoded
 
 _LAST_WORD = 0.5  # seconds
@@ -57,6 +59,7 @@ async def conduct(
     *,
     parts: Collection[str],
     deadline: float,
+    answer: float | None = None,
     patience: float = 60.0,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> float:
@@ -72,6 +75,8 @@ async def conduct(
         stop: Ends the run in order.
         parts: Who must be there before it begins, and stay until it ends.
         deadline: Seconds a wave may take.
+        answer: Seconds the world may take from a decision to its observation; None: as
+            long as it takes.
         patience: Seconds the parts may take to come up.
         on_progress: Told the core's tick once the swarm is up, and after each burst.
 
@@ -79,10 +84,11 @@ async def conduct(
         Seconds from the beginning to the end, the wait for the parts left out.
 
     Raises:
-        SwarmError: A part did not come up, or went away; it is named.
+        SwarmError: A part did not come up, or went away, or the world does not answer;
+            it is named.
         WaveLostError: A wave did not settle, and neither did its repeats.
     """
-    shell = _Shell(core, fabric, deadline, on_progress, parts)
+    shell = _Shell(core, fabric, deadline, Answer(answer), on_progress, parts)
     presence = _Presence(parts, fabric, shell)
     await fabric.subscribe(
         ("observe", "settle", "tally", "fault", "leave"), shell.handle
@@ -123,9 +129,11 @@ class _Shell:
         core: Core,
         fabric: Fabric,
         deadline: float,
+        answer: Answer,
         on_progress: Callable[[int], None],
         parts: Collection[str],
     ) -> None:
+        self._answer = answer
         self._parts = frozenset(parts)
         self.over = asyncio.Event()
         self.left: set[str] = set()  # who said a last word
@@ -172,23 +180,26 @@ class _Shell:
     def _publish(self, messages: list[wire.Message]) -> None:
         self._fabric.publish(*messages)
         for message in messages:
+            self._answer.heed(message)
             if isinstance(message, wire.WaveStart):
                 self._started[message.wave] = time.monotonic()
         if self._core.finished:
             self._loop.call_soon_threadsafe(self.over.set)
 
     async def watch(self) -> None:
-        """Tell the core of every wave that is over its deadline, until cancelled."""
+        """See to every deadline, until cancelled."""
         while True:
             await asyncio.sleep(self._deadline / 8)
             try:
                 with self._lock:
                     self._find_overdue()
+                    self._answer.check()
             except NeurosnapError as error:
                 self._fabric.fail(error)
                 return
 
     def _find_overdue(self) -> None:
+        """Tell the core of every wave that is over its deadline."""
         flying = self._core.in_flight
         late = time.monotonic() - self._deadline
         self._started = {n: t for n, t in self._started.items() if n in flying}

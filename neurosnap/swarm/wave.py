@@ -113,20 +113,26 @@ class Wave:
         hops: wire.Naturals,
     ) -> None:
         """Take in a report of whoever has `cells`."""
-        if report.part in self._reports.get(who, ()):
+        seen = self._reports.get(who)
+        if seen is not None and report.part in seen:
             return
         self._check(report, cells, literals, hops)
-        scale = max((self._scale, *report.credit))
+        scale = max(self._scale, *report.credit)
         missing = self._missing << (scale - self._scale)
-        missing -= sum(1 << (scale - exponent) for exponent in report.credit)
+        for exponent in report.credit:
+            missing -= 1 << (scale - exponent)
         if missing < 0:
             raise MessageError(
                 f"{report.key}: must give back at most the credit given out, got"
                 f" {_named(report)}, credit {list(report.credit)!r:.{_SHOWN}}"
             )
         self._scale, self._missing = scale, missing
-        self._reports.setdefault(who, set()).add(report.part)
-        self.hops.update(zip(literals, hops, strict=True))
+        if seen is None:
+            self._reports[who] = {report.part}
+        else:
+            seen.add(report.part)
+        if literals:
+            self.hops.update(zip(literals, hops, strict=True))
         self.pulses += report.pulses
 
     def _check(
@@ -144,20 +150,29 @@ class Wave:
                 f"{report.key}: must give back credit, and hold numbers up to {DEEPEST},"
                 f" got {_named(report)}, {len(credit)} shares, largest {most}"
             )
-        # Without a loop of its own: a worker reports a hundred thousand at once.
+        # Without a loop of its own: a worker reports a hundred thousand at once. Most
+        # reports of cells name no literal, and only give credit back.
         if (
             report.wave != self.number
             or len(literals) != len(hops)
-            or len(set(literals)) != len(literals)
-            or min(literals, default=2 * cells.start) < 2 * cells.start
-            or max(literals, default=0) >= 2 * cells.stop
-            or min(hops, default=0) < 0
-            or not self.hops.keys().isdisjoint(literals)
+            or (literals and not self._is_new(literals, hops, cells))
         ):
             raise MessageError(
                 f"{report.key}: must report on wave {self.number}, own literals, each"
                 f" once, got {report!r:.{_SHOWN}}"
             )
+
+    def _is_new(
+        self, literals: wire.Naturals, hops: wire.Naturals, cells: range
+    ) -> bool:
+        """Tell whether literals are of `cells`, each once, and not reported before."""
+        return (
+            len(set(literals)) == len(literals)
+            and min(literals) >= 2 * cells.start
+            and max(literals) < 2 * cells.stop
+            and min(hops) >= 0
+            and self.hops.keys().isdisjoint(literals)
+        )
 
     @property
     def is_settled(self) -> bool:

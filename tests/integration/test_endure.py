@@ -1,6 +1,8 @@
 """A run goes on when a part of it dies, and comes to the same."""
 
 import asyncio
+import contextlib
+import re
 import signal
 import socket
 from collections.abc import Iterator
@@ -377,6 +379,110 @@ def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
     assert not isinstance(raised.value, PartDiedError)
     assert [event.tick for event in disturbed.restarts] == [6] * times
     assert verify(log).ticks == 6
+
+
+HANGING = """
+import threading
+
+import gymnasium
+import numpy as np
+
+
+class Hanging(gymnasium.Env):
+    observation_space = gymnasium.spaces.MultiBinary(3)
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        self.steps = 0
+        return np.zeros(3, np.int8), {}
+
+    def step(self, action):
+        self.steps += 1
+        if self.steps > 5:
+            threading.Event().wait()
+        return np.array([self.steps % 2, 0, 1], np.int8), 0.0, False, False, {}
+
+
+gymnasium.register("test/Hanging-v0", Hanging, disable_env_checker=True)
+"""
+
+SILENT = (
+    r"^coordinator: world: must answer the decision of tick 6 within 1\.5 s, got no"
+)
+
+
+@pytest.fixture
+def hanging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunOptions:
+    """A run whose world is there and says no more after tick 6."""
+    (tmp_path / "hanging.py").write_text(HANGING)
+    monkeypatch.syspath_prepend(tmp_path)
+    name = "hanging:test/Hanging-v0"
+    source = open_source(name, 1)
+    source.close()
+    body = body_of(source, "walker")
+    return RunOptions(source=name, body=body, ticks=50, deadline=0.5)
+
+
+@pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 1)])
+@pytest.mark.timeout(60)
+def test_a_world_that_hangs_is_named_and_treated_like_a_cell_that_hangs(
+    restart: str, times: int, hanging: RunOptions, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    disturbed = Disturbed(hanging, log, restart=restart, max_restarts=1)
+    with pytest.raises(SwarmError, match=SILENT) as raised:
+        disturbed.run()
+    assert not isinstance(raised.value, PartDiedError)
+    assert [event.tick for event in disturbed.restarts] == [6] * times
+    assert verify(log).ticks == 6
+
+
+@pytest.mark.timeout(60)
+def test_a_world_that_is_held_is_named(tmp_path: Path) -> None:
+    options = msgspec.structs.replace(options_for(3000), deadline=0.5)
+    held: list[psutil.Process] = []
+
+    def hold(tick: int) -> None:
+        if not held and tick > 50:
+            held.extend(one for one in parts() if one.name() == "world")
+            held[0].send_signal(signal.SIGSTOP)
+
+    log = tmp_path / "log"
+    running = run_on(options, log, asyncio.Event(), Supervision(), on_progress=hold)
+    said = r"^coordinator: world: must answer the decision of tick \d+ within 1\.5 s"
+    with pytest.raises(SwarmError, match=said):
+        asyncio.run(running)
+    assert verify(log).same
+
+
+@pytest.mark.timeout(60)
+def test_a_world_elsewhere_that_hangs_is_named(
+    hanging: RunOptions, tmp_path: Path
+) -> None:
+    where, stop = endpoint(), asyncio.Event()
+
+    async def elsewhere() -> None:
+        world, network = join.world(hanging.source), Network(connect=where)
+        with contextlib.suppress(SwarmError):  # it will not end when it is asked to
+            await serve(world, network, SWARM, stop, restart="never")
+
+    async def both() -> None:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(elsewhere())
+            try:
+                await Disturbed(hanging, tmp_path / "log").running(
+                    network=Network(listen=where),
+                    swarm=SWARM,
+                    elsewhere=frozenset({"world"}),
+                )
+            finally:
+                stop.set()
+
+    with pytest.raises(ExceptionGroup) as raised:
+        asyncio.run(both())
+    (error,) = raised.value.exceptions
+    assert isinstance(error, SwarmError)
+    assert re.search(SILENT, str(error))
 
 
 @pytest.mark.timeout(150)

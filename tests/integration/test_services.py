@@ -193,6 +193,84 @@ def test_services_make_the_run_that_one_process_makes(
     assert course(log) == course(in_one_piece(40, tmp_path / "inline"))
 
 
+def stopped_at(endpoint: str, log: Path) -> int:
+    """Make a run of services, and stop all of it; return its last whole tick."""
+    at = ("--connect", endpoint)
+    lines: tuple[tuple[object, ...], ...] = (
+        ("record", SWARM, "--out", log),
+        ("join", SWARM, "--cells", "0-5"),
+        ("world", SWARM, PATH),
+        ("coordinate", PATH, "--swarm", SWARM, *ENDLESS),
+    )
+    with ExitStack() as stack:
+        services = [stack.enter_context(going(*line, *at)) for line in lines]
+        begun(endpoint, 5)
+        services[-1].send_signal(signal.SIGINT)
+        for service in services:
+            ended(service)
+    return verify(log).ticks
+
+
+def test_services_go_on_with_a_run_that_was_stopped(
+    endpoint: str, tmp_path: Path
+) -> None:
+    log, new = tmp_path / "log.mcap", tmp_path / "new.mcap"
+    tick = stopped_at(endpoint, log)
+    content, at = log.read_bytes(), ("--connect", endpoint)
+    lines: tuple[tuple[object, ...], ...] = (
+        ("record", SWARM, "--out", new, "--resume", log, "--json"),
+        ("join", SWARM, "--cells", "0-5"),
+        ("world", SWARM, PATH),
+    )
+    again = ("coordinate", PATH, "--swarm", SWARM, *SMALL, "--ticks", tick + 20)
+    with ExitStack() as stack:
+        others = [stack.enter_context(going(*line, *at)) for line in lines]
+        with going(*again, "--resume", log, "--json", *at) as coordinator:
+            came = facts(ended(coordinator))
+        recorder, *_ = [ended(one) for one in others]
+    assert (came["ticks"], came["resumed_at"]) == (tick + 20, tick)
+    assert facts(recorder)["complete"]
+    assert log.read_bytes() == content
+    verdict = verify(new)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, tick + 20)
+    assert course(new) == course(in_one_piece(tick + 20, tmp_path / "inline"))
+
+
+def test_only_the_same_run_goes_on_and_if_there_is_more_to_come(
+    endpoint: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    tick = stopped_at(endpoint, log)
+    whole = ("coordinate", PATH, "--swarm", SWARM, "--connect", endpoint)
+    ways: tuple[tuple[tuple[object, ...], str], ...] = (
+        (("--set", "places=7", "--seed", 4), "resume: must be a recording of the run"),
+        ((*SMALL, "--ticks", tick), f"ticks: must be more than the {tick} there are"),
+    )
+    for described, text in ways:
+        with going(*whole, *described, "--resume", log) as coordinator:
+            assert text in ended(coordinator, 2)
+
+
+@pytest.mark.parametrize("new", [True, False], ids=["new run", "another recording"])
+def test_a_recorder_takes_over_nothing_but_what_the_run_goes_on_from(
+    new: bool, endpoint: str, tmp_path: Path
+) -> None:
+    log, at = tmp_path / "log.mcap", ("--connect", endpoint)
+    stopped_at(endpoint, log)
+    other = in_one_piece(40, tmp_path / "other.mcap")
+    whole = ("coordinate", PATH, "--swarm", SWARM, *ENDLESS, *at)
+    more: tuple[object, ...] = () if new else ("--resume", log)
+    rule = "go with a resumed run" if new else "be the recording that the"
+    with going(*whole, *more) as coordinator:
+        up(endpoint, "coordinator")
+        line = ("record", SWARM, "--out", tmp_path / "new", "--resume", other, *at)
+        with going(*line) as recorder:
+            assert f"resume: must {rule}" in ended(recorder, 2)
+        coordinator.send_signal(signal.SIGINT)
+        coordinator.communicate(timeout=PATIENCE)
+    assert not (tmp_path / "new").exists()
+
+
 def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     at = ("--connect", endpoint)

@@ -1,8 +1,10 @@
 """A recording in several files: each a run by itself, and all together the run."""
 
 import asyncio
+import errno
 import random
-from collections.abc import Iterable, Sequence
+import threading
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -19,6 +21,7 @@ from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.replay import verify
 from neurosnap.record.resume import look_back, whole_ticks
 from neurosnap.record.whole import first_path, open_whole, part_path, part_paths
+from neurosnap.record.writer import Writer
 from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe as facts_of
@@ -174,6 +177,158 @@ def test_what_is_tampered_with_is_found_in_its_file(
     found = {number: verify(path).same for number, path in paths.items() if number}
     assert [number for number, same in found.items() if not same] == [2]
     assert not verify(paths[0]).same
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("seed", [None, 1])
+def test_a_file_says_how_its_last_tick_was_decided(
+    whole: Path, tmp_path: Path, seed: int | None
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    decisions = {
+        one.message.tick: one.message
+        for one in recorded
+        if isinstance(one.message, wire.Decision)
+    }
+    if seed is not None:
+        recorded = overtaking(recorded, seed)
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    *before, last = paths.values()
+    for number, path in enumerate(before):
+        closing, tick = Recording.open(path).closing, (number + 1) * EVERY
+        assert closing is not None
+        # That of the run's last tick is told to nobody; the key-frame has it.
+        assert closing == decisions.get(tick, closing)
+        assert closing.tick == tick
+        # With the one that opens it, and the one that closes it.
+        assert verify(path).decisions == EVERY + 1 or not number
+    assert Recording.open(last).closing is None
+    assert open_whole(paths[0]).closing is None
+
+
+def decided_otherwise(one: Recorded, tick: int) -> Recorded:
+    message = one.message
+    if not isinstance(message, wire.KeyFrame | wire.Decision) or message.tick != tick:
+        return one
+    message = msgspec.structs.replace(message, why="for fun")
+    return one._replace(message=message, payload=wire.encode(message))
+
+
+@pytest.mark.usefixtures("small")
+def test_a_wrong_last_decision_is_found_in_its_file(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = Recording.open(whole).messages()
+    changed = [decided_otherwise(one, 30) for one in recorded]
+    paths = write(whole, tmp_path / "log.mcap", changed)
+    found = {number: verify(path) for number, path in paths.items() if number}
+    assert [number for number, verdict in found.items() if not verdict.same] == [2]
+    said = found[2].difference
+    assert said is not None
+    assert said.startswith("tick 30: the decision of the last tick: recorded Decision(")
+
+
+@pytest.mark.usefixtures("small")
+def test_a_closing_decision_that_is_none_is_refused(
+    whole: Path, tmp_path: Path
+) -> None:
+    with Writer(tmp_path / "log.mcap") as writer:
+        writer.start(Recording.open(whole).metadata)
+        writer.finish({"decision": '{"tick": -1}'}, {})
+    with pytest.raises(RecordingError, match=r"decision: must hold a decision, got "):
+        _ = Recording.open(tmp_path / "log.mcap").closing
+
+
+# Given to the disk --------------------------------------------------------------------
+
+
+class Disk:
+    """A disk that takes nothing before it is told to."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.asked = threading.Event()
+        self.takes = threading.Event()
+        self.error: OSError | None = None
+        self.threads: list[int] = []
+        patch.setattr("os.fsync", self._sync)
+
+    def _sync(self, _: int) -> None:
+        self.threads.append(threading.get_ident())
+        self.asked.set()
+        assert self.takes.wait(10)
+        if self.error is not None:
+            raise self.error
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
+    made = Disk(monkeypatch)
+    yield made
+    made.takes.set()
+
+
+def upto(recorded: Sequence[Recorded], tick: int) -> list[Recorded]:
+    """Return what was recorded before the key-frame of a tick."""
+    place = next(
+        place
+        for place, one in enumerate(recorded)
+        if isinstance(one.message, wire.KeyFrame) and one.message.tick == tick
+    )
+    return list(recorded[:place])
+
+
+@pytest.mark.usefixtures("small")
+def test_recording_goes_on_while_the_disk_takes_a_file(
+    whole: Path, tmp_path: Path, disk: Disk
+) -> None:
+    old, log = Recording.open(whole), tmp_path / "log.mcap"
+    recorded = list(old.messages())
+    shares = upto(recorded, 2 * EVERY)
+    with Parts(log, old.metadata) as writer:
+        for count, one in enumerate(shares):
+            writer.add(one.delivery, 10**18 + count)
+        assert disk.asked.wait(10)
+        writer.flush()
+        # Whoever is killed now has lost nothing: the file that is over has its end, and
+        # so the run goes on from the next one.
+        assert Recording.open(log).finished
+        assert Recording.open(log).completeness().whole
+        assert look_back(log)[1].part == 1
+        assert threading.get_ident() not in disk.threads
+        disk.takes.set()
+        for count, one in enumerate(recorded[len(shares) :], len(shares)):
+            writer.add(one.delivery, 10**18 + count)
+        writer.finish({}, old.noted().expected)
+    assert (verify(log).same, verify(log).complete) == (True, True)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_file_that_the_disk_does_not_take_ends_the_recording(
+    whole: Path, tmp_path: Path, disk: Disk
+) -> None:
+    old, log = Recording.open(whole), tmp_path / "log.mcap"
+    disk.error = OSError(errno.EIO, "no disk")
+    with Parts(log, old.metadata) as writer:
+        for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
+            writer.add(one.delivery, 10**18 + count)
+        disk.takes.set()
+        with pytest.raises(RecordingError, match=r"^log: must take .* got no disk"):
+            writer.finish({}, {})
+
+
+def test_files_are_deleted_once_a_newer_one_is_saved(
+    whole: Path, tmp_path: Path, disk: Disk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, "split_of", lambda _: Split(1, keep=1))
+    old, log = Recording.open(whole), tmp_path / "log.mcap"
+    with Parts(log, old.metadata) as writer:
+        for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
+            writer.add(one.delivery, 10**18 + count)
+        assert disk.asked.wait(10)
+        assert list(part_paths(log)) == [0, 1]
+        disk.takes.set()
+        writer.finish({}, {})
+    assert list(part_paths(log)) == [1]
 
 
 # What is late, lost, or comes again ---------------------------------------------------

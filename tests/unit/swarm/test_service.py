@@ -1,5 +1,7 @@
 """What a coordinator tells of a run, and how a service knows the way a run ended."""
 
+from pathlib import Path
+
 import msgspec
 import pytest
 
@@ -55,10 +57,13 @@ def test_workers_learn_how_many_there_are() -> None:
     assert (duty.who, duty.arguments) == ("worker/1", (1, 3, 2))
 
 
-def test_a_recorder_elsewhere_has_nothing_to_go_on_from() -> None:
+def test_a_recorder_elsewhere_has_to_know_what_it_goes_on_from() -> None:
     share = join.recorder(lambda: pytest.fail("no name is needed"))
-    with pytest.raises(InvalidValueError, match=r"^recorder: must be where the record"):
+    with pytest.raises(InvalidValueError, match=r"^resume: must name the recording"):
         share("demo", brief(past=PAST))
+    share = join.recorder(lambda: pytest.fail("no name is needed"), Path("log.mcap"))
+    with pytest.raises(InvalidValueError, match=r"^resume: must go with a resumed run"):
+        share("demo", brief())
 
 
 class Meeting(ZenohFabric):
