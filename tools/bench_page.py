@@ -6,6 +6,9 @@ import statistics
 import tempfile
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
+
+from playwright.async_api import CDPSession
 
 from neurosnap.agent.context import Body
 from neurosnap.swarm.options import RunOptions
@@ -13,44 +16,84 @@ from neurosnap.swarm.run import run
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
 from tools.bench_report import Line, Sizes
-from tools.screenshots import browsing
+from tools.screenshots import browsing, wait_shown
 
 _SPEED = 60
+_LARGE = 500  # sensors: too many to be drawn each by itself, unless that is asked for
 _WARM = 10  # ticks learned before the clock starts: the first orders are large
-_PLAY = """async (first) => {
+_PLAY = """async () => {
     const { page } = await import("/main.js");
-    page.player.step(first - page.player.tick);
-    while (page.frame?.tick !== first) await new Promise(requestAnimationFrame);
     page.player.setSpeed(SPEED);
     page.player.play();
     const seen = [];
-    while (page.player.playing) {
-        seen.push([await new Promise(requestAnimationFrame), page.frame.tick]);
+    for (;;) {
+        const now = await new Promise(requestAnimationFrame);
+        if (!page.player.playing) return seen;
+        seen.push([now, page.frame.tick]);
     }
-    return seen;
 }""".replace("SPEED", str(_SPEED))
 
 
+class Shown(NamedTuple):
+    """One of the browser's frames."""
+
+    time: float
+    """When it came, in milliseconds."""
+    tick: int
+    """What it showed."""
+
+
+class Played(NamedTuple):
+    """What came of playing a recording."""
+
+    shown: list[Shown]
+    busy: float
+    """Seconds that the page's own thread worked meanwhile."""
+
+
 def page(sizes: Sizes) -> list[Line]:
-    """Play a recording at sixty ticks a second, and time the browser's frames."""
+    """Play recordings at sixty ticks a second, and time the browser's frames."""
+    small = sizes.sensors[0]
     with tempfile.TemporaryDirectory() as folder:
-        log = asyncio.run(_recorded(Path(folder), sizes.sensors[0], sizes.ticks))
-        seen = asyncio.run(_played(log))
-    times = [time for time, _ in seen]
-    ticks = [tick for _, tick in seen]
-    rate = (ticks[-1] - ticks[0]) / (times[-1] - times[0]) * 1000
-    shown = len(set(ticks)) / (ticks[-1] - ticks[0] + 1)
-    median = statistics.median(after - before for before, after in pairwise(times))
-    return [
-        Line(
-            f"replay in the page, {sizes.sensors[0]} sensors",
-            f"{rate:.1f} ticks/s, {shown:.0%} of them drawn",
-            f"{median:.1f} ms a frame",
-            f"{_SPEED} ticks/s",
-            rate >= 0.98 * _SPEED,
-            {"ticks_per_second": rate, "drawn": shown, "frame_ms": median},
+        few, many = (
+            asyncio.run(_recorded(Path(folder), sensors, sizes.ticks))
+            for sensors in (small, _LARGE)
         )
-    ]
+        return [
+            _line(f"{small} sensors", asyncio.run(_played(few))),
+            _line(f"{_LARGE} sensors, collapsed", asyncio.run(_played(many))),
+            _line(
+                f"{_LARGE} sensors, each drawn",
+                asyncio.run(_played(many, expanded=True)),
+            ),
+        ]
+
+
+def _line(what: str, played: Played) -> Line:
+    seen = played.shown
+    # From the first frame of one tick to the first of another: how long the frame lasts
+    # that is there when it starts, or when it ends, says nothing of the page.
+    begins = [now for before, now in pairwise(seen) if now.tick != before.tick]
+    first, last = begins[0], begins[-1]
+    rate = (last.tick - first.tick) / (last.time - first.time) * 1000
+    drawn = len(begins) / (last.tick - first.tick + 1)
+    gaps = [after.time - before.time for before, after in pairwise(seen)]
+    frames = 1000 / statistics.mean(gaps)
+    work = played.busy / len(seen) * 1000
+    return Line(
+        f"replay in the page, {what}",
+        f"{rate:.1f} ticks/s, {drawn:.0%} of them drawn",
+        f"{frames:.1f} frames/s, {work:.1f} ms of work in each",
+        f"{_SPEED} ticks/s",
+        rate >= 0.98 * _SPEED,
+        {
+            "ticks_per_second": rate,
+            "drawn": drawn,
+            "frames_per_second": frames,
+            "longest_ms": max(gaps),
+            "work_ms": work,
+        },
+    )
 
 
 async def _recorded(folder: Path, sensors: int, ticks: int) -> Path:
@@ -62,19 +105,37 @@ async def _recorded(folder: Path, sensors: int, ticks: int) -> Path:
     for _ in range(ticks):
         places = [x + chance.choice((-1, 0, 1)) for x in places]
         lines.append(",".join(f"{places[k % 5] < k // 5:d}" for k in range(sensors)))
-    readings = folder / "readings.csv"
+    readings = folder / f"{sensors}.csv"
     readings.write_text("\n".join(lines) + "\n", encoding="utf-8")
     options = RunOptions(
         source=str(readings), body=Body(own=tuple(names)), ticks=ticks, cells="inline"
     )
-    await run(options, folder / "log.mcap", asyncio.Event())
-    return folder / "log.mcap"
+    log = folder / f"{sensors}.mcap"
+    await run(options, log, asyncio.Event())
+    return log
 
 
-async def _played(log: Path) -> list[tuple[float, int]]:
-    """Return when each of the browser's frames came, and the tick it showed."""
+async def _played(log: Path, *, expanded: bool = False) -> Played:
+    """Play a recording in a browser.
+
+    Args:
+        log: What to play.
+        expanded: Whether each sensor is drawn by itself, however many there are.
+    """
     async with serving(Desk(log)) as address, browsing() as opened:
-        await opened.goto(address.url)
-        await opened.wait_for_selector("#drawing[data-tick]", state="attached")
-        seen: list[tuple[float, int]] = await opened.evaluate(_PLAY, _WARM)
-    return seen
+        await opened.goto(f"{address.url}#t={_WARM}")
+        await wait_shown(opened, _WARM)
+        if expanded:
+            await opened.click("#expand")
+        session = await opened.context.new_cdp_session(opened)
+        await session.send("Performance.enable")
+        before = await _busy(session)
+        shown = [Shown(*frame) for frame in await opened.evaluate(_PLAY)]
+        return Played(shown, await _busy(session) - before)
+
+
+async def _busy(session: CDPSession) -> float:
+    """Return for how many seconds the page's own thread has worked so far."""
+    found = await session.send("Performance.getMetrics")
+    metrics = {metric["name"]: metric["value"] for metric in found["metrics"]}
+    return float(metrics["TaskDuration"])

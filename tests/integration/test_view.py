@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -20,7 +21,7 @@ from typer.testing import CliRunner
 
 from neurosnap import wire
 from neurosnap.cli import app
-from neurosnap.cli.page import viewed
+from neurosnap.cli.page import look, viewed
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.record.reader import Recording
 from neurosnap.record.writer import Writer
@@ -470,6 +471,30 @@ async def test_a_run_is_looked_at_while_it_goes_on_and_after(
         got = await viewed(log, stop, work, on_end, browser=False)
     assert (got, looked.is_set()) == ("outcome", True)
     assert (shown[0].live, shown[0].ticks, shown[0].cut) == (True, 0, None)
+
+
+async def test_a_recording_that_is_about_to_begin_is_waited_for(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late, stop, asked = tmp_path / "late.mcap", asyncio.Event(), []
+    said: list[str] = []
+
+    def recorded_in(path: Path) -> bool:
+        asked.append(path)
+        if len(asked) == 2:  # it was not there when it was first looked for
+            shutil.copy(log, late)
+        return True
+
+    def say(text: str) -> None:
+        said.append(text)
+        stop.set()
+
+    monkeypatch.setattr("neurosnap.swarm.registry.recorded_in", recorded_in)
+    monkeypatch.setattr("neurosnap.cli.page.typer.echo", say)
+    async with asyncio.timeout(PATIENCE):
+        await look(late, stop, browser=False)
+    assert said[0].startswith(f"{late}: http://127.0.0.1:")
+    assert set(asked) == {late}
 
 
 async def test_a_run_that_fails_ends_its_page(tmp_path: Path) -> None:

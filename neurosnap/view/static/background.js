@@ -52,7 +52,9 @@ function classes(places) {
 }
 
 function tie(context, one, other) {
-  const [across, down] = one.y === other.y ? [0, 2.2] : [2.2, 0];
+  const [wide, high] = [other.x - one.x, other.y - one.y];
+  const apart = 2.2 / Math.hypot(wide, high);
+  const [across, down] = [high * apart, -wide * apart];
   for (const side of [-1, 1]) {
     context.beginPath();
     context.moveTo(one.x + side * across, one.y + side * down);

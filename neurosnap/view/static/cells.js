@@ -1,6 +1,7 @@
 // The parts of the swarm: who they are, what they said, and where they run.
 
 import { make } from "./dom.js";
+import { few } from "./literals.js";
 
 const SHOWN = 6; // sensors of a worker that are named
 
@@ -15,7 +16,7 @@ export function showCells(home, names, { cells, read_to: readTo }) {
       "tr",
       {},
       make("th", { scope: "row" }, cell.who),
-      make("td", {}, named(cell.sensors, names)),
+      make("td", {}, few(cell.sensors.map((sensor) => names[sensor]), SHOWN)),
       make("td", { className: "number" }, String(cell.messages)),
       make("td", { className: "number" }, String(cell.restarts)),
       make("td", {}, cell.host ?? "not known"),
@@ -30,9 +31,4 @@ export function showCells(home, names, { cells, read_to: readTo }) {
   );
   const note = make("p", { className: "quiet" }, `Messages counted up to tick ${readTo}.`);
   home.replaceChildren(note, table);
-}
-
-function named(sensors, names) {
-  const shown = sensors.slice(0, SHOWN).map((sensor) => names[sensor]).join(", ");
-  return sensors.length > SHOWN ? `${shown} and ${sensors.length - SHOWN} more` : shown;
 }

@@ -2,7 +2,9 @@
 
 import { find, make, write } from "./dom.js";
 import { EdgeView } from "./edge.js";
-import { bitWord, conditions, drawn, literalName, sensorOf } from "./literals.js";
+import { bitWord, conditions, drawn, few, literalName, sensorOf } from "./literals.js";
+
+const NAMED = 8; // members of a class that are listed
 
 /** The panel of what is selected. */
 export class ChoiceView {
@@ -67,7 +69,7 @@ export class ChoiceView {
     const facts = [make("dt", {}, "layer"), make("dd", {}, String(node.layer))];
     if (same) {
       const members = same.map((literal) => literalName(this._names, literal));
-      facts.push(make("dt", {}, "equal"), make("dd", {}, members.join(" ≡ ")));
+      facts.push(make("dt", {}, "equal"), make("dd", {}, few(members, NAMED, " ≡ ")));
     }
     return facts;
   }
@@ -81,7 +83,13 @@ export class ChoiceView {
       open.addEventListener("click", () => this._on.pick({ edge: one }));
       list.append(make("li", {}, open));
     }
-    return list.children.length ? list : make("p", { className: "quiet" }, "No edges yet.");
+    return list.children.length ? list : make("p", { className: "quiet" }, this._none(sensor, graph));
+  }
+
+  /** Why there are no edges: those of a class are drawn at the one that stands for all. */
+  _none(sensor, graph) {
+    const standing = graph === null ? sensor : sensorOf(graph.nodes[sensor].class);
+    return standing === sensor ? "No edges yet." : `Its edges are those of ${this._names[standing]}.`;
   }
 
   _arrow({ source, target, kind }) {

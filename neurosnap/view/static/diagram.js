@@ -46,7 +46,7 @@ export class Diagram {
       move: (across, down) => this._aim((camera) => camera.move(across, down)),
       zoom: (factor, x, y) => this._aim((camera) => camera.zoom(factor, x, y)),
       click: (x, y) => this._click(this._at(x, y)),
-      over: (x, y) => this._at(x, y) !== null,
+      over: (x, y) => this._over(home, this._at(x, y)),
     });
     home.addEventListener("dblclick", () => this.fit());
   }
@@ -250,6 +250,13 @@ export class Diagram {
     else if (thing?.item) this._on.pick({ sensor: thing.item.sensors[0] });
     else if (thing?.link.edges.length === 1) this._on.pick({ edge: thing.link.edges[0] });
     else this._on.pick(null);
+  }
+
+  /** Name what is under the pointer, which may be too small to read; tell if anything is. */
+  _over(home, thing) {
+    const name = thing?.item?.name ?? "";
+    if (home.title !== name) home.title = name;
+    return thing !== null;
   }
 
   /** What is at a place on the screen: `{item}`, `{link}`, or null. */

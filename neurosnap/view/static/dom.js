@@ -26,6 +26,9 @@ export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** So many of something: one, or several. */
+export const counted = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;
+
 /** A number for people: whole, or with what digits it takes. */
 export function number(value) {
   if (value === null || value === undefined) return "–";

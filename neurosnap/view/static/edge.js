@@ -113,8 +113,7 @@ export class EdgeView {
     const now = make("div", { className: "now" });
     options.hooks = { draw: [(drawn) => mark(now, drawn, tick)] };
     this._plot.replaceChildren();
-    new uPlot(options, data, this._plot);
-    this._plot.append(now);
+    new uPlot(options, data, this._plot).over.append(now);
   }
 }
 

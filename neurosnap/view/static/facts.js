@@ -1,8 +1,9 @@
 // What there is to say about a tick, in a few lines.
 
 import { find, make, write } from "./dom.js";
+import { few } from "./literals.js";
 
-const WORDS = ["did", "why", "contradicted"];
+const WORDS = ["did", "why", "contradicted", "not read"];
 const NUMBERS = ["edges", "height", "depth", "pulses"];
 const NAMED = 6;
 
@@ -27,12 +28,13 @@ export class FactsView {
     set("why", frame.why || "–");
     for (const fact of NUMBERS) set(fact, String(frame[fact]));
     set("contradicted", this._contradicted(frame));
+    const unread = this._names.filter((_, sensor) => frame.bits[sensor] === null);
+    set("not read", few(unread, NAMED) || "none");
   }
 
   _contradicted({ contradicted, incoherent }) {
-    const named = contradicted.slice(0, NAMED).map((sensor) => this._names[sensor]);
-    const more = contradicted.length - named.length;
-    if (named.length) return named.join(", ") + (more > 0 ? ` and ${more} more` : "");
+    const named = few(contradicted.map((sensor) => this._names[sensor]), NAMED);
+    if (named) return named;
     return incoherent ? "what was observed contradicts what was learned" : "nothing";
   }
 }

@@ -18,6 +18,12 @@ export function drawn(source, target) {
   return { source: from, target: to, kind: isComplement(to) ? "inhibit" : "excite" };
 }
 
+/** Some names, and how many more there are. */
+export function few(names, most, between = ", ") {
+  const more = names.length - most;
+  return names.slice(0, most).join(between) + (more > 0 ? ` and ${more} more` : "");
+}
+
 /** The word for a reading, or for what the state has of a sensor. */
 export const bitWord = (bit) => (bit === null ? "unknown" : bit ? "on" : "off");
 

@@ -5,7 +5,7 @@ import * as api from "./api.js";
 import { showCells } from "./cells.js";
 import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
-import { find, write } from "./dom.js";
+import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
 import { bind } from "./keys.js";
 import { follow, patched } from "./live.js";
@@ -32,6 +32,7 @@ class Page {
     this.graph = null;
     this.played = false;
     this.arranged = 0; // when an order was last shown
+    this.live = false; // the run was seen under way
     const names = run.sensors;
     this.reel = new Reel(api.fetchFrames);
     this.orders = new Orders(api.fetchGraph, notify);
@@ -155,10 +156,16 @@ class Page {
   describe() {
     if (this.graph === null) return;
     const { items, sensors } = this.diagram.count;
-    const { height, edges } = this.graph;
+    const { height, edges, classes } = this.graph;
     const few = items < sensors ? `, drawn as ${items} items` : "";
     const late = find("drawing").ariaBusy === "true" ? `, as of tick ${this.graph.tick}` : "";
-    const whole = `${sensors} sensors, ${edges.length} covering edges, height ${height}`;
+    const same = classes.reduce((sum, members) => sum + members.length - 1, 0);
+    const counts = [
+      counted(sensors, "sensor"),
+      counted(edges.length, "covering edge"),
+      counted(same, "equivalence"),
+    ];
+    const whole = `${counts.join(", ")}, height ${height}`;
     const facts = whole + few + late;
     write(find("diagram-facts"), facts);
     find("drawing").setAttribute("aria-label", `Hasse diagram: ${facts}`);
@@ -199,8 +206,10 @@ class Page {
     const { log, source, sensors, swarm, live, cut, first, ticks } = run;
     document.title = `${log} · neurosnap`;
     write(find("what"), `${log} — ${source}, ${sensors.length} sensors, swarm ${swarm}`);
-    find("badge").hidden = !live;
-    write(find("badge"), "live");
+    this.live ||= live;
+    find("badge").hidden = !this.live;
+    find("badge").classList.toggle("over", !live);
+    write(find("badge"), live ? "live" : `ended at tick ${ticks}`);
     find("follow").hidden = !live;
     showNotice(cut === null ? "" : `This recording is not whole: ${cut}`);
     this.player.setRange(first, ticks);

@@ -7,6 +7,7 @@ import { CAP } from "./links.js";
 import { palette, font } from "./palette.js";
 
 const FONT = 11;
+const LARGE = 15; // of summaries: an order that has some is drawn small
 const READABLE = 0.5; // below this scale a name is only grey noise
 const ROUND = HEIGHT / 2; // a sensor's corners
 const SQUARE = 4; // a summary's
@@ -16,9 +17,10 @@ let measuring = null;
 /** How wide an item is drawn. */
 export function widthOf(item) {
   measuring ??= document.createElement("canvas").getContext("2d");
-  measuring.font = font(FONT);
+  const single = item.kind === "sensor";
+  measuring.font = font(single ? FONT : LARGE);
   const text = measuring.measureText(item.name).width;
-  return Math.round(text + (item.kind === "sensor" ? CAP + 18 : 34));
+  return Math.round(text + (single ? CAP + 18 : 38));
 }
 
 /** Paint items; keeps the colours until they are renewed. */
@@ -43,7 +45,7 @@ export class NodePainter {
       outline(context, place.x - place.width / 2, place.y - HEIGHT / 2, place.width, ROUND);
       context.fillStyle = this.colours.panel;
       context.fill();
-      context.globalAlpha = 0.3;
+      context.globalAlpha = 0.4;
     }
     if (place.item.kind === "sensor") this._sensor(context, place, look, scale);
     else this._summary(context, place, look, scale);
@@ -59,11 +61,8 @@ export class NodePainter {
     outline(context, left, top, width, ROUND);
     context.fillStyle = colours.panel;
     context.fill();
-    context.save();
-    context.clip();
-    if (own) this._half(context, own, left, top, inner);
-    if (cap) this._half(context, cap, left + inner, top, CAP);
-    context.restore();
+    if (own) this._half(context, own, left, top, inner, [ROUND, 0, 0, ROUND]);
+    if (cap) this._half(context, cap, left + inner, top, CAP, [0, ROUND, ROUND, 0]);
     context.fillStyle = colours.line;
     context.fillRect(left + inner - 0.5, top + 1, 1, HEIGHT - 2);
     this._border(context, look, left, top, width);
@@ -90,12 +89,14 @@ export class NodePainter {
     return null;
   }
 
-  _half(context, fill, left, top, width) {
+  /** It has corners of its own: a clip for each of hundreds of nodes is slow. */
+  _half(context, fill, left, top, width, corners) {
+    outline(context, left, top, width, corners);
     context.fillStyle = fill.paper;
-    context.fillRect(left, top, width, HEIGHT);
+    context.fill();
     if (!fill.front) return;
     context.fillStyle = fill.ink; // what was reached last is underlined
-    context.fillRect(left, top + HEIGHT - 4, width, 2);
+    context.fillRect(left + 5, top + HEIGHT - 4, width - 10, 2);
   }
 
   _border(context, look, left, top, width) {
@@ -129,7 +130,7 @@ export class NodePainter {
     context.fillRect(left + 1, top + 1, part * reached, 3);
     this._ring(context, look, left, top, width, SQUARE);
     if (scale < READABLE * 0.7) return;
-    this._text(context, `+ ${place.item.name}`, place.x, place.y, colours.ink);
+    this._text(context, `+ ${place.item.name}`, place.x, place.y, colours.ink, LARGE);
   }
 
   _ring(context, look, left, top, width, round) {
@@ -140,8 +141,8 @@ export class NodePainter {
     context.stroke();
   }
 
-  _text(context, text, x, y, colour) {
-    context.font = font(FONT);
+  _text(context, text, x, y, colour, size = FONT) {
+    context.font = font(size);
     context.textAlign = "center";
     context.textBaseline = "middle";
     context.fillStyle = colour;

@@ -2,9 +2,10 @@
 // or would rather read.
 
 import { find, make, write } from "./dom.js";
-import { bitWord, conditions, drawn, literalName, sensorOf } from "./literals.js";
+import { bitWord, conditions, drawn, few, literalName, sensorOf } from "./literals.js";
 
 const RARELY = 250; // milliseconds between two updates while it plays
+const NAMED = 8; // members of a class that the first of them names
 
 /** The table of sensors. */
 export class Outline {
@@ -63,8 +64,10 @@ export class Outline {
       out[sensorOf(source)].push(source & 1 ? `${from} ${sign} ${what}` : `${sign} ${what}`);
     }
     for (const members of graph.classes) {
+      // Whatever it has for others it has for each: they name the one that stands for all.
       const [first, ...others] = members.map((literal) => literalName(this._names, literal));
-      out[sensorOf(members[0])].push(`${first} ≡ ${others.join(", ")}`);
+      out[sensorOf(members[0])].push(`${first} ≡ ${few(others, NAMED)}`);
+      members.slice(1).forEach((literal, k) => out[sensorOf(literal)].push(`${others[k]} ≡ ${first}`));
     }
     for (const node of graph.nodes) {
       const [, , layer, implies] = this._rows[node.sensor].cells;

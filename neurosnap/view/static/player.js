@@ -6,6 +6,9 @@
 export const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 60];
 
 const LONGEST = 250; // milliseconds a single step may stand for: a tab may have slept
+// Milliseconds it begins with: half a frame. Where ticks come as fast as frames, each then
+// falls into the middle of one, and a frame that is a little late or early skips none.
+const AHEAD = 1000 / 60 / 2;
 
 /** The position, and playing. */
 export class Player {
@@ -23,7 +26,7 @@ export class Player {
     this.playing = false;
     this.following = false; // the newest tick of a run that is under way
     this.speed = 2;
-    this._before = 0;
+    this._before = null; // when the last frame was; null: there was none yet
   }
 
   get tick() {
@@ -60,7 +63,7 @@ export class Player {
     if (this.tick >= this.last) this._to(this.first);
     this.playing = true;
     this.following = false;
-    this._before = performance.now();
+    this._before = null; // this very moment may be later than the frame that comes
     requestAnimationFrame(this._advance);
     this._on.change();
   }
@@ -93,7 +96,7 @@ export class Player {
 
   _advance = (now) => {
     if (!this.playing) return;
-    const passed = Math.min(now - this._before, LONGEST);
+    const passed = this._before === null ? AHEAD : Math.min(now - this._before, LONGEST);
     this._before = now;
     const next = this.position + (passed / 1000) * this.speed;
     if (Math.floor(next) >= this.last + 1) {

@@ -8,13 +8,17 @@ const POINTS = 600;
 const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
 
 // What belongs together is plotted together; the rest by itself.
-const PLOTS = [
-  { title: "Edges", columns: ["edges"] },
-  { title: "Err", columns: ["err"] },
-  { title: "Depth and height", columns: ["depth", "height"] },
-  { title: "Pulses a tick", columns: ["pulses"] },
-  { title: "Distance to target", columns: ["distance"] },
-];
+const PLOTS = [["edges"], ["err"], ["depth", "height"], ["pulses"], ["distance"]];
+const TITLES = {
+  edges: "Edges",
+  err: "Err",
+  depth: "Depth",
+  height: "Height",
+  pulses: "Pulses a tick",
+  distance: "Distance to target",
+};
+// What is plotted is counted: no axis has halves.
+const WHOLE = Array.from({ length: 10 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** k)).flat();
 const INKS = ["first", "second", "third", "fourth"];
 
 /** One axis pair in the colours of the page. */
@@ -44,12 +48,12 @@ export function line(colours, n, label) {
   };
 }
 
-/** Put the line that marks a tick where it belongs. */
+/**
+ * Put the line that marks a tick where it belongs. It lies in the plot's own area: asking
+ * the browser where that is would cost a layout with every tick.
+ */
 export function mark(now, drawn, tick) {
-  const { over } = drawn;
-  now.style.top = `${over.offsetTop}px`;
-  now.style.height = `${over.clientHeight}px`;
-  now.style.transform = `translateX(${over.offsetLeft + drawn.valToPos(tick, "x")}px)`;
+  now.style.transform = `translateX(${drawn.valToPos(tick, "x")}px)`;
 }
 
 /** The panel of plots. */
@@ -65,9 +69,8 @@ export class Plots {
     this._seek = seek;
     this._range = [1, 0];
     this._asking = false;
-    this._tick = 1;
-    this._plots = PLOTS.map(({ title, columns: own }) => ({
-      title,
+    this._frame = null;
+    this._plots = PLOTS.map((own) => ({
       columns: own.filter((column) => columns.includes(column)),
     })).filter((plot) => plot.columns.length > 0);
     home.replaceChildren(...this._plots.map((plot) => this._figure(plot)));
@@ -90,13 +93,10 @@ export class Plots {
 
   /** Show which tick one is at. */
   at(frame) {
-    this._tick = frame.tick;
+    this._frame = frame;
     for (const plot of this._plots) {
       this._place(plot);
-      plot.columns.forEach((column, k) => {
-        const value = frame[column] ?? latest(plot.data, k + 1, frame.tick);
-        write(plot.values[k], number(value));
-      });
+      this._tell(plot);
     }
   }
 
@@ -118,6 +118,7 @@ export class Plots {
       done &&= series.every((one) => one.done);
       if (plot.drawn) plot.drawn.setData(plot.data);
       else this._draw(plot);
+      this._tell(plot);
     }
     return done && last === this._range[1];
   }
@@ -126,22 +127,23 @@ export class Plots {
     plot.home = make("div", { className: "plot" });
     plot.now = make("div", { className: "now" });
     plot.values = plot.columns.map(() => make("b", {}, "–"));
-    const caption = make("figcaption", {}, `${plot.title} `);
+    const caption = make("figcaption");
     plot.columns.forEach((column, k) => {
-      const name = plot.columns.length > 1 ? ` ${column} ` : "";
-      caption.append(make("i", { className: `swatch ${INKS[k]}` }), name, plot.values[k], " ");
+      const swatch = make("i", { className: `swatch ${INKS[k]}` });
+      caption.append(swatch, `${TITLES[column]} `, plot.values[k], " ");
     });
     return make("figure", {}, caption, plot.home);
   }
 
   _draw(plot) {
     const colours = palette();
+    const [x, y] = axes(colours);
     plot.drawn?.destroy();
     const options = {
       width: Math.max(plot.home.clientWidth, 60),
       height: Math.max(plot.home.clientHeight, 40),
       scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low), high || 1] } },
-      axes: axes(colours),
+      axes: [x, { ...y, incrs: WHOLE }],
       series: [{}, ...plot.columns.map((column, k) => line(colours, k, column))],
       legend: { show: false },
       cursor: { drag: { x: false, y: false }, y: false, points: { show: false } },
@@ -151,11 +153,21 @@ export class Plots {
     plot.drawn.over.addEventListener("click", (event) =>
       this._seek(Math.round(plot.drawn.posToVal(event.offsetX, "x"))),
     );
-    plot.home.append(plot.now);
+    plot.drawn.over.append(plot.now);
   }
 
   _place(plot) {
-    if (plot.drawn && plot.data[0].length > 0) mark(plot.now, plot.drawn, this._tick);
+    if (!plot.drawn || plot.data[0].length === 0 || this._frame === null) return;
+    mark(plot.now, plot.drawn, this._frame.tick);
+  }
+
+  /** Say what the columns are at this tick; some are known by their series alone. */
+  _tell(plot) {
+    if (this._frame === null) return;
+    plot.columns.forEach((column, k) => {
+      const value = this._frame[column] ?? latest(plot.data, k + 1, this._frame.tick);
+      write(plot.values[k], number(value));
+    });
   }
 
   _resize() {

@@ -1,7 +1,7 @@
 // What a screen reader is told by itself: where one is and what changed, once it stays.
 
 import { find } from "./dom.js";
-import { conditions } from "./literals.js";
+import { conditions, few } from "./literals.js";
 
 const PATIENCE = 600; // milliseconds of rest before anything is said
 const NAMED = 5;
@@ -27,8 +27,7 @@ export class Voice {
     const changed = words.flatMap((word, sensor) =>
       word === before[sensor] ? [] : [`${this._names[sensor]} ${word}`],
     );
-    const more = changed.length - NAMED;
-    const named = changed.slice(0, NAMED).join(", ") + (more > 0 ? ` and ${more} more` : "");
+    const named = few(changed, NAMED);
     const did = frame.action ? `, then ${frame.action}` : "";
     find("said").textContent = `tick ${frame.tick}${did}${named && `: ${named}`}`;
   }

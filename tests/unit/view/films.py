@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
+import pytest
 
 from neurosnap.agent.context import Body
 from neurosnap.record.reader import Recorded, Recording
@@ -16,6 +17,7 @@ from neurosnap.record.writer import Writer
 from neurosnap.source import open_source
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
+from tests.unit.swarm.scripted import Scripted
 
 TICKS = 40
 
@@ -58,6 +60,41 @@ def csv_run(path: Path, ticks: int = TICKS) -> RunOptions:
         lines.append("1,0,0" if tick == 25 else f"{a:d},{either:d},{tick % 2}")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return _options(str(path), {}, ticks, threshold=0.1)
+
+
+def large_run(path: Path) -> RunOptions:
+    """Twenty chains of 25 sensors each, for six ticks."""
+    chance = random.Random(4)
+    names = [f"c{chain}_below_{k}" for chain in range(20) for k in range(25)]
+    lines = [",".join(names)]
+    for _ in range(6):
+        places = [chance.randrange(26) for _ in range(20)]
+        lines.append(",".join(f"{x <= k:d}" for x in places for k in range(25)))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return _options(str(path), {}, 6)
+
+
+def unread_run(log: Path) -> Path:
+    """Record a run in which not every sensor is read: ``s0`` implies ``s1``.
+
+    That is learned in 30 ticks. At 31 only ``s0`` is read; at 32 the rule is broken.
+    """
+    chance = random.Random(6)
+    rows: list[list[bool | None]] = []
+    for tick in range(1, 31):
+        a = tick == 30 or chance.random() < 0.5
+        rows.append([a, a or chance.random() < 0.5, tick % 2 == 0])
+    rows += [[True, None, None], [True, False, None]]
+    options = RunOptions(
+        source="scripted",
+        body=Body(own=("s0", "s1", "s2")),
+        ticks=len(rows),
+        threshold=0.1,
+        cells="inline",
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("neurosnap.swarm.inline.open_source", lambda *_: Scripted(rows))
+        return recorded(options, log)
 
 
 def _options(

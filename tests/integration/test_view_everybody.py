@@ -1,0 +1,96 @@
+"""The page of `neurosnap view` is for every eye and every screen.
+
+Every test also holds that nothing was fetched from elsewhere, and that nothing failed.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from tests.unit.view.films import (
+    TICKS,
+    planner_run,
+    recorded,
+)
+from tests.unit.view.pages import opened
+from tools import bench_page
+from tools.bench_report import QUICK
+from tools.screenshots import SIZE, Scheme, chromium, shoot, wait_shown
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(90),
+    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
+]
+
+AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
+GOAL = "x_below_1"  # the first literal of what the planner wants
+CONTROLS = ("#search", "#help", "#fit", "#wave-play", "#taller", "#speed")
+schemes = pytest.mark.parametrize("scheme", ["light", "dark"])
+
+
+@pytest.fixture(scope="module")
+def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "planner.mcap")
+
+
+@schemes
+async def test_axe_finds_no_serious_fault(scheme: Scheme, planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS}", scheme) as page:
+        await wait_shown(page, TICKS)
+        await page.evaluate(AXE.read_text(encoding="utf-8"))
+        await page.click("#tab-sensors")
+        await page.locator("#outline button").first.click()
+        await page.locator("#choice button.link").first.click()
+        await page.wait_for_selector("#choice .uplot canvas")
+        for tab in ("sensors", "cells", "plots"):
+            await page.click(f"#tab-{tab}")
+            await page.wait_for_selector(f"#{tab}:not(:empty)")
+            faults = await page.evaluate(
+                """async () => (await axe.run()).violations
+                    .filter(({ impact }) => impact === "serious" || impact === "critical")
+                    .map(({ id, nodes }) => [id, nodes.map(({ html }) => html)])"""
+            )
+            assert faults == []
+
+
+@schemes
+async def test_it_fits_a_small_screen(scheme: Scheme, planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS}", scheme) as page:
+        await wait_shown(page, TICKS)
+        size = await page.evaluate(
+            """() => {
+                const { scrollWidth, scrollHeight } = document.documentElement;
+                return [scrollWidth, scrollHeight];
+            }"""
+        )
+        assert tuple(size) == SIZE
+        for part in (*CONTROLS, "#world svg"):
+            box = await page.locator(part).bounding_box()
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["y"] >= 0
+            assert box["x"] + box["width"] <= SIZE[0]
+            assert box["y"] + box["height"] <= SIZE[1]
+
+
+@schemes
+async def test_the_pictures_of_the_readme_can_be_taken(
+    scheme: Scheme, planner_log: Path, tmp_path: Path
+) -> None:
+    async with opened(planner_log, scheme=scheme) as page:
+        taken = await shoot(page, TICKS, GOAL, tmp_path)
+    assert [path.name for path in taken] == [
+        "view-diagram.png",
+        "view-wave.png",
+        "view-time.png",
+    ]
+    assert len({path.read_bytes() for path in taken}) == 3
+
+
+@pytest.mark.bench
+def test_the_row_of_the_benchmarks_runs() -> None:
+    lines = bench_page.page(QUICK)
+    assert len(lines) == 3
+    for line in lines:
+        assert all(figure > 0 for figure in line.figures.values())

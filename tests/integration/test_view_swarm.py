@@ -1,0 +1,143 @@
+"""A real swarm, in processes of its own, as a browser meets it while it runs."""
+
+import asyncio
+import json
+import os
+import random
+import signal
+import sys
+from asyncio.subprocess import PIPE, Process
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Page, expect
+
+from neurosnap.record.replay import verify
+from tests.unit.view.pages import derived, looked_at, states
+from tools.screenshots import chromium, wait_shown
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.zenoh,
+    pytest.mark.timeout(120),
+    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
+]
+
+PATIENCE = 50.0
+NAMES = ("a", "b", "c")
+FIRST, LAST = 30, 40
+
+
+def readings() -> list[list[bool | None]]:
+    """Return what is read: ``a`` implies ``b``, and in the end not all is known."""
+    chance = random.Random(1)
+    rows: list[list[bool | None]] = []
+    for tick in range(1, LAST + 1):
+        a, either = chance.random() < 0.5, chance.random() < 0.5
+        rows.append([a, a or either, tick % 3 == 0])
+    rows[-2:] = [[True, False, None], [True, None, None]]
+    return rows
+
+
+@asynccontextmanager
+async def started(folder: Path, *arguments: str) -> AsyncIterator[Process]:
+    """A command, with notes and a browser of this test's own."""
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "neurosnap", *arguments),
+        stdin=PIPE,
+        stdout=PIPE,
+        stderr=PIPE,
+        env={**os.environ, "XDG_RUNTIME_DIR": str(folder), "BROWSER": "true"},
+    )
+    try:
+        yield process
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.communicate()
+
+
+async def ended(process: Process) -> tuple[int | None, str]:
+    """End a command as Ctrl-C does; return its exit code and what it complained of."""
+    process.send_signal(signal.SIGINT)
+    assert process.stderr is not None
+    complaints = await process.stderr.read()
+    return await process.wait(), complaints.decode()
+
+
+async def line_of(process: Process, *, errors: bool = False) -> str:
+    stream = process.stderr if errors else process.stdout
+    assert stream is not None
+    return (await stream.readline()).decode()
+
+
+async def address_of(process: Process) -> str:
+    said = await line_of(process)
+    assert "http://127.0.0.1:" in said
+    return said[said.index("http://") :].strip()
+
+
+def feed(process: Process, rows: Sequence[Sequence[bool | None]]) -> None:
+    assert process.stdin is not None
+    for row in rows:
+        process.stdin.write(json.dumps({"bits": row}).encode() + b"\n")
+
+
+async def follow(run: Process, page: Page, address: str) -> dict[int, list[str]]:
+    """Feed a run tick by tick while the page looks on; return what it showed."""
+    rows, seen = readings(), {}
+    feed(run, rows[:1])
+    await page.goto(address)
+    badge = page.locator("#badge")
+    await expect(badge).to_have_text("live")
+    await page.click("#tab-sensors")
+    for before, now in [(1, FIRST), (FIRST, LAST - 1), (LAST - 1, LAST)]:
+        feed(run, rows[before:now])
+        await wait_shown(page, now)
+        seen[now] = await states(page, now)
+    await page.click("#tab-cells")
+    hosts = page.locator("#cells tbody td:last-child")
+    await expect(hosts).to_have_count(2 + len(NAMES))
+    for host in await hosts.all_inner_texts():
+        assert host.startswith("this machine, process ")
+    assert run.stdin is not None
+    run.stdin.close()
+    await expect(badge).to_have_text(f"ended at tick {LAST}", timeout=PATIENCE * 1000)
+    await expect(page.locator("#notice")).to_be_hidden()
+    return seen
+
+
+@pytest.mark.parametrize("way", ["run --view", "view --live"])
+async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
+    log = tmp_path / "run.mcap"
+    names = ("--set", f"sensors={','.join(NAMES)}", "--threshold", "0.1")
+    options = ("run", "-", *names, "--out", str(log))
+    async with asyncio.timeout(2 * PATIENCE):
+        if way == "run --view":
+            async with started(tmp_path, *options, "--view") as run:
+                address = await address_of(run)
+                async with looked_at(address) as page:
+                    seen = await follow(run, page, address)
+                assert await ended(run) == (0, "")
+        else:
+            async with started(tmp_path, *options) as run:
+                assert run.stdin is not None
+                run.stdin.write(b"nonsense\n")
+                # The swarm is up, so it can be found.
+                assert "standard input:1" in await line_of(run, errors=True)
+                async with started(
+                    tmp_path, "view", "--live", "--no-browser"
+                ) as viewing:
+                    address = await address_of(viewing)
+                    async with looked_at(address) as page:
+                        seen = await follow(run, page, address)
+                    assert await run.wait() == 0
+                    assert await ended(viewing) == (0, "")
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, LAST)
+    truth = derived(log)
+    assert seen == {tick: truth[tick] for tick in seen}
+    assert seen[LAST - 1][:2] == ["contradicted", "contradicted"]
+    assert seen[LAST][:2] == ["on", "on"]
