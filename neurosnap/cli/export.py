@@ -1,7 +1,11 @@
 """``neurosnap export``: a recording in the formats of other programs."""
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from types import FrameType
+from typing import Annotated, NoReturn
 
 import msgspec
 import typer
@@ -17,6 +21,8 @@ from neurosnap.cli.shared import (
     say,
     screen,
 )
+
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 @app.command()
@@ -52,14 +58,15 @@ def export(
     from neurosnap.export.write import parse_form
 
     with errors():
-        exported = write(
-            log,
-            parse_form(form),
-            out,
-            at=at,
-            only_readings=only_readings,
-            force=force,
-        )
+        with _tidied():
+            exported = write(
+                log,
+                parse_form(form),
+                out,
+                at=at,
+                only_readings=only_readings,
+                force=force,
+            )
         say(as_json).print(f"wrote {exported.path}", markup=False, soft_wrap=True)
         if exported.incomplete:
             say(as_json).print(f"{exported.incomplete} ticks lack something")
@@ -69,3 +76,21 @@ def export(
             print_json(msgspec.to_builtins(exported))
         if not exported.whole:
             raise typer.Exit(LOST)
+
+
+@contextmanager
+def _tidied() -> Iterator[None]:
+    """Let SIGTERM and the end of the terminal leave as little behind as Ctrl-C."""
+    before = {number: signal.getsignal(number) for number in _ENDING}
+    for number, handler in before.items():
+        if handler is signal.SIG_DFL:  # what is ignored, as by nohup, stays so
+            signal.signal(number, _end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end(number: int, _: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)

@@ -33,3 +33,14 @@ def arranged(graph: PocGraph) -> NDArray[np.float64]:
 def radius(sensors: int) -> float:
     """Return how far from the axis the literals of so many sensors stand."""
     return max(1.0, _ROOM * sensors / np.pi)
+
+
+def reach(sensors: int, height: int) -> float:
+    """Return how far from the origin literals stand at most.
+
+    Args:
+        sensors: How many there are.
+        height: Edges on the longest chain of their order; no literal stands more than
+            half of that above the origin, or below it.
+    """
+    return float(np.hypot(radius(sensors), height / 2))

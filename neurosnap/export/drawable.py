@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
-from neurosnap.export.arrange import radius
 from neurosnap.export.learning import Learning
 from neurosnap.export.panels import BELIEVED, GRAPH, LOG, READINGS, STATE, layout
 from neurosnap.export.said import line_of, lost_line, resumed_line
@@ -36,11 +35,15 @@ _EVERY = 10**8
 def layout_of(recording: Recording) -> bytes:
     """Return the layout for what `write_drawable` writes of a recording.
 
+    Cost: that of reading its states.
+
     Raises:
-        RecordingError: The recording is not a run's.
+        RecordingError: The recording is damaged, or not a run's.
     """
     sensors = options_of(recording).sensors
-    return layout(sensors, radius(len(sensors)))
+    states = (recorded.message for recorded in recording.messages(("state",)))
+    heights = (state.height for state in states if isinstance(state, wire.State))
+    return layout(sensors, max(heights, default=0))
 
 
 def write_drawable(path: Path, recording: Recording) -> int:
@@ -57,13 +60,14 @@ def write_drawable(path: Path, recording: Recording) -> int:
         RecordingError: The recording is damaged, or not a run's.
         OSError: It cannot be written.
     """
-    with Sink(path, options_of(recording).sensors) as sink:
-        sink.attach(LAYOUT, layout_of(recording))
+    sensors = options_of(recording).sensors
+    with Sink(path, sensors) as sink:
         drawing = _Drawing(sink, recording)
         for recorded in recording.messages(COPIED):
             sink.copy(recorded)
             drawing.take(recorded)
         drawing.end()
+        sink.attach(LAYOUT, layout(sensors, drawing.height))
     return drawing.ticks
 
 
@@ -73,6 +77,8 @@ class _Drawing:
     def __init__(self, sink: Sink, recording: Recording) -> None:
         options = options_of(recording)
         self.ticks = 0
+        self.height = 0
+        """Edges on the longest chain there was."""
         self._sink = sink
         self._path = recording.path
         self._names = options.sensors
@@ -87,6 +93,7 @@ class _Drawing:
             RecordingError: It is of other sensors, or out of order.
             OSError: The disk does not take what is drawn.
         """
+        self._scenes.open(recorded.log_time)
         try:
             self._draw(recorded.message, recorded.log_time)
         except (InvalidValueError, MessageError) as error:
@@ -114,6 +121,7 @@ class _Drawing:
                 literals = selection(*readings(message, count))
                 self._sink.put(READINGS, self._signs(literals), time)
             case wire.State():
+                self.height = max(self.height, message.height)
                 literals = unpack(message.literals, 2 * count)
                 self._sink.put(BELIEVED, self._signs(literals), time)
             case _:
@@ -138,10 +146,22 @@ class _Scenes:
         self._learning = learning
         self._sensorium = Sensorium(names)
         self._lost = False
-        self._last = -_EVERY
-        self._waiting: wire.State | None = None
+        self._drawn = -1  # when; nothing was yet
+        self._waiting: NDArray[np.bool_] | None = None
         self._settled = 0
-        self._wires = b""
+        self._wires: bytes | None = None
+
+    def open(self, time: int) -> None:
+        """Draw what was known before the first tick, unless that was done already.
+
+        Without it, whoever opens the file would look at nothing until the first state.
+
+        Args:
+            time: When the drawing begins, nanoseconds since the epoch.
+        """
+        if self._drawn < 0:
+            self._settled = time
+            self._draw(np.zeros(len(self._learning.graph), np.bool_))
 
     def take(self, tick: Tick) -> None:
         """Learn from a tick, and draw it if it is time.
@@ -158,24 +178,21 @@ class _Scenes:
             return
         if tick.state is None:
             return
-        self._waiting, self._settled = tick.state, tick.settled
-        if self._settled - self._last >= _EVERY:
-            self._draw(tick.state)
+        literals = unpack(tick.state.literals, 2 * len(self._sensorium))
+        self._waiting, self._settled = literals, tick.settled
+        if self._settled - self._drawn >= _EVERY:
+            self._draw(literals)
 
     def end(self) -> None:
         """Draw the last tick, if that is still to be done."""
         if self._waiting is not None:
             self._draw(self._waiting)
 
-    def _draw(self, state: wire.State) -> None:
-        graph = self._learning.graph
-        literals = unpack(state.literals, len(graph))
+    def _draw(self, literals: NDArray[np.bool_]) -> None:
+        graph, time = self._learning.graph, self._settled
         wires = graph.wires("hasse").tobytes()
         if wires != self._wires:
             self._wires = wires
-            scene = order_scene(graph, self._sensorium, self._settled)
-            self._sink.put(GRAPH, scene, self._settled)
-        self._sink.put(
-            STATE, state_scene(graph, literals, self._settled), self._settled
-        )
-        self._last, self._waiting = self._settled, None
+            self._sink.put(GRAPH, order_scene(graph, self._sensorium, time), time)
+        self._sink.put(STATE, state_scene(graph, literals, time), time)
+        self._drawn, self._waiting = time, None

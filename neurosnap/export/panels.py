@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from neurosnap.export.arrange import reach
 from neurosnap.export.scene import FRAME
 
 READINGS = "/readings"
@@ -25,19 +26,21 @@ _CURVES = ("depth", "height", "edges", "pulses")
 _PLAIN = re.compile(r"[a-zA-Z0-9_-]+")
 
 
-def layout(sensors: Sequence[str], reach: float) -> bytes:
+def layout(sensors: Sequence[str], height: int) -> bytes:
     """Return a layout as JSON.
 
     Args:
         sensors: The names of the run's sensors; the first 32 get bars of their own.
-        reach: How far the scene extends from the origin.
+        height: Edges on the longest chain that is to be seen.
     """
     panels = {
         "3D!order": {
             "followTf": FRAME,
             "followMode": "follow-none",
-            "cameraState": _camera(reach),
+            "cameraState": _camera(reach(len(sensors), height)),
             "topics": {GRAPH: {"visible": True}, STATE: {"visible": True}},
+            # Its axes would stand in the middle of the order and mean nothing.
+            "transforms": {f"frame:{FRAME}": {"visible": False}},
         },
         "StateTransitions!readings": _bars("Readings", READINGS, sensors),
         "StateTransitions!believed": _bars("Believed", BELIEVED, sensors),
@@ -103,11 +106,16 @@ def _path(value: str, label: str) -> dict[str, Any]:
     }
 
 
-def _camera(reach: float) -> dict[str, Any]:
-    """Return a camera that sees the whole scene from the side and a little above."""
+def _camera(far: float) -> dict[str, Any]:
+    """Return a camera that sees the whole scene from the side and a little above.
+
+    Args:
+        far: How far from the origin the scene extends. Such a ball fills the view from
+            2.6 times as far away.
+    """
     return {
         "perspective": True,
-        "distance": 3 * reach,
+        "distance": 3 * far,
         "phi": 75,
         "thetaOffset": 45,
         "target": [0, 0, 0],
@@ -115,7 +123,7 @@ def _camera(reach: float) -> dict[str, Any]:
         "targetOrientation": [0, 0, 0, 1],
         "fovy": 45,
         "near": 0.1,
-        "far": 5000,
+        "far": max(5000.0, 10 * far),
     }
 
 

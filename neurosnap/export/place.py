@@ -7,10 +7,14 @@ from pathlib import Path
 
 from neurosnap.errors import InvalidValueError
 
+_EVERYBODY = 0o666
+
 
 @contextmanager
 def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path]:
     """Give a place to write, which becomes `path` if nothing goes wrong.
+
+    Only those may read it who may read all that is exported.
 
     Args:
         path: Where to.
@@ -22,15 +26,21 @@ def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path
         OSError: It cannot be written.
     """
     if path.exists():
-        if path.is_dir() or any(path.samefile(source) for source in reads):
+        # Nor a folder, a pipe or a device, which would make place for a file.
+        if not path.is_file() or any(path.samefile(source) for source in reads):
             raise InvalidValueError("out", "must be another file", str(path))
         if not force:
             rule = "must not exist yet, or come with --force"
             raise InvalidValueError("out", rule, str(path))
     if not path.absolute().parent.is_dir():
         raise InvalidValueError("out", "must be in a folder that exists", str(path))
+    allowed = _EVERYBODY
+    for source in reads:
+        allowed &= source.stat().st_mode
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    draft.unlink(missing_ok=True)  # of somebody dead, who had our number
     try:
+        os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, allowed))
         yield draft
         os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
     finally:

@@ -4,7 +4,6 @@ A viewer that jumps to some moment shows the last message before it alone, so ea
 scene holds all that is to be seen on its topic, and none builds on the one before.
 """
 
-from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,13 +16,20 @@ from neurosnap.sensorium import Sensorium
 Scene: TypeAlias = dict[str, Any]
 """A ``foxglove.SceneUpdate``."""
 
+_Vector: TypeAlias = dict[str, float]
+
 FRAME = "order"
 
 _LINE_LIST = 2
-_THICK = 0.03
+_ORIGIN = {"x": 0.0, "y": 0.0, "z": 0.0}
+_UPRIGHT = {**_ORIGIN, "w": 1.0}
+_THICK = 1.5  # pixels: in the scene's own units, lines far away come out dotted
+_CLEAR = 200
+"""Lines; more of them are drawn fainter, or they would hide one another."""
+_FAINTEST = 0.05
 _LETTER = 0.25
 _BALL = 0.3
-_BELOW_LETTERS = 0.3  # from the middle of a ball to the text above it
+_UNDER_LETTERS = (0.0, 0.0, 0.3)  # from the middle of a ball to the text above it
 # Okabe and Ito's, who are told apart by everybody.
 _EXCITES = {"r": 0.0, "g": 0.45, "b": 0.7, "a": 0.8}
 _INHIBITS = {"r": 0.84, "g": 0.37, "b": 0.0, "a": 0.8}
@@ -44,7 +50,7 @@ def order_scene(graph: PocGraph, sensorium: Sensorium, time: int) -> Scene:
     """Return the Hasse diagram of an order, with names.
 
     Every edge leads upwards: blue ones excite, orange ones inhibit, grey ones join
-    what is equivalent, without a direction.
+    what is equivalent, without a direction; the more there are, the fainter.
 
     Args:
         graph: The order of N sensors.
@@ -52,12 +58,17 @@ def order_scene(graph: PocGraph, sensorium: Sensorium, time: int) -> Scene:
         time: Nanoseconds since the epoch.
     """
     places = arranged(graph)
+    spots = _vectors(places)
     pairs = np.argwhere(graph.hasse())
     below, above = pairs.T
     same = graph.representative[below] == graph.representative[above]
+    shown = max(_FAINTEST, min(1.0, _CLEAR / max(1, len(pairs))))
     inhibits = above % 2 == 1
     lines = [
-        _lines(places[pairs[chosen]], colour)
+        _lines(
+            [spots[a] for a in pairs[chosen].ravel().tolist()],
+            {**colour, "a": colour["a"] * shown},
+        )
         for chosen, colour in (
             (~same & ~inhibits, _EXCITES),
             (~same & inhibits, _INHIBITS),
@@ -66,14 +77,14 @@ def order_scene(graph: PocGraph, sensorium: Sensorium, time: int) -> Scene:
     ]
     texts = [
         {
-            "pose": _pose((x, y, z + _BELOW_LETTERS)),
+            "pose": _pose(spot),
             "billboard": True,
             "font_size": _LETTER,
             "scale_invariant": False,
             "color": _INK,
             "text": sensorium.name(literal),
         }
-        for literal, (x, y, z) in enumerate(places.tolist())
+        for literal, spot in enumerate(_vectors(places + _UNDER_LETTERS))
     ]
     return _scene("order", time, lines=lines, texts=texts)
 
@@ -91,12 +102,12 @@ def state_scene(graph: PocGraph, state: NDArray[np.bool_], time: int) -> Scene:
     size = {"x": _BALL, "y": _BALL, "z": _BALL}
     balls = [
         {
-            "pose": _pose(place),
+            "pose": _pose(spot),
             "size": size,
             "color": _ON if on else _OFF if off else _OPEN,
         }
-        for place, on, off in zip(
-            arranged(graph).tolist(),
+        for spot, on, off in zip(
+            _vectors(arranged(graph)),
             state.tolist(),
             state.reshape(-1, 2)[:, ::-1].ravel().tolist(),
             strict=True,
@@ -126,25 +137,24 @@ def _scene(name: str, time: int, **primitives: list[dict[str, Any]]) -> Scene:
     return {"deletions": [], "entities": [{**entity, **primitives}]}
 
 
-def _lines(ends: NDArray[np.float64], colour: dict[str, float]) -> dict[str, Any]:
-    """Return separate lines; `ends` is ``(lines, 2, 3)``."""
+def _lines(ends: list[_Vector], colour: dict[str, float]) -> dict[str, Any]:
+    """Return separate lines, from each first of two ends to the second."""
     return {
         "type": _LINE_LIST,
-        "pose": _pose((0.0, 0.0, 0.0)),
+        "pose": _pose(_ORIGIN),
         "thickness": _THICK,
-        "scale_invariant": False,
-        "points": [_vector(end) for end in ends.reshape(-1, 3).tolist()],
+        "scale_invariant": True,
+        "points": ends,
         "color": colour,
         "colors": [],
         "indices": [],
     }
 
 
-def _pose(place: Sequence[float]) -> dict[str, dict[str, float]]:
-    upright = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
-    return {"position": _vector(place), "orientation": upright}
+def _pose(place: _Vector) -> dict[str, _Vector]:
+    return {"position": place, "orientation": _UPRIGHT}
 
 
-def _vector(place: Sequence[float]) -> dict[str, float]:
-    x, y, z = place
-    return {"x": round(x, 3), "y": round(y, 3), "z": round(z, 3)}
+def _vectors(places: NDArray[np.float64]) -> list[_Vector]:
+    """Return points as viewers take them; `places` is ``(points, 3)``."""
+    return [{"x": x, "y": y, "z": z} for x, y, z in places.round(3).tolist()]

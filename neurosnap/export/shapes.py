@@ -29,8 +29,12 @@ def foxglove(name: str) -> bytes:
 
 
 def signs(names: Sequence[str]) -> bytes:
-    """Return the schema of one number a sensor: 1 on, 0 off, -1 unknown."""
-    rule = {"type": "integer", "enum": [1, 0, UNKNOWN]}
+    """Return the schema of one number a sensor: 1 on, 0 off, -1 unknown.
+
+    Foxglove writes those names beside the numbers; Lichtblick has the numbers alone.
+    """
+    titles = {"on": 1, "off": 0, "unknown": UNKNOWN}
+    rule = _typed({"oneOf": [{"title": t, "const": n} for t, n in titles.items()]})
     schema = {
         "type": "object",
         "title": SIGNS,

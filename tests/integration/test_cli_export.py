@@ -1,14 +1,18 @@
 """``neurosnap export`` as people meet it, and its CSV as a source of another run."""
 
 import csv
+import itertools
 import json
+import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from neurosnap import wire
 from neurosnap.cli import app
+from neurosnap.export import as_csv
 from neurosnap.record.reader import Recording
 
 pytestmark = pytest.mark.slow
@@ -104,3 +108,38 @@ def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ["taken.csv"]
     assert call("export", tmp_path / "none.mcap").exit_code == 1
     assert call("export", taken).exit_code == 1
+
+
+def ended(number: signal.Signals, log: Path, out: Path) -> Result:
+    """Export, and be sent a signal when half of it is written."""
+    whole = as_csv.write_csv
+
+    def half(path: Path, columns: Any, rows: Any) -> None:
+        whole(path, columns, itertools.islice(rows, TICKS // 2))
+        signal.raise_signal(number)
+
+    before = signal.getsignal(number)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("neurosnap.export.write.write_csv", half)
+        result = call("export", log, "-o", out)
+    assert signal.getsignal(number) is before
+    return result
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_whatever_ends_it_leaves_nothing_behind(
+    log: Path, tmp_path: Path, name: str
+) -> None:
+    number = signal.Signals[name]
+    result = ended(number, log, tmp_path / "out.csv")
+    assert (result.exit_code, result.stdout) == (128 + number, "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_ignored_does_not_end_it(log: Path, tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert ended(signal.SIGHUP, log, tmp_path / "out.csv").exit_code == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert (tmp_path / "out.csv").is_file()

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.export import drawable, shapes
-from neurosnap.export.arrange import arranged
+from neurosnap.export.arrange import arranged, reach
 from neurosnap.export.drawable import write_drawable
 from neurosnap.export.panels import layout
 from neurosnap.export.said import line_of
@@ -32,7 +32,7 @@ from neurosnap.record.writer import Writer
 from neurosnap.sensorium import Sensorium, unpack
 from tests.property.strategies import graphs
 from tests.unit.export.runs import TICKS, recorded
-from tests.unit.export.viewers import refusals, steps
+from tests.unit.export.viewers import CAMERA, KEYS, PATH, refusals, steps
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +92,10 @@ def test_viewers_take_every_schema_of_a_recording_and_of_what_is_drawn(
         {"type": "object", "properties": {"a": {"enum": ["x"]}}},
         {
             "type": "object",
+            "properties": {"a": {"type": "string", "oneOf": [{"const": "x"}]}},
+        },
+        {
+            "type": "object",
             "properties": {"a": {"type": "array", "items": {"type": "array"}}},
         },
     ],
@@ -103,6 +107,12 @@ def test_the_rules_above_refuse_what_viewers_do(broken: dict[str, Any]) -> None:
 def test_foxgloves_own_text_leaves_types_unsaid() -> None:
     file = Path(drawable.__file__).parent / "foxglove" / "Log.json"
     assert refusals(json.loads(file.read_text())) == ["root.level: type None"]
+
+
+def test_a_sensors_numbers_have_names() -> None:
+    (rule,) = json.loads(shapes.signs(["door"]))["properties"].values()
+    names = {choice["title"]: choice["const"] for choice in rule["oneOf"]}
+    assert names == {"on": 1, "off": 0, "unknown": shapes.UNKNOWN}
 
 
 def test_messages_are_what_their_schemas_say(drawn: Path) -> None:
@@ -177,9 +187,26 @@ def test_the_order_is_drawn_where_it_changed_and_the_state_always(
         snapshot_at(recording, tick)[1].poc_graph().wires("hasse").tobytes()
         for tick in range(1, TICKS + 1)
     ]
+    wires.insert(0, snapshot_at(recording, 0)[1].poc_graph().wires("hasse").tobytes())
     changes = 1 + sum(a != b for a, b in pairwise(wires))
     assert len(said(drawn, "/graph")) == changes > 3
-    assert len(said(drawn, "/graph/state")) == TICKS
+    assert len(said(drawn, "/graph/state")) == 1 + TICKS
+
+
+def test_whoever_opens_it_sees_the_literals_at_once(log: Path, drawn: Path) -> None:
+    (begins, order), (same, state) = (
+        said(drawn, topic)[0] for topic in ("/graph", "/graph/state")
+    )
+    first = min(each.log_time for each in Recording.open(log).messages(COPIED))
+    assert begins == same == first
+    sensorium = Sensorium(options_of(Recording.open(log)).sensors)
+    texts, balls = order["entities"][0]["texts"], state["entities"][0]["spheres"]
+    assert [text["text"] for text in texts] == [
+        sensorium.name(a) for a in range(2 * len(sensorium))
+    ]
+    # Nothing is known of any of them yet.
+    assert len(balls) == len(texts)
+    assert len({json.dumps(ball["color"]) for ball in balls}) == 1
 
 
 def test_scenes_keep_their_distance(log: Path, tmp_path: Path) -> None:
@@ -193,7 +220,8 @@ def test_scenes_keep_their_distance(log: Path, tmp_path: Path) -> None:
 
 def test_balls_are_coloured_by_the_state(log: Path, drawn: Path) -> None:
     states = [each.message for each in Recording.open(log).messages(("state",))]
-    for (_, scene), state in zip(said(drawn, "/graph/state"), states, strict=True):
+    scenes = said(drawn, "/graph/state")[1:]
+    for (_, scene), state in zip(scenes, states, strict=True):
         assert isinstance(state, wire.State)
         count = len(scene["entities"][0]["spheres"])
         literals = unpack(state.literals, count)
@@ -291,10 +319,24 @@ def test_no_order_is_drawn_behind_a_missing_observation(
     path = tmp_path / "drawn.mcap"
     lacking = without(log, tmp_path / "log.mcap", 9, topics)
     write_drawable(path, Recording.open(lacking))
-    assert len(said(path, "/graph/state")) == 8
+    assert len(said(path, "/graph/state")) == 1 + 8
     errors = [line["message"] for _, line in said(path, "/log") if line["level"] == 4]
     assert len(errors) == 1
     assert errors[0].startswith("the observation of tick 9 is missing")
+
+
+def test_nothing_is_told_of_before_the_recording_began(
+    log: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "drawn.mcap"
+    lacking = without(log, tmp_path / "log.mcap", 1, ("observe", "state"))
+    write_drawable(path, Recording.open(lacking))
+    first = min(time for time, _ in said(path, "/decide"))
+    lost = [
+        time for time, line in said(path, "/log") if "is missing" in line["message"]
+    ]
+    assert len(lost) == 1
+    assert lost[0] >= first
 
 
 def test_a_later_file_is_drawn_from_its_key_frame_on(
@@ -310,6 +352,22 @@ def test_a_later_file_is_drawn_from_its_key_frame_on(
     assert scene == order_scene(snapshot.poc_graph(), snapshot.sensorium, time)
 
 
+def test_a_run_in_several_files_is_drawn_as_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, "split_of", lambda _: parts.Split(1))
+    split, path = recorded(tmp_path / "log.mcap"), tmp_path / "drawn.mcap"
+    assert len(part_paths(split)) > 1
+    whole = open_whole(split)
+    assert write_drawable(path, whole) == TICKS
+    states = [message["tick"] for _, message in said(path, "/state")]
+    assert states == list(range(1, TICKS + 1))
+    assert len(said(path, "/readings")) == len(said(path, "/believed")) == TICKS
+    time, scene = said(path, "/graph")[-1]
+    _, snapshot = snapshot_at(whole)
+    assert scene == order_scene(snapshot.poc_graph(), snapshot.sensorium, time)
+
+
 def test_what_is_drawn_is_no_recording(drawn: Path) -> None:
     with pytest.raises(RecordingError, match=f"profile: must be '{PROFILE}', got ''"):
         Recording.open(drawn)
@@ -318,6 +376,7 @@ def test_what_is_drawn_is_no_recording(drawn: Path) -> None:
 def test_the_layout_shows_what_is_there(log: Path, drawn: Path) -> None:
     files = dict(attached(drawn))
     assert list(files) == ["layout.json"]
+    assert files["layout.json"] == drawable.layout_of(Recording.open(log))
     sensors = options_of(Recording.open(log)).sensors
     whole = json.loads(files["layout.json"])
     panels, schemas = whole["configById"], schemas_in(drawn)
@@ -334,7 +393,7 @@ def test_the_layout_shows_what_is_there(log: Path, drawn: Path) -> None:
 
 
 def test_every_panel_of_the_layout_has_its_place() -> None:
-    whole = json.loads(layout(["door"], 1.0))
+    whole = json.loads(layout(["door"], 0))
 
     def places(node: Any) -> list[str]:
         if isinstance(node, str):
@@ -356,8 +415,44 @@ def test_every_panel_of_the_layout_has_its_place() -> None:
     }
 
 
+def test_panels_are_told_what_they_know() -> None:
+    panels = json.loads(layout(["door"], 0))["configById"]
+    for name, panel in panels.items():
+        assert panel.keys() <= KEYS[name.partition("!")[0]]
+        for path in panel.get("paths", []):
+            assert path.keys() <= PATH
+            assert path["timestampMethod"] in ("receiveTime", "headerStamp")
+    assert panels["3D!order"]["cameraState"].keys() == CAMERA
+
+
+def test_the_camera_sees_the_whole_scene(drawn: Path, log: Path) -> None:
+    whole = json.loads(dict(attached(drawn))["layout.json"])
+    panel = whole["configById"]["3D!order"]
+    camera = panel["cameraState"]
+    seen = camera["distance"] * np.sin(np.radians(camera["fovy"] / 2))
+    for _, scene in said(drawn, "/graph"):
+        (entity,) = scene["entities"]
+        assert panel["followTf"] == entity["frame_id"]
+        assert panel["transforms"].keys() == {f"frame:{entity['frame_id']}"}
+        places = [text["pose"]["position"] for text in entity["texts"]]
+        far = max(np.linalg.norm([place[k] for k in "xyz"]) for place in places)
+        assert far < seen < 10 * far
+        assert camera["near"] < camera["distance"] - far
+        assert camera["distance"] + far < camera["far"]
+
+
+@pytest.mark.parametrize("sensors", [1, 20, 10_000])
+def test_the_camera_sees_the_longest_chain(sensors: int) -> None:
+    names, far = [f"s{k}" for k in range(sensors)], reach(sensors, sensors - 1)
+    camera = json.loads(layout(names, sensors - 1))["configById"]["3D!order"][
+        "cameraState"
+    ]
+    assert camera["distance"] * np.sin(np.radians(camera["fovy"] / 2)) > far
+    assert camera["distance"] + far < camera["far"]
+
+
 def test_a_thousand_sensors_do_not_get_a_thousand_bars() -> None:
-    whole = json.loads(layout([f"s{k}" for k in range(1000)], 1.0))
+    whole = json.loads(layout([f"s{k}" for k in range(1000)], 0))
     assert len(whole["configById"]["StateTransitions!readings"]["paths"]) == 32
 
 
@@ -372,6 +467,8 @@ def test_edges_lead_up_and_complements_stand_opposite(graph: PocGraph) -> None:
             assert places[a, 2] == places[b, 2]
         else:
             assert places[b, 2] >= places[a, 2] + 1
+    farthest = np.linalg.norm(places, axis=1).max(initial=0)
+    assert farthest <= reach(graph.sensors, graph.height()) + 1e-9
 
 
 @pytest.mark.parametrize("sensors", [1, 2, 3, 10, 100])
@@ -392,3 +489,21 @@ def test_edges_are_coloured_by_what_they_do() -> None:
         4,
     ]
     assert excites["color"] != inhibits["color"]
+    # In pixels: as thick however far away.
+    assert all(line["scale_invariant"] for line in (excites, inhibits, same))
+
+
+def test_many_edges_are_fainter_than_few_and_never_gone() -> None:
+    alphas = []
+    for sensors in (3, 40, 150):
+        chosen = np.random.default_rng(sensors).random((sensors, sensors)) < 0.5
+        below, above = np.nonzero(np.triu(chosen, sensors // 2))
+        pairs = list(zip((2 * below).tolist(), (2 * above).tolist(), strict=True))
+        graph = PocGraph.from_implications(sensors, pairs)
+        names = Sensorium([f"s{k}" for k in range(sensors)])
+        (entity,) = order_scene(graph, names, 0)["entities"]
+        assert len({line["color"]["a"] for line in entity["lines"]}) == 1
+        alphas.append(entity["lines"][0]["color"]["a"])
+    few, some, many = alphas
+    assert few == 0.8
+    assert few > some > many > 0.03

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -284,6 +285,38 @@ def test_the_recording_is_never_replaced(log: Path, tmp_path: Path) -> None:
         with pytest.raises(InvalidValueError, match=r"^out: must be another file, got"):
             export(own, "csv", out, force=True)
     assert own.read_bytes() == log.read_bytes()
+
+
+def test_only_a_file_is_replaced(log: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InvalidValueError, match=r"^out: must be another file, got"):
+        export(log, "csv", pipe, force=True)
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("mode", [0o600, 0o640])
+def test_what_is_exported_is_as_private_as_the_recording(
+    log: Path, tmp_path: Path, form: Form, mode: int
+) -> None:
+    own = tmp_path / "log.mcap"
+    own.write_bytes(log.read_bytes())
+    own.chmod(mode)
+    before = os.umask(0)
+    try:
+        done = export(own, form)
+    finally:
+        os.umask(before)
+    assert Path(done.path).stat().st_mode & 0o777 == mode
+
+
+def test_what_somebody_dead_left_is_in_nobodys_way(log: Path, tmp_path: Path) -> None:
+    left = tmp_path / f".out.csv.{os.getpid()}.part"
+    left.write_text("half")
+    left.chmod(0o444)
+    export(log, "csv", tmp_path / "out.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
 
 
 @pytest.mark.parametrize(

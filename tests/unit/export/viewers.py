@@ -1,8 +1,10 @@
 """What Foxglove and Lichtblick take, written down from their open sources.
 
-`refusals` has the rules of ``packages/mcap-support/src/parseJsonSchema.ts``, `steps`
-the grammar of ``packages/message-path/src/grammar.ne``, for paths without slices,
-filters and modifiers.
+`refusals` has the rules of ``packages/mcap-support/src/parseJsonSchema.ts``, those of
+Foxglove and Lichtblick together: the one looks at ``oneOf`` first and then needs no
+type, the other looks at the type alone. `steps` has the grammar of
+``packages/message-path/src/grammar.ne``, for paths without slices, filters and
+modifiers. `KEYS` and the sets below are from the types of the panels' configurations.
 """
 
 import re
@@ -11,6 +13,29 @@ from typing import Any
 _PLAIN = ("boolean", "number", "integer")
 _STEP = re.compile(r'\.(?:([a-zA-Z0-9_-]+)|"((?:[^"\\]|\\\\|\\")*)")')
 _PATH = re.compile(r"((?:/[a-zA-Z0-9_-]*)+)(.*)", re.DOTALL)
+
+_TITLE = {"foxglovePanelTitle", "lichtblickPanelTitle"}
+KEYS = {
+    "3D": {"cameraState", "followMode", "followTf", "scene", "transforms", "topics"}
+    | {"layers", "publish", "imageMode"},
+    "StateTransitions": {"paths", "isSynced"} | _TITLE,
+    "Plot": {"paths", "minXValue", "maxXValue", "minYValue", "maxYValue", "isSynced"}
+    | {"showLegend", "legendDisplay", "showPlotValuesInLegend", "showXAxisLabels"}
+    | {"showYAxisLabels", "xAxisVal", "xAxisPath", "followingViewWidth"}
+    | {"sidebarDimension"}
+    | _TITLE,
+    "RosOut": {"searchTerms", "minLogLevel", "topicToRender"},
+    "RawMessages": {"diffEnabled", "diffMethod", "diffTopicPath", "expansion"}
+    | {"showFullMessageForDiff", "topicPath"},
+}
+"""What the configuration of each kind of panel may have."""
+
+PATH = {"value", "label", "enabled", "timestampMethod", "color"}
+CAMERA = {"distance", "perspective", "phi", "thetaOffset", "fovy", "near", "far"} | {
+    "target",
+    "targetOffset",
+    "targetOrientation",
+}
 
 
 def refusals(schema: Any, name: str = "root") -> list[str]:
@@ -22,6 +47,9 @@ def refusals(schema: Any, name: str = "root") -> list[str]:
     found = []
     for field, rule in schema["properties"].items():
         where = f"{name}.{field}"
+        for choice in rule.get("oneOf", []):
+            if type(choice.get("const")) not in (int, float):
+                found.append(f"{where}: oneOf")
         match rule.get("type"):
             case "string":
                 if rule.get("contentEncoding", "base64") != "base64":
