@@ -53,6 +53,7 @@ class InOrder:
         self._before = recording.begins
         self._last = self._before
         self._under_way: dict[int, Tick] = {}
+        self._closing = recording.closing
 
     def add(self, recorded: Recorded) -> list[Tick]:
         """Take in a message of one of `TOPICS`; return the ticks whose turn has come.
@@ -80,7 +81,12 @@ class InOrder:
 
     def rest(self) -> list[Tick]:
         """Return the ticks still under way, where nothing more will come."""
-        return [self._give(number) for number in sorted(self._under_way)]
+        rest = [self._give(number) for number in sorted(self._under_way)]
+        # Where another file follows, the last decision is said again in that one.
+        closing = self._closing
+        if rest and closing is not None and closing.tick == rest[-1].number:
+            rest[-1].decision = closing
+        return rest
 
     def _due(self) -> list[Tick]:
         due: list[Tick] = []

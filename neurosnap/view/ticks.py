@@ -83,6 +83,9 @@ class Ticks:
 
     def _gather(self, reel: Reel) -> None:
         first, last = self._range[0], self._range[-1]
+        closing = reel.files.last.closing
+        if closing is not None and closing.tick in self._range:
+            self.decisions[closing.tick] = closing
         behind = reel.chunk_after(last)
         for number, strip in reel.readable(
             reel.chunk_of(first) - 1, behind + _BEYOND + 1
