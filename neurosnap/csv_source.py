@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.environment import within
-from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
+from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError, within
 from neurosnap.sensorium import Sensorium
 
 _BITS = frozenset({"0", "1"})

@@ -14,7 +14,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Discrete, MultiBinary
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
 
 
@@ -128,8 +128,3 @@ def _orders(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[int, .
 def _attribute(env: gymnasium.Env[Any, Any], name: str) -> object:
     """Return an attribute of the environment or a wrapper around it; None without."""
     return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
-
-
-def within(place: str, error: InvalidValueError) -> InvalidValueError:
-    """Return `error` with the place it happened at before its name."""
-    return type(error)(f"{place}: {error.name}", error.rule, error.value)

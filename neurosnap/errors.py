@@ -78,3 +78,8 @@ class WaveLostError(SwarmError):
 
 class RecordingError(NeurosnapError):
     """A recording cannot be read, is not one of ours, or cannot be written."""
+
+
+def within(place: str, error: InvalidValueError) -> InvalidValueError:
+    """Return `error` with the place it happened at before its name."""
+    return type(error)(f"{place}: {error.name}", error.rule, error.value)

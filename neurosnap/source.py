@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol, SupportsFloat, TypeAlias
+from typing import Any, Protocol, SupportsFloat
 
 import gymnasium
 import numpy as np
@@ -21,17 +21,15 @@ from gymnasium.wrappers import Autoreset
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.csv_source import CsvSource
-from neurosnap.environment import describe, within
-from neurosnap.errors import InvalidValueError
+from neurosnap.environment import describe
+from neurosnap.errors import InvalidValueError, within
+from neurosnap.outside.open import Argument as Argument
 from neurosnap.outside.open import is_outside, open_outside
 from neurosnap.outside.zenoh_keys import Hub
 from neurosnap.sensorium import Sensorium
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""
-
-Argument: TypeAlias = bool | int | float | str
-"""What may be given to an environment by name."""
 
 _logger = logging.getLogger(__name__)
 

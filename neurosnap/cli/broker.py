@@ -15,7 +15,9 @@ def brokered(broker: str) -> Iterator[dict[str, object]]:
 
     Args:
         broker: ``embedded``: one is started and ends with the context. Or where one is,
-            as HOST or HOST:PORT. Empty: as the file has it.
+            as HOST or HOST:PORT. Empty: as the file has it. What the file says of its
+            own broker, name, password and TLS among it, is not for another: one that
+            needs any of it is described in a file.
 
     Raises:
         InvalidValueError: It is neither, or there is no broker to embed.
@@ -30,15 +32,12 @@ def brokered(broker: str) -> Iterator[dict[str, object]]:
         raise InvalidValueError("broker", rule, broker) from error
     with EmbeddedBroker() as here:
         screen.print(f"a broker listens on {HOST}:{here.port}", markup=False)
-        # Whole: what a file says of somebody else's broker is not for this one.
         yield {"source.broker": {"host": HOST, "port": here.port}}
 
 
 def _elsewhere(broker: str) -> dict[str, object]:
     host, colon, port = broker.rpartition(":") if ":" in broker else (broker, "", "")
-    if not host or (colon and not port.isdecimal()):
+    if not host or ":" in host or (colon and not port.isdecimal()):
         rule = f"must be {EMBEDDED}, HOST or HOST:PORT"
         raise InvalidValueError("broker", rule, broker)
-    return {"source.broker.host": host} | (
-        {"source.broker.port": int(port)} if colon else {}
-    )
+    return {"source.broker": {"host": host} | ({"port": int(port)} if colon else {})}

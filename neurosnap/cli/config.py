@@ -98,7 +98,7 @@ def described(
 
     Args:
         context: The verb's; its parameters are `source`, `given` and some of `FLAGS`.
-        before: What else goes before the file, by dotted keys.
+        before: What `--broker` lets go before the file, by dotted keys.
 
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
@@ -108,11 +108,14 @@ def described(
 
     name = str(context.params["source"])
     file = Path(name) if name.lower().endswith(".toml") else None
-    keys = {flag: key for flag, key in FLAGS.items() if _was_given(context, flag)}
+    keys = {flag: key for flag, key in FLAGS.items() if was_given(context, flag)}
     names = {key: flag for flag, key in keys.items()}
     overrides = {key: context.params[flag] for flag, key in keys.items()}
     overrides |= before
+    names |= dict.fromkeys(before, "broker")
     for flag in keys.keys() & _PATHS:
+        if not context.params[flag]:
+            continue  # no path at all, whatever the file says
         # Flags are relative to where they are typed, and not to the file.
         path = Path(context.params[flag])
         overrides[keys[flag]] = str(path if file is None else path.absolute())
@@ -125,10 +128,6 @@ def described(
     return prepare(load(file, overrides, names))
 
 
-def _was_given(context: typer.Context, flag: str) -> bool:
-    source = context.get_parameter_source(flag)
-    return source is not None and source.name == "COMMANDLINE"
-
 
 def _arguments(given: list[str]) -> dict[str, Argument]:
     """Return the world's arguments: JSON's numbers, true, false; anything else text."""
@@ -139,6 +138,6 @@ def _arguments(given: list[str]) -> dict[str, Argument]:
             raise InvalidValueError("set", "must be NAME=VALUE", text)
         try:
             arguments[name] = msgspec.json.decode(value, type=Argument)
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeEncodeError):
             arguments[name] = value
     return arguments

@@ -15,7 +15,6 @@ from neurosnap.cli.shared import (
     Json,
     Log,
     app,
-    at_most,
     errors,
     new_log,
     print_json,
@@ -101,7 +100,9 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
     options, past = look_back(log)
     source = open_source(options.source, options.seed, options.arguments)
     source.close()
-    most = at_most(past.tick + 300 if ticks is None else ticks, source.length)
+    most = past.tick + 300 if ticks is None else ticks
+    if source.length is not None:
+        most = min(most, source.length)
     if most <= past.tick:
         rule = f"must be more than the {past.tick} there are, and the source have them"
         raise InvalidValueError("ticks", rule, most)

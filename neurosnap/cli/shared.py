@@ -1,6 +1,7 @@
 """What the verbs share: the app, errors as one line, and a run that can be stopped."""
 
 import asyncio
+import re
 import signal
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import Annotated, NoReturn, TypeVar
 import msgspec
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from neurosnap.config.recordings import free_path, new_path
 from neurosnap.errors import InvalidValueError, NeurosnapError
@@ -17,6 +19,8 @@ from neurosnap.errors import InvalidValueError, NeurosnapError
 T = TypeVar("T")
 
 LOST = 3
+_RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
+"""A number or a range. No swarm has a million cells, and a list of them takes room."""
 
 app = typer.Typer(
     name="neurosnap",
@@ -58,13 +62,14 @@ def errors() -> Iterator[None]:
 
 def fail(text: str, code: int) -> NoReturn:
     """Say what went wrong, and end with `code`."""
-    screen.print(f"[red]error:[/red] {_plain(text)}", soft_wrap=True)
+    screen.print(f"[red]error:[/red] {escape(text)}", soft_wrap=True)
     raise typer.Exit(code)
 
 
-def _plain(text: str) -> str:
-    """Keep rich from reading brackets in somebody's text as its own."""
-    return text.replace("[", r"\[")
+def was_given(context: typer.Context, flag: str) -> bool:
+    """Tell whether a flag stands on the command line."""
+    source = context.get_parameter_source(flag)
+    return source is not None and source.name == "COMMANDLINE"
 
 
 def ranges(name: str, text: str) -> list[int]:
@@ -73,14 +78,16 @@ def ranges(name: str, text: str) -> list[int]:
     Raises:
         InvalidValueError: It holds something else, or a number twice.
     """
-    numbers: list[int] = []
+    numbers: set[int] = set()
     for part in text.split(","):
-        first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise InvalidValueError(name, "must be like 0-499 or 3,7,9-12", text)
-        numbers += range(int(first), int(last if dash else first) + 1)
-    if not numbers or len(set(numbers)) < len(numbers):
-        raise InvalidValueError(name, "must name each once", text)
+        match = _RANGE.fullmatch(part.strip())
+        some = range(int(match[1]), int(match[2] or match[1]) + 1) if match else ()
+        if not some:
+            rule = "must be like 0-499 or 3,7,9-12, of at most six digits"
+            raise InvalidValueError(name, rule, text)
+        if not numbers.isdisjoint(some):
+            raise InvalidValueError(name, "must name each once", text)
+        numbers.update(some)
     return sorted(numbers)
 
 
@@ -154,13 +161,6 @@ def run_async(work: Callable[[asyncio.Event], Awaitable[T]]) -> T:
         return asyncio.run(main())
     except asyncio.CancelledError:
         fail("interrupted before everything had ended in order", 1)
-
-
-def at_most(asked: int | None, length: int | None) -> int:
-    """Return how many ticks to run: at most as many as the source has."""
-    if length is None:
-        return 300 if asked is None else asked
-    return length if asked is None else min(asked, length)
 
 
 def new_log(source: str, out: Path | None) -> Path:

@@ -37,11 +37,6 @@ class Origin:
         """What paths in the file are relative to."""
         return Path() if self._path is None else self._path.parent
 
-    @property
-    def is_file(self) -> bool:
-        """Whether there is a file."""
-        return self._path is not None
-
     def fault(self, keys: Keys, rule: str, value: object = msgspec.UNSET) -> Fault:
         """Return what is wrong with the value of a key, with the place it stands in.
 

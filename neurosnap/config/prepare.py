@@ -20,7 +20,7 @@ from neurosnap.config.recordings import LOGS, free_path, new_path
 from neurosnap.config.tables import Config
 from neurosnap.errors import InvalidValueError
 from neurosnap.outside.open import settle
-from neurosnap.source import open_source
+from neurosnap.source import Argument, open_source
 from neurosnap.swarm.embody import body_of, drawn_to
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
@@ -28,8 +28,9 @@ from neurosnap.swarm.supervision import Supervision
 
 FOREVER = 2**31 - 1
 """Ticks of a run that ends when it is told to: the most a message can say."""
-_CALLED = {"source": ("id", "path"), "out": ("path",), "network": ("tls",)}
-"""The keys of what has another name where it is refused, or that of a file in it."""
+_CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls",)}
+"""The keys of what has another name where it is refused, or that of a file in it: the
+first that there is."""
 
 
 class Prepared(msgspec.Struct, frozen=True):
@@ -58,14 +59,14 @@ def prepare(loaded: Loaded) -> Prepared:
     """
     config, folder = loaded.config, loaded.origin.folder
     judge = _Judge(config)
-    name, _ = config.source.opening(folder)
+    name, given = config.source.opening(folder)
     network = config.network
     if network.tls:
         network = msgspec.structs.replace(network, tls=str(folder / network.tls))
     log: Path | None = None
     options: RunOptions | None = None
     with judge.of("source", "agent"):
-        options = _options(config, folder)
+        options = _options(config, name, given)
     if options is not None:
         with judge.of("snapshot"):
             options.new_snapshot()
@@ -82,13 +83,12 @@ def prepare(loaded: Loaded) -> Prepared:
     return Prepared(options, log, config.supervision, network)
 
 
-def _options(config: Config, folder: Path) -> RunOptions:
+def _options(config: Config, name: str, given: dict[str, Argument]) -> RunOptions:
     """Return the options; the source is opened for the names of its sensors.
 
     Raises:
         InvalidValueError: The source cannot be opened, or the agent does not fit it.
     """
-    name, given = config.source.opening(folder)
     arguments = settle(name, given)
     agent, seed = config.agent, config.run.seed
     target = _names(agent.target)
@@ -160,8 +160,7 @@ class _Judge:
     """Collects what is refused, with the keys that it is about."""
 
     def __init__(self, config: Config) -> None:
-        self._leaves = dict(_leaves(msgspec.to_builtins(config), ()))
-        self._known = [*self._leaves, *known_keys(Config)]
+        self._config = config
         self.found: list[Problem] = []
 
     @contextmanager
@@ -178,16 +177,30 @@ class _Judge:
         It is about a key that has its name, or else a text as its value, since whoever
         refuses a value may know it by another name; or else about the first table.
         """
-        mine = [keys for keys in self._known if keys[0] in tables]
+        leaves = dict(_leaves(msgspec.to_builtins(self._config), ()))
+        mine = [keys for keys in [*leaves, *_keys(self._config)] if keys[0] in tables]
+        for keys in _called(error.name, mine):
+            return Problem(keys, error.rule, error.value)
         for keys in mine:
-            if keys[-1] in _CALLED.get(error.name, (error.name,)):
-                return Problem(keys, error.rule, error.value)
-        for keys in mine:
-            value = self._leaves.get(keys)
+            value = leaves.get(keys)
             if value and isinstance(value, str) and value == error.value:
                 return Problem(keys, error.rule, error.value)
-        first = [keys for keys in mine if keys[-1] in _CALLED.get(tables[0], tables)]
-        return Problem(first[0], str(error), UNSET)
+        return Problem(next(_called(tables[0], mine)), str(error), UNSET)
+
+
+def _keys(config: Config) -> Iterator[Keys]:
+    """Return the keys that there may be, of `source` those of its kind."""
+    for keys in known_keys(Config):
+        if keys[0] != "source":
+            yield keys
+    for keys in known_keys(type(config.source)):
+        yield ("source", *keys)
+
+
+def _called(name: str, among: list[Keys]) -> Iterator[Keys]:
+    """Return the keys that what is called so may be about, the likeliest first."""
+    for last in _CALLED.get(name, (name,)):
+        yield from (keys for keys in among if keys[-1] == last)
 
 
 def _leaves(value: object, at: Keys) -> Iterator[tuple[Keys, object]]:

@@ -11,11 +11,10 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from neurosnap.outside.mqtt_options import MqttOptions
-from neurosnap.outside.open import MQTT, STDIN, ZENOH
+from neurosnap.outside.open import MQTT, STDIN, ZENOH, OutsideArguments, Seconds
 from neurosnap.source import Argument
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
-Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 Opening: TypeAlias = tuple[str, dict[str, Argument]]
 """The name and the arguments that `neurosnap.source.open_source` takes."""
 
@@ -74,6 +73,9 @@ class _OutsideTable(
     """Without `interval`: seconds between two ticks at least."""
     max_interval: Seconds | UnsetType = UNSET
     """Without `interval`: seconds between two ticks at most."""
+
+    def __post_init__(self) -> None:
+        msgspec.convert(self._arguments(), OutsideArguments).pace()
 
     def _arguments(self) -> dict[str, Argument]:
         given = msgspec.structs.asdict(self)

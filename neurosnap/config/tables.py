@@ -30,7 +30,7 @@ _DEFAULTS: dict[str, Any] = {
     field.name: field.default for field in msgspec.structs.fields(RunOptions)
 }
 
-Place: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+Natural: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 
 
 class RunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -49,7 +49,7 @@ class AgentTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     kind: AgentKind = _DEFAULTS["agent"]
     """A walker acts at random, an excited agent is drawn to a place, a planner plans
     its way to a target."""
-    target: Place | Text | tuple[Text, ...] | UnsetType = UNSET
+    target: Natural | Text | tuple[Text, ...] | UnsetType = UNSET
     """What a planner wants to sense, one name or several; or the number of the place an
     excited agent is drawn to; left out there: drawn by the seed."""
     explore: Share = _DEFAULTS["explore"]
@@ -96,9 +96,9 @@ class RecordingTable(
     out: `logs`, where the run is started."""
     keyframe_every: Count = _DEFAULTS["keyframe_every"]
     """Ticks between two whole snapshots in the recording."""
-    split: Annotated[int, msgspec.Meta(ge=0)] = _DEFAULTS["split"]
+    split: Natural = _DEFAULTS["split"]
     """Bytes after which the recording goes on in another file; 0: never."""
-    keep: Annotated[int, msgspec.Meta(ge=0)] = _DEFAULTS["keep"]
+    keep: Natural = _DEFAULTS["keep"]
     """How many of these files are kept, the newest; 0: all."""
 
 
@@ -110,7 +110,7 @@ class AnomaliesTable(
     # A run that somebody starts is watched; one that a program makes is asked to be.
     watch: bool = True
     """Whether they are told of."""
-    hold: Annotated[int, msgspec.Meta(ge=0)] = _DEFAULTS["hold"]
+    hold: Natural = _DEFAULTS["hold"]
     """For how many ticks to go on judging by the order that the first of them broke."""
 
 

@@ -1,7 +1,7 @@
 """Figure 6: which faults are noticed, by what is judged, and who is blamed.
 
 The paper has no such experiment. Walks and faults are made up; what sensors of a real
-house do when they fail is not known here, since there is no recording of one.
+house do when they fail is not known here, since no recording at hand says which did.
 """
 
 from collections.abc import Callable, Iterable, Sequence

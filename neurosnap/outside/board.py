@@ -69,7 +69,7 @@ class Board:
         self._some: Bits = np.zeros(count, np.bool_)
         self._at = np.full(count, -np.inf)
         self._until = np.full(count, -np.inf)
-        self._silent_from = np.where(self._seen, -np.inf, np.inf)
+        self._silent_from = np.full(count, np.inf)
         self.late = 0
         """Readings dropped because a younger one was there."""
         self.ahead = 0

@@ -23,6 +23,7 @@ from amqtt.contexts import (  # type: ignore[import-untyped]
 )
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.outside.loop_thread import LoopThread
 
 HOST = "127.0.0.1"
 """Where it listens."""
@@ -41,10 +42,8 @@ class EmbeddedBroker:
     def __init__(self, port: int = 0) -> None:
         self.port = port
         self._ready = threading.Event()
-        self._stop = asyncio.Event()
-        self._loop: asyncio.AbstractEventLoop | None = None
         self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
+        self._thread: LoopThread | None = None
 
     def __enter__(self) -> Self:
         """Listen.
@@ -52,10 +51,11 @@ class EmbeddedBroker:
         Raises:
             InvalidValueError: The port is in use, or none.
         """
+        serve = partial(self._serve, self._bound())
+        self._thread = LoopThread("broker", serve, self._fail)
         self._thread.start()
         self._ready.wait()
-        if self._error is not None:
-            raise self._error
+        self._raise()
         return self
 
     def __exit__(
@@ -64,20 +64,23 @@ class EmbeddedBroker:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close every connection, and forget everything."""
-        if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join()
+        """Close every connection, and forget everything.
 
-    def _run(self) -> None:
-        try:
-            with self._bound() as listening:
-                asyncio.run(self._serve(listening))
-        except Exception as error:  # noqa: BLE001 - it is passed on, whatever it is
-            self._error = error
-        finally:
-            self._loop = None
-            self._ready.set()
+        Raises:
+            Exception: What it failed of meanwhile, unless something else is raised.
+        """
+        if self._thread is not None:
+            self._thread.stop()
+        if error is None:
+            self._raise()
+
+    def _fail(self, error: Exception) -> None:
+        self._error = error
+        self._ready.set()
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
 
     def _bound(self) -> socket.socket:
         """Return a socket of our own: the library would not tell which port it got."""
@@ -92,20 +95,22 @@ class EmbeddedBroker:
         self.port = bound.getsockname()[1]
         return bound
 
-    async def _serve(self, listening: socket.socket) -> None:
-        broker = Broker(
-            BrokerConfig(
-                listeners={_LISTENER: ListenerConfig(type=ListenerType.EXTERNAL)},
-                plugins={_ANYBODY: {"allow_anonymous": True}},
+    async def _serve(self, bound: socket.socket, stop: asyncio.Event) -> None:
+        with bound as listening:
+            broker = Broker(
+                BrokerConfig(
+                    listeners={_LISTENER: ListenerConfig(type=ListenerType.EXTERNAL)},
+                    plugins={_ANYBODY: {"allow_anonymous": True}},
+                )
             )
-        )
-        await broker.start()
-        server = await asyncio.start_server(partial(_serve_one, broker), sock=listening)
-        self._loop = asyncio.get_running_loop()
-        self._ready.set()
-        await self._stop.wait()
-        server.close()
-        await broker.shutdown()
+            await broker.start()
+            server = await asyncio.start_server(
+                partial(_serve_one, broker), sock=listening
+            )
+            self._ready.set()
+            await stop.wait()
+            server.close()
+            await broker.shutdown()
 
 
 async def _serve_one(

@@ -8,12 +8,11 @@ class Lines:
 
     Args:
         limit: Bytes of a line at most; a longer one is not kept.
-        last: The number of the last line before the stream.
     """
 
-    def __init__(self, limit: int, last: int = 0) -> None:
+    def __init__(self, limit: int) -> None:
         self._limit = limit
-        self._number = last
+        self._number = 0
         self._begun: bytes | None = b""
         """What there is of the next line; None: it is too long already."""
 

@@ -51,11 +51,11 @@ class MqttLink:
         role: What its client ids say after the common beginning.
         status: A topic that says ``online`` while it is connected and ``offline``
             otherwise, retained, by a last will if need be; None: no such topic.
+        forget: At the end, let the broker forget the status and all that was held.
         filters: What to subscribe to, with QoS 1.
         receive: Takes what comes; is called in the loop of `serve`, must be quick and
             must not raise.
         connected: Is told that it is subscribed, and that it no longer is; likewise.
-        rng: Draws the jitter of reconnecting.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -67,28 +67,28 @@ class MqttLink:
         role: str,
         *,
         status: str | None = None,
+        forget: bool = False,
         filters: Sequence[str] = (),
         receive: Receive | None = None,
         connected: Callable[[bool], None] = lambda _: None,
-        rng: random.Random | None = None,
     ) -> None:
         self._broker = broker
         self._role = role
         self._status = status
+        self._forget = forget
         self._filters = tuple(dict.fromkeys(filters))
         self._receive = receive
         self._connected = connected
         self._trust = _trust(broker)
         broker.password()  # a secret that is not there is found out before anything runs
-        self._backoff = Backoff(random.Random() if rng is None else rng)
+        self._backoff = Backoff(random.Random())
         self._lock = threading.Lock()  # around the outbox and the loop
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting = asyncio.Event()
         self._said: str | None = None
         self._told = 0
-        self.connections = 0
-        """How many times it was connected."""
+        self._was_connected = False
 
     def hold(self, topic: str, payload: bytes) -> None:
         """Let `topic` say `payload`, retained, from now on; from any thread."""
@@ -102,17 +102,11 @@ class MqttLink:
             self._outbox.send(message, time.monotonic())
             self._wake()
 
-    @property
-    def dropped(self) -> int:
-        """Messages that were not sent: nobody was there to take them in time."""
-        return self._outbox.dropped
-
-    async def serve(self, stop: asyncio.Event, *, forget: bool = False) -> None:
+    async def serve(self, stop: asyncio.Event) -> None:
         """Stay connected until `stop` is set, then send what waits and say goodbye.
 
         Args:
             stop: Ends it.
-            forget: At the end, let the broker forget all that was held.
 
         Raises:
             InvalidValueError: At the start: the broker refuses the name or the
@@ -126,11 +120,11 @@ class MqttLink:
             while not stop.is_set():
                 since = time.monotonic()
                 try:
-                    await self._session(stop, forget=forget)
+                    await self._session(stop)
                 except (aiomqtt.MqttError, InvalidValueError) as error:
                     _let_go(error)
                     now = time.monotonic()
-                    if not self.connections and not stop.is_set():
+                    if not self._was_connected and not stop.is_set():
                         late = now - began >= self._broker.patience
                         give_up(self._broker, error, late=late)
                     self._backoff.failed(error, now - since)
@@ -141,7 +135,7 @@ class MqttLink:
             with self._lock:
                 self._loop = None
 
-    async def _session(self, stop: asyncio.Event, *, forget: bool) -> None:
+    async def _session(self, stop: asyncio.Event) -> None:
         """Be connected once, until `stop` is set."""
         try:
             async with self._client() as client, asyncio.TaskGroup() as group:
@@ -149,11 +143,10 @@ class MqttLink:
                 # that the connection broke, whatever else is being waited for.
                 listening = group.create_task(_listen(client), name="mqtt/listen")
                 await self._greet(client)
-                sending = group.create_task(self._send(client), name="mqtt/send")
+                sending = group.create_task(self._send(client, stop), name="mqtt/send")
                 await stop.wait()
-                sending.cancel()
-                await asyncio.wait([sending])
-                await self._leave(client, forget=forget)
+                self._waiting.set()  # to be looked at once more, and so to end
+                await self._leave(client, sending)
                 listening.cancel()
         except ExceptionGroup as group_error:
             raise _first(group_error) from None
@@ -170,7 +163,7 @@ class MqttLink:
             await client.publish(self._status, ONLINE, qos=1, retain=True)
         with self._lock:
             self._outbox.renew()
-        self.connections += 1
+        self._was_connected = True
         if self._said is not None:
             _logger.warning("%s: connected", self._broker.address)
             self._said = None
@@ -201,9 +194,9 @@ class MqttLink:
                 rule = "must be a filter that the broker grants"
                 raise InvalidValueError("topic", rule, wanted)
 
-    async def _send(self, client: aiomqtt.Client) -> None:
-        """Send what waits and what comes, in batches, until it is cancelled."""
-        while True:
+    async def _send(self, client: aiomqtt.Client, stop: asyncio.Event) -> None:
+        """Send what waits and what comes, in batches; end with one, after `stop`."""
+        while not stop.is_set():
             if batch := self._batch():
                 await self._publish(client, batch)
             else:
@@ -223,30 +216,50 @@ class MqttLink:
         return batch
 
     async def _publish(self, client: aiomqtt.Client, batch: list[Outgoing]) -> None:
-        """Publish `batch`; it counts as sent once the broker has all of it."""
+        """Publish `batch`, together: where one fails, those that arrived are sent."""
         async with asyncio.TaskGroup() as group:
-            for topic, payload, qos, retain in batch:
+            for message in batch:
                 group.create_task(
-                    client.publish(topic, payload, qos=qos, retain=retain),
-                    name="mqtt/publish",
+                    self._publish_one(client, message), name="mqtt/publish"
                 )
-        with self._lock:
-            self._outbox.sent(batch)
 
-    async def _leave(self, client: aiomqtt.Client, *, forget: bool) -> None:
+    async def _publish_one(self, client: aiomqtt.Client, message: Outgoing) -> None:
+        """Publish `message`; it counts as sent once the broker has it.
+
+        With QoS 0 it does so from the start: nobody says whether it arrived, and it
+        must not come twice.
+        """
+        topic, payload, qos, retain = message
+        if qos == 0:
+            self._sent(message)
+        await client.publish(topic, payload, qos=qos, retain=retain)
+        if qos > 0:
+            self._sent(message)
+
+    def _sent(self, message: Outgoing) -> None:
+        with self._lock:
+            self._outbox.sent(message)
+
+    async def _leave(self, client: aiomqtt.Client, sending: asyncio.Task[None]) -> None:
         """Send what waits, if that is soon done, and say ``offline``.
 
         A broker publishes the last will only for those who left without a word.
+
+        Args:
+            client: The connection.
+            sending: Its sender, which is told to end: what it has begun it finishes,
+                lest that be sent twice.
         """
-        if forget:
-            with self._lock:
-                self._outbox.clear()
         try:
             async with asyncio.timeout(_DRAIN):
+                await sending
+                if self._forget:
+                    with self._lock:
+                        self._outbox.clear()
                 while batch := self._batch():
                     await self._publish(client, batch)
                 if self._status is not None:
-                    last = b"" if forget else OFFLINE
+                    last = b"" if self._forget else OFFLINE
                     await client.publish(self._status, last, qos=1, retain=True)
         except (TimeoutError, ExceptionGroup, aiomqtt.MqttError):
             left = len(self._outbox)

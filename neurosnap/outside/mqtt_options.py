@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.outside.pace import Pace, pace_of
 from neurosnap.sensorium import Sensorium
 
 ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
@@ -22,6 +23,8 @@ UNKNOWN = ("", "none", "null", "unknown", "unavailable")
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 Number = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+
+_LEAST = 0.1  # seconds between ticks on change
 
 
 class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -212,10 +215,21 @@ class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     interval: Seconds | None = None
     """Seconds from tick to tick; None: a tick whenever a reading has changed."""
-    min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = 0.1
+    min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = _LEAST
     """On change: seconds between two ticks at least."""
     max_interval: Seconds | None = None
     """On change: seconds between two ticks at most; None: as many as it takes."""
+
+    def __post_init__(self) -> None:
+        self.pace()
+
+    def pace(self) -> Pace:
+        """Return when a tick is due."""
+        # Every recording has the default written out: it is as good as not given.
+        given = self.interval is None or self.min_interval != _LEAST
+        return pace_of(
+            self.interval, self.min_interval if given else 0.0, self.max_interval
+        )
 
 
 class MqttPublish(

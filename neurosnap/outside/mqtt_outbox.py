@@ -88,13 +88,17 @@ class Outbox:
                 chosen[topic] = Outgoing(topic, self._held[topic], retain=True)
         return list(chosen.values())
 
-    def sent(self, batch: list[Outgoing]) -> None:
-        """Take out a batch that the broker has; what was held anew meanwhile stays."""
-        for message in batch:
-            if self._passing and self._passing[0][1] is message:
-                self._passing.popleft()
-            elif self._held.get(message.topic) == message.payload:
-                self._unsent.pop(message.topic, None)
+    def sent(self, message: Outgoing) -> None:
+        """Take out one of a batch, which the broker has, or may have.
+
+        What was held anew meanwhile stays. O(`WAITING`).
+        """
+        for place, (_, waiting) in enumerate(self._passing):
+            if waiting is message:
+                del self._passing[place]
+                return
+        if self._held.get(message.topic) == message.payload:
+            self._unsent.pop(message.topic, None)
 
     def _expire(self, now: float) -> None:
         while self._passing and self._passing[0][0] <= now:

@@ -30,16 +30,16 @@ from neurosnap.sensorium import unpack
 class MqttOutlet:
     """Publishes one run.
 
-    The methods that take something in may be called from any thread, before `serve` as
-    well; they do not wait.
+    The methods that take something in may be called from any thread, one at a time,
+    before `serve` as well; they do not wait.
 
     Args:
         broker: Where to.
         publish: Under which topics.
         sensors: The names of all sensors of the run, contextual ones included.
         own: How many of them, from the first on, are published; None: all.
-        actions: The names of the atomic actions; none: nothing is decided.
-        exclusive: Exactly one of them is taken at each step.
+        actions: The names of the actions, one of which is taken at each step; none:
+            nothing is decided.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -53,16 +53,16 @@ class MqttOutlet:
         *,
         own: int | None = None,
         actions: Sequence[str] = (),
-        exclusive: bool = True,
     ) -> None:
-        self._publish = publish
         self._count = len(sensors)
         self._names = tuple(sensors)[:own]
         self._actions = tuple(actions)
-        self._exclusive = exclusive
         self._topics = Topics(publish.prefix, self._names)
         self._last: Mapping[str, object] | None = None
-        self._link = MqttLink(broker, "outlet", status=self._topics.status)
+        self._beliefs: list[bytes | None] = [None] * len(self._names)
+        self._link = MqttLink(
+            broker, "outlet", status=self._topics.status, forget=publish.forget
+        )
         if publish.discovery:
             found = discovery(publish, self._topics, self._names, acts=bool(actions))
             self._link.hold(discovery_topic(publish), found)
@@ -82,8 +82,13 @@ class MqttOutlet:
         if known is not None:
             known = known[: len(self._names)]
         said = predictions(self._names, literals, known)
-        for topic, belief in zip(self._topics.sensors, beliefs(literals), strict=True):
-            self._link.hold(topic, belief)
+        believed = beliefs(literals)
+        for topic, belief, last in zip(
+            self._topics.sensors, believed, self._beliefs, strict=True
+        ):
+            if belief != last:  # few are, and each is a lock to take
+                self._link.hold(topic, belief)
+        self._beliefs = [*believed]
         self._link.hold(self._topics.predictions, said)
 
     def decision(self, decision_: wire.Decision) -> None:
@@ -92,9 +97,14 @@ class MqttOutlet:
         Raises:
             InvalidValueError: There is no such choice.
         """
-        if self._actions and decision_.action >= 0:
-            said = decision(self._named(decision_.action), decision_.why)
-            self._link.hold(self._topics.decision, said)
+        choice, count = decision_.action, len(self._actions)
+        if not self._actions or choice < 0:
+            return
+        if choice >= count:
+            rule = f"must be a whole number in 0..{count - 1}"
+            raise InvalidValueError("action", rule, choice)
+        said = decision(self._actions[choice], decision_.why)
+        self._link.hold(self._topics.decision, said)
 
     def anomaly(self, record: Mapping[str, object] | None) -> None:
         """Take in that there is an anomaly now, or that there is none.
@@ -115,16 +125,4 @@ class MqttOutlet:
             InvalidValueError: As `MqttLink.serve`, at the start only.
             NeurosnapError: As `MqttLink.serve`, at the start only.
         """
-        await self._link.serve(stop, forget=self._publish.forget)
-
-    def _named(self, choice: int) -> str:
-        """Return what a choice is called."""
-        count = len(self._actions)
-        most = count if self._exclusive else 2**count
-        if choice >= most:
-            rule = f"must be a whole number in 0..{most - 1}"
-            raise InvalidValueError("action", rule, choice)
-        if self._exclusive:
-            return self._actions[choice]
-        taken = [name for k, name in enumerate(self._actions) if choice >> k & 1]
-        return " + ".join(taken) or "none"
+        await self._link.serve(stop)

@@ -20,7 +20,7 @@ _SHOWN = 40  # characters of a payload in an error
 
 
 class Payload:
-    """What was published, decoded at most once however many sensors read it.
+    """What was published, decoded once however many sensors read it, if it can be.
 
     Args:
         topic: Where to.

@@ -12,13 +12,13 @@ again, since silence says nothing then.
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.outside.board import Board
-from neurosnap.outside.mqtt_client import MqttThread
+from neurosnap.outside.loop_thread import LoopThread
 from neurosnap.outside.mqtt_link import MqttLink
-from neurosnap.outside.mqtt_options import MqttOptions, MqttTick
+from neurosnap.outside.mqtt_options import MqttOptions
 from neurosnap.outside.mqtt_outbox import Outgoing
 from neurosnap.outside.mqtt_payload import Payload, Reader
 from neurosnap.outside.mqtt_routes import Routes
-from neurosnap.outside.pace import Clocked, OnChange, Pace
+from neurosnap.outside.mqtt_topics import Topics
 from neurosnap.outside.source import OutsideSource
 
 
@@ -44,18 +44,11 @@ def mqtt_source(options: MqttOptions) -> OutsideSource:
             ],
             seen_within=[sensor.seen_within for sensor in options.sensors],
         ),
-        pace(options.tick),
+        options.tick.pace(),
         feeder=feeder,
         actions=options.action_names,
         actuate=feeder.actuate,
     )
-
-
-def pace(tick: MqttTick) -> Pace:
-    """Return the pace that a table of options describes."""
-    if tick.interval is not None:
-        return Clocked(tick.interval)
-    return OnChange(tick.min_interval, tick.max_interval)
 
 
 class MqttFeeder:
@@ -74,18 +67,17 @@ class MqttFeeder:
         self._routes = Routes(filters)
         self._readers = [Reader(sensor) for sensor in options.sensors]
         self._source: OutsideSource | None = None
-        status = None
-        if options.publish is not None:
-            status = f"{options.publish.prefix}/world/status"
+        publish = options.publish
         self._link = MqttLink(
             options.broker,
             "world",
-            status=status,
+            status=None if publish is None else Topics(publish.prefix, ()).world,
+            forget=publish is not None and publish.forget,
             filters=filters,
             receive=self._receive,
             connected=self._connected,
         )
-        self._thread = MqttThread(self._link, self._fail)
+        self._thread = LoopThread("mqtt", self._link.serve, self._fail)
 
     def start(self, source: OutsideSource) -> None:
         """Begin to connect; what the link fails of, see there, the source fails of."""
@@ -94,7 +86,12 @@ class MqttFeeder:
         self._thread.start()
 
     def stop(self) -> None:
-        """Disconnect; may be called twice."""
+        """Say goodbye to the broker; may be called twice.
+
+        Takes no longer than a connection that is being made: a broker that accepts and
+        then says nothing holds it up for five seconds, and one whose machine does not
+        answer for as long again.
+        """
         self._thread.stop()
 
     def actuate(self, choice: int) -> None:

@@ -4,6 +4,7 @@ Below the prefix, everything retained:
 
 ========================  ==========================================================
 ``status``                ``online`` or ``offline``
+``world/status``          the same, of who reads the sensors
 ``sensor/<slug>``         what is believed of the sensor: ``ON``, ``OFF``, ``unknown``
 ``predictions``           ``{"door": "ON"}``: what is believed of sensors unread
 ``decision``              ``{"action": "push", "why": "..."}``
@@ -38,6 +39,7 @@ class Topics:
 
     def __init__(self, prefix: str, sensors: Sequence[str]) -> None:
         self.status = f"{prefix}/status"
+        self.world = f"{prefix}/world/status"
         self.predictions = f"{prefix}/predictions"
         self.decision = f"{prefix}/decision"
         self.anomaly = f"{prefix}/anomaly"

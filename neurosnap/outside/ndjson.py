@@ -10,11 +10,10 @@ import os
 import select
 import threading
 
-from neurosnap.environment import within
-from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.outside.intake import hand_in
 from neurosnap.outside.lines import Lines
-from neurosnap.outside.reading import LIMIT, Names, Single, read
+from neurosnap.outside.reading import LIMIT, Names, Single, read, too_long
 from neurosnap.outside.source import OutsideSource
 
 STANDARD_INPUT = 0
@@ -28,8 +27,8 @@ class NdjsonFeeder:
 
     Args:
         descriptor: Open for reading: a pipe, a terminal, a file. It is not closed.
-        head: The first line, where somebody has read it already. A source that goes on
-            with a run had what it says.
+        head: The first line, with the blank ones before it, where somebody has read it
+            already. A source that goes on with a run had what it says.
     """
 
     def __init__(
@@ -37,7 +36,7 @@ class NdjsonFeeder:
     ) -> None:
         self._descriptor = descriptor
         self._head = head
-        self._lines = Lines(LIMIT, last=0 if head is None else 1)
+        self._lines = Lines(LIMIT)
         self._thread: threading.Thread | None = None
         # The reading thread waits for input or for this, whichever comes first.
         self._heard, self._told = os.pipe()
@@ -62,8 +61,10 @@ class NdjsonFeeder:
 
     def _run(self, source: OutsideSource) -> None:
         try:
-            if self._head is not None and not source.resumed:
-                self._take(source, 1, self._head)
+            if self._head is not None:
+                for number, line in self._lines.feed(self._head + b"\n"):
+                    if not source.resumed:
+                        self._take(source, number, line)
             while piece := self._read():
                 for number, line in self._lines.feed(piece):
                     self._take(source, number, line)
@@ -79,27 +80,29 @@ class NdjsonFeeder:
 
     def _read(self) -> bytes:
         """Wait for input and return some of it; nothing at its end, or ours."""
-        ready, _, _ = select.select([self._descriptor, self._heard], [], [])
-        if self._heard in ready:
+        poll = select.poll()  # `select.select` ends at descriptor 1023
+        poll.register(self._descriptor, select.POLLIN)
+        poll.register(self._heard, select.POLLIN)
+        if self._heard in dict(poll.poll()):
             return b""
         return os.read(self._descriptor, _PIECE)
 
     def _take(self, source: OutsideSource, number: int, line: bytes | None) -> None:
-        if line is not None and not line.strip():
-            return
-        try:
-            if line is None:
-                rule = f"must be up to {LIMIT} bytes"
-                raise InvalidValueError("reading", rule, "a longer line")  # noqa: TRY301
-            hand_in(source, line, wait=True)
-        except InvalidValueError as error:
-            source.refuse(str(within(f"{_NAME}:{number}", error)))
+        place = f"{_NAME}:{number}"
+        if line is None:
+            source.refuse(str(within(place, too_long("a longer line"))))
+        elif line.strip():
+            try:
+                hand_in(source, line, wait=True)
+            except InvalidValueError as error:
+                source.refuse(str(within(place, error)))
 
 
 def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
-    """Return the first line that is not blank, and read no byte beyond it.
+    """Return the first line that is not blank, with those before it, and read no more.
 
-    Waits for it. Read byte by byte, so that whoever reads on misses nothing.
+    Waits for it. It comes without its line feed, and is read byte by byte, so that
+    whoever reads on misses nothing.
 
     Raises:
         InvalidValueError: It is too long, or there is none.
@@ -111,25 +114,24 @@ def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
                 break
             line += byte
             if len(line) > LIMIT:
-                rule = f"must be up to {LIMIT} bytes"
-                raise InvalidValueError(f"{_NAME}:1", rule, "a longer line")
+                raise within(_place(line), too_long("a longer line"))
     except OSError as error:
         rule = f"must be readable ({error.strerror})"
         raise InvalidValueError(_NAME, rule, descriptor) from error
     if not line.strip():
         rule = "must begin with a line that names the sensors (or name them: sensors)"
         raise InvalidValueError(_NAME, rule, "no line")
-    return bytes(line.strip())
+    return bytes(line)
 
 
 def names_in(line: bytes) -> tuple[str, ...]:
-    """Return the sensors that a first line names.
+    """Return the sensors that a first line names, as `first_line` returns it.
 
     Raises:
         InvalidValueError: It is no reading, or names none or not all of them.
     """
     try:
-        reading = read(line)
+        reading = read(line.strip())
         if isinstance(reading, Names):
             return reading.sensors
         if isinstance(reading, Single) or not isinstance(reading.bits, dict):
@@ -137,7 +139,13 @@ def names_in(line: bytes) -> tuple[str, ...]:
                 "must name all sensors ({'sensors': [...]} or {'bits': {...}};"
                 " or name them: sensors)"
             )
-            raise InvalidValueError("reading", rule, line[:80])  # noqa: TRY301
+            raise InvalidValueError("reading", rule, line.strip()[:80])  # noqa: TRY301
         return tuple(reading.bits)
     except InvalidValueError as error:
-        raise within(f"{_NAME}:1", error) from error
+        raise within(_place(line), error) from error
+
+
+def _place(line: bytes | bytearray) -> str:
+    """Return where a first line stands, with blank ones before it."""
+    number = 1 + line.count(b"\n")
+    return f"{_NAME}:{number}"

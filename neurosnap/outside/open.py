@@ -1,9 +1,8 @@
 """Opening a source that is outside, by its name and a few arguments.
 
 ``-`` is standard input, ``zenoh:`` the keys of the swarm itself, ``mqtt:`` a broker's
-topics. Opening starts
-nothing: a run opens its source twice, once to learn the sensors' names, once to be the
-world.
+topics. Opening starts nothing: a run opens its source twice, once to learn the sensors'
+names, once to be the world.
 """
 
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.outside.board import Board
 from neurosnap.outside.mqtt_options import MqttOptions
 from neurosnap.outside.ndjson import NdjsonFeeder, first_line, names_in
-from neurosnap.outside.pace import Clocked, OnChange, Pace
+from neurosnap.outside.pace import Pace, pace_of
 from neurosnap.outside.source import Feeder, OutsideSource
 from neurosnap.outside.zenoh_keys import Hub, ZenohFeeder
 
@@ -24,7 +23,8 @@ ZENOH = "zenoh:"
 MQTT = "mqtt:"
 
 Argument: TypeAlias = bool | int | float | str
-_Seconds = Annotated[float, msgspec.Meta(gt=0)]
+"""What may be given to a source by name."""
+Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 
 
 class OutsideArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -32,13 +32,13 @@ class OutsideArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     sensors: str = ""
     """The names, in order, commas between them, or as a JSON list."""
-    stale_after: _Seconds | None = None
+    stale_after: Seconds | None = None
     """Seconds after which a reading is believed no more; None: it always is."""
-    interval: _Seconds | None = None
+    interval: Seconds | None = None
     """Seconds between two ticks; None: a tick as soon as something changed."""
     min_interval: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     """Without `interval`: seconds between two ticks at least."""
-    max_interval: _Seconds | None = None
+    max_interval: Seconds | None = None
     """Without `interval`: seconds between two ticks at most."""
     head: str = ""
     """The first line of standard input, where it was read to learn the names."""
@@ -63,12 +63,7 @@ class OutsideArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Raises:
             InvalidValueError: The intervals do not go together.
         """
-        if self.interval is None:
-            return OnChange(self.min_interval, self.max_interval)
-        if self.min_interval or self.max_interval is not None:
-            rule = "must not come with min_interval or max_interval"
-            raise InvalidValueError("interval", rule, self.interval)
-        return Clocked(self.interval)
+        return pace_of(self.interval, self.min_interval, self.max_interval)
 
 
 def is_outside(spec: str) -> bool:

@@ -118,3 +118,24 @@ class OnChange:
     def given(self, now: float) -> None:
         """Count both intervals from `now`."""
         self._last = now
+
+
+def pace_of(
+    interval: float | None, min_interval: float, max_interval: float | None
+) -> Pace:
+    """Return the pace that a table or arguments describe.
+
+    Args:
+        interval: Seconds from tick to tick; None: a tick as soon as something changes.
+        min_interval: Without `interval`: as for `OnChange`; 0: not given.
+        max_interval: Without `interval`: as for `OnChange`.
+
+    Raises:
+        InvalidValueError: One is out of its range, or they do not go together.
+    """
+    if interval is None:
+        return OnChange(min_interval, max_interval)
+    if min_interval or max_interval is not None:
+        rule = "must not come with min_interval or max_interval"
+        raise InvalidValueError("interval", rule, interval)
+    return Clocked(interval)

@@ -14,14 +14,15 @@ The names, for whoever has not said them otherwise; before everything else::
     {"sensors": ["door", "motion"]}
 
 A value is true, false, 1, 0, ``"on"``, ``"off"``, ``"true"``, ``"false"``, ``"1"`` or
-``"0"``, in capitals or not; null where the sensor does not know. ``at`` is in seconds
-since the epoch, and may be missing: then it is the time of arrival. ``tick`` is the
-program's own number, for people who read along; nothing depends on it. Another field is
-refused: it might be a misspelt one.
+``"0"``, in capitals or not; null where the sensor does not know. On a key of one
+sensor's own it stands alone, or as ``{"on": true, "at": 1690000000.0}``. ``at`` is in
+seconds since the epoch, and may be missing: then it is the time of arrival. ``tick`` is
+the program's own number, for people who read along; nothing depends on it. Another
+field is refused: it might be a misspelt one.
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import msgspec
 
@@ -34,6 +35,7 @@ LIMIT = 1 << 20
 _WORDS = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
 _Value: TypeAlias = bool | int | str | None
 _UNSET = msgspec.UNSET
+_T = TypeVar("_T")
 
 
 class Single(msgspec.Struct, frozen=True):
@@ -97,7 +99,16 @@ _SHAPES: tuple[tuple[set[str], set[str]], ...] = (
 )
 """Fields that must be there, and that may be."""
 
-_decoder = msgspec.json.Decoder(_Object)
+
+class _On(msgspec.Struct, forbid_unknown_fields=True):
+    """What stands on a key of one sensor's own."""
+
+    on: _Value
+    at: float | None = None
+
+
+_objects = msgspec.json.Decoder(_Object)
+_ons = msgspec.json.Decoder(_On)
 
 
 def read(payload: bytes) -> Reading:
@@ -108,12 +119,8 @@ def read(payload: bytes) -> Reading:
             together, or a value that is none.
     """
     if len(payload) > LIMIT:
-        raise InvalidValueError("reading", f"must be up to {LIMIT} bytes", len(payload))
-    try:
-        said = _decoder.decode(payload)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        rule = f"must be a reading in JSON ({error})"
-        raise InvalidValueError("reading", rule, payload[:40]) from error
+        raise too_long(len(payload))
+    said = _decoded(_objects, payload, "a reading in JSON")
     fields = {name for name, value in _fields(said) if value is not _UNSET}
     if not any(must <= fields <= must | may for must, may in _SHAPES):
         rule = "must have the fields sensor and on, or bits, or sensors"
@@ -126,6 +133,24 @@ def read(payload: bytes) -> Reading:
     if said.bits is not _UNSET:
         return Whole(tuple(value(on) for on in said.bits), at)
     return Single(str(said.sensor), value(said.on), at)
+
+
+def read_on(payload: bytes) -> tuple[bool | None, float | None]:
+    """Return what is said of one sensor, on a key of its own, and its time, if any.
+
+    Raises:
+        InvalidValueError: It is no value, or an object without one or with more.
+    """
+    if payload.lstrip().startswith(b"{"):
+        said = _decoded(_ons, payload, "{'on': value, 'at': seconds}")
+        return value(said.on), said.at
+    word = payload.decode(errors="replace").strip().strip('"')
+    return (None if word.lower() == "null" else value(word[:40])), None
+
+
+def too_long(size: object) -> InvalidValueError:
+    """Return the error of a reading longer than `LIMIT`."""
+    return InvalidValueError("reading", f"must be up to {LIMIT} bytes", size)
 
 
 def value(said: object) -> bool | None:
@@ -144,6 +169,14 @@ def value(said: object) -> bool | None:
         rule = "must be true, false, 1, 0, on, off or null"
         raise InvalidValueError("reading", rule, said)
     return found
+
+
+def _decoded(decoder: msgspec.json.Decoder[_T], payload: bytes, what: str) -> _T:
+    try:
+        return decoder.decode(payload)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        rule = f"must be {what} ({error})"
+        raise InvalidValueError("reading", rule, payload[:40]) from error
 
 
 def _fields(said: _Object) -> list[tuple[str, object]]:

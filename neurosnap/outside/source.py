@@ -9,6 +9,7 @@ Whole readings come first: each is a tick of its own, in the order they came, an
 pace is not asked. Only when none waits does the pace decide when the board is shown.
 """
 
+import logging
 import threading
 import time
 from collections import deque
@@ -27,6 +28,8 @@ from neurosnap.outside.statistics import Statistics
 WAITING = 1024
 """Whole readings that may wait for their tick."""
 
+_logger = logging.getLogger(__name__)
+
 _LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
 
 
@@ -36,8 +39,9 @@ class Feeder(Protocol):
     def start(self, source: "OutsideSource") -> None:
         """Begin, and return without waiting for anybody; called once.
 
-        From then on it may call, from any thread, the source's `put`, `give`,
-        `refuse`, `end` and `fail`; what it cannot do it tells by `fail`.
+        From then on it may call, from any thread, the source's `put`, `put_all`,
+        `give`, `refuse`, `hears`, `end` and `fail`; what it cannot do it tells by
+        `fail`.
         """
 
     def stop(self) -> None:
@@ -55,8 +59,7 @@ class OutsideSource:
         pace: Says when a tick is due; likewise.
         feeder: Is started with the first tick and stopped by `close`; None: whoever has
             the source hands readings in.
-        actions: The names of the atomic actions.
-        exclusive: Exactly one of them is taken at each step.
+        actions: The names of the atomic actions, one of which is taken at each step.
         actuate: Carries out the choice that `step` is called with, if there are
             actions; on the world's thread, so it should not take long.
         clock: Seconds that never go back.
@@ -65,6 +68,7 @@ class OutsideSource:
     """
 
     live: bool = True
+    exclusive: bool = True
     length: int | None = None
 
     def __init__(
@@ -74,7 +78,6 @@ class OutsideSource:
         *,
         feeder: Feeder | None = None,
         actions: Sequence[str] = (),
-        exclusive: bool = True,
         actuate: Callable[[int], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
@@ -83,7 +86,6 @@ class OutsideSource:
         self.sensors: tuple[str, ...] = board.sensors
         self.orders: tuple[int, ...] = (0,) * len(board.sensors)
         self.actions: tuple[str, ...] = tuple(actions)
-        self.exclusive: bool = exclusive
         self.begins: bool = False
         self.known: Bits | None = None
         self.resumed = False
@@ -142,14 +144,20 @@ class OutsideSource:
         return self._tick(begins=begins)
 
     def close(self) -> None:
-        """Let go whoever waits, and stop the feeder; from any thread, also twice."""
+        """Let go whoever waits, and stop the feeder; from any thread, also twice.
+
+        What was lost until then is told of, once.
+        """
         with self._condition:
-            self._closed = True
+            told, self._closed = self._closed, True
             self._refusals.flush()
             self._condition.notify_all()
         with self._feeding:
             if self._feeder is not None:
                 self._feeder.stop()
+        losses = self.statistics().losses
+        if losses and not told:
+            _logger.warning("source: lost or out of time: %s", losses)
 
     def put(self, sensor: str, on: bool | None, at: float | None = None) -> None:
         """Take in one reading; from any thread, and without waiting.
@@ -257,7 +265,10 @@ class OutsideSource:
             self._condition.notify_all()
 
     def fail(self, error: BaseException) -> None:
-        """Let whoever waits for a tick get `error`, unless the source is closed."""
+        """Let whoever waits for a tick get `error`, unless the source is closed.
+
+        Whole readings that came before have their ticks first.
+        """
         with self._condition:
             self._error = error
             self._condition.notify_all()
@@ -305,10 +316,10 @@ class OutsideSource:
     def _next(self) -> tuple[Bits, Bits] | None:
         """Wait for what is to be shown next; None: nothing any more."""
         while not self._closed:
-            if self._error is not None:
-                raise self._error
             if self._waiting:
                 return self._waiting.popleft()
+            if self._error is not None:
+                raise self._error
             now = self._clock()
             seen = self._board.observation(now)
             patience = self._patience(seen, now)

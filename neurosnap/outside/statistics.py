@@ -22,3 +22,14 @@ class Statistics(msgspec.Struct, frozen=True):
     """Whole readings that lost their tick because too many waited."""
     skipped: int
     """Ticks that were due and not given; see `Clocked`."""
+
+    @property
+    def losses(self) -> str:
+        """What got lost or came at a wrong time, in words; empty: nothing did."""
+        counts = {
+            "whole readings dropped": self.dropped,
+            "late readings dropped": self.late,
+            "readings from a clock that is ahead": self.ahead,
+            "ticks skipped": self.skipped,
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)

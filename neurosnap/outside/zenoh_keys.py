@@ -26,18 +26,16 @@ import threading
 from contextlib import ExitStack
 from typing import Protocol
 
-import msgspec
 import zenoh
 
 from neurosnap import wire
-from neurosnap.environment import within
-from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.fabric.access import READING
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.session import connecting
 from neurosnap.outside.intake import hand_in
-from neurosnap.outside.reading import LIMIT, value
+from neurosnap.outside.reading import LIMIT, read_on, too_long
 from neurosnap.outside.source import OutsideSource
 
 _PATIENCE = 10.0  # seconds the hub may take to answer
@@ -79,8 +77,6 @@ class ZenohFeeder:
         self._hub = hub
         self._thread: threading.Thread | None = None
         self._open = ExitStack()
-        self.listening = threading.Event()
-        """Set once it is; what is put earlier is missed."""
 
     def start(self, source: OutsideSource) -> None:
         """Connect on a thread of its own; what fails of it, the source is told."""
@@ -114,8 +110,8 @@ class ZenohFeeder:
         except zenoh.ZError as error:
             rule = f"must reach the hub at {hub.endpoint}, got {error}"
             source.fail(FabricError(f"readings: {rule}"))
-            return
-        self.listening.set()
+        except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
+            source.fail(error)
 
 
 def hand_over(source: OutsideSource, key: str, payload: zenoh.ZBytes) -> None:
@@ -128,38 +124,12 @@ def hand_over(source: OutsideSource, key: str, payload: zenoh.ZBytes) -> None:
     """
     try:
         if len(payload) > LIMIT:
-            rule = f"must be up to {LIMIT} bytes"
-            raise InvalidValueError("reading", rule, len(payload))  # noqa: TRY301
+            raise too_long(len(payload))
         text = payload.to_bytes()
         _, named, sensor = key.partition("/")
         if not named:
             hand_in(source, text, wait=False)
-        elif text.lstrip().startswith(b"{"):
-            said = _decoded(text)
-            source.put(sensor, value(said.on), said.at)
         else:
-            source.put(sensor, _plain(text))
+            source.put(sensor, *read_on(text))
     except InvalidValueError as error:
         source.refuse(str(within(key, error)))
-
-
-class _On(msgspec.Struct, forbid_unknown_fields=True):
-    on: bool | int | str | None
-    at: float | None = None
-
-
-_decoder = msgspec.json.Decoder(_On)
-
-
-def _decoded(text: bytes) -> _On:
-    try:
-        return _decoder.decode(text)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        rule = f"must be {{'on': value, 'at': seconds}} ({error})"
-        raise InvalidValueError("reading", rule, text[:40]) from error
-
-
-def _plain(text: bytes) -> bool | None:
-    """Return the value that a payload without JSON's braces says."""
-    word = text.decode(errors="replace").strip().strip('"')
-    return None if word.lower() == "null" else value(word[:40])

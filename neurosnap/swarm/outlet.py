@@ -125,7 +125,6 @@ async def run_outlet(
         body.sensors,
         own=len(body.own),
         actions=body.actions,
-        exclusive=body.exclusive,
     )
     listener = Listener(outlet, options)
 

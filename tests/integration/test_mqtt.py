@@ -25,6 +25,7 @@ import aiomqtt
 import msgspec
 import numpy as np
 import pytest
+from amqtt.broker import Broker  # type: ignore[import-untyped]
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.hashes import SHA256
@@ -557,14 +558,37 @@ async def test_home_assistant_finds_beliefs_predictions_and_anomalies(
     assert device["availability"] == [{"topic": f"{PREFIX}/status"}]
     topics = {each["state_topic"] for each in device["components"].values()}
     assert topics == set(found) - {f"{PREFIX}/status"}
+    offline = {f"{PREFIX}/status": b"offline"}
+    assert await left(broker) == ({} if forget else found | told | offline)
+
+
+async def left(broker: Mosquitto) -> dict[str, bytes]:
+    """All that the broker retains."""
     async with peer(broker, "#") as other:
         await other.publish("mark", b"", qos=1)
-        left = {}
+        found = {}
         async for message in other.messages:
             if not message.retain:
                 break
-            left[message.topic.value] = message.payload
-    assert left == ({} if forget else found | told | {f"{PREFIX}/status": b"offline"})
+            found[message.topic.value] = message.payload
+    return found
+
+
+@pytest.mark.parametrize("forget", [False, True])
+async def test_the_status_of_who_reads_is_taken_back_with_the_rest(
+    broker: Mosquitto, forget: bool
+) -> None:
+    table = msgspec.structs.replace(
+        options(broker.options), publish=MqttPublish(prefix=PREFIX, forget=forget)
+    )
+    status = f"{PREFIX}/world/status"
+    async with peer(broker, status) as other:
+        with source_of(table) as source:
+            waiting = asyncio.create_task(asyncio.to_thread(source.first))
+            await heard(other, status, b"online")
+            await asyncio.to_thread(source.close)
+            assert await waiting is None
+    assert await left(broker) == ({} if forget else {status: b"offline"})
 
 
 async def test_predictions_are_of_what_was_not_read(broker: Mosquitto) -> None:
@@ -612,6 +636,20 @@ async def test_the_embedded_broker_serves_a_source() -> None:
                 await until(source, lambda r: r["door"] is True)
                 await other.publish("house/door", "OFF", qos=1)
                 await until(source, lambda r: r["door"] is False)
+
+
+def test_what_the_embedded_broker_fails_of_is_raised_at_its_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shutdown = Broker.shutdown
+
+    async def fails(broker: Broker) -> None:
+        await shutdown(broker)
+        raise OSError("broken off")
+
+    monkeypatch.setattr(Broker, "shutdown", fails)
+    with pytest.raises(OSError, match=r"^broken off$"), EmbeddedBroker():
+        pass
 
 
 def test_the_embedded_broker_says_that_its_port_is_taken() -> None:

@@ -218,7 +218,8 @@ def ticking(hub: Hub) -> Iterator[Ticks]:
     ticks = Ticks(source)
     ticks.start()
     try:
-        assert feeder.listening.wait(PATIENCE)
+        with hub.session("sensor") as session:
+            listened_to(session, f"neurosnap/{SWARM}/reading").undeclare()
         yield ticks
     finally:
         source.close()

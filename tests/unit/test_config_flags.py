@@ -7,12 +7,15 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from neurosnap.cli.broker import brokered
 from neurosnap.cli.config import FLAGS, described
 from neurosnap.config.check import known_keys
 from neurosnap.config.faults import dotted
 from neurosnap.config.prepare import Prepared
 from neurosnap.config.tables import Config
 from neurosnap.errors import InvalidValueError
+from neurosnap.outside.mqtt_options import MqttBroker
+from neurosnap.outside.open import mqtt_options
 from neurosnap.swarm.options import SnapshotKind
 
 FILE = """
@@ -50,8 +53,10 @@ def made(*arguments: object) -> Prepared:
         listen: str = "",
         tls: str = "",
         max_restarts: int = 10,
+        broker: str = "",
     ) -> None:
-        found.append(described(context))
+        with brokered(broker) as before:
+            found.append(described(context, before))
 
     result = CliRunner().invoke(app, list(map(str, arguments)))
     if isinstance(result.exception, InvalidValueError):
@@ -107,6 +112,64 @@ def test_paths_on_the_command_line_are_relative_to_where_it_is_typed(
     keys = rf"tls: {file.parent}/here/keys/ca\.pem: must be a file that can be read"
     with pytest.raises(InvalidValueError, match=keys):
         made(file, "--listen", "tls/localhost:1", "--tls", "keys")
+
+
+def test_no_path_at_all_is_none(file: Path) -> None:
+    assert made(file, "--tls", "").network.tls == ""
+    assert made("neurosnap/Path-v0", "--no-record", "--tls", "").network.tls == ""
+    text = file.read_text().replace("[network]", '[network]\ntls = "keys"')
+    file.write_text(text)
+    assert made(file, "--tls", "").network.tls == ""
+
+
+HOME = """
+[source]
+kind = "mqtt"
+sensors = [{ name = "door", topic = "door" }]
+[source.broker]
+host = "mine.test"
+port = 1999
+tls = true
+username = "me"
+password_env = "MINE"
+[recording]
+record = false
+"""
+
+
+@pytest.mark.parametrize(
+    ("given", "broker"),
+    [
+        ("other.test", MqttBroker(host="other.test")),
+        ("other.test:1884", MqttBroker(host="other.test", port=1884)),
+    ],
+)
+def test_another_broker_is_told_nothing_that_is_for_the_one_in_the_file(
+    file: Path, given: str, broker: MqttBroker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("aiomqtt")
+    monkeypatch.setenv("MINE", "hush")
+    file.write_text(HOME)
+    mine = mqtt_options(made(file).options.arguments).broker
+    assert (mine.host, mine.password()) == ("mine.test", "hush")
+    other = mqtt_options(made(file, "--broker", given).options.arguments)
+    assert other.broker == broker
+
+
+@pytest.mark.parametrize("given", ["::1", "[::1]:1883", ":1883", "h:", "h:x", "a:b:1"])
+def test_what_is_no_host_and_port_is_refused(file: Path, given: str) -> None:
+    file.write_text(HOME)
+    rule = r"^broker: must be embedded, HOST or HOST:PORT, got "
+    with pytest.raises(InvalidValueError, match=rule):
+        made(file, "--broker", given)
+
+
+def test_what_is_wrong_with_another_broker_is_told_by_the_flag(file: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"^broker: must be a known key"):
+        made(file, "--broker", "h")
+    file.write_text(HOME)
+    with pytest.raises(InvalidValueError, match=r"^broker: port: must be in \[1, 655"):
+        made(file, "--broker", "h:99999")
 
 
 def test_a_flag_is_called_what_it_is_on_the_command_line(file: Path) -> None:

@@ -1,5 +1,6 @@
 """Tables of sources that are outside."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -73,7 +74,21 @@ def test_readings_have_names_and_a_pace(tmp_path: Path, kind: str) -> None:
         ('kind = "zenoh"\nsensors = []', "swarm.toml:3: source.sensors"),
         (
             'kind = "zenoh"\nsensors = ["a"]\ninterval = 1\nmax_interval = 2',
-            "interval: must not come with min_interval or max_interval",
+            "swarm.toml:4: source.interval: must not come with min_interval or max_",
+        ),
+        (
+            'kind = "stdin"\nsensors = ["a"]\nmin_interval = 3\nmax_interval = 2',
+            "swarm.toml:5: source.max_interval: must be above 0, and min_interval or",
+        ),
+        (
+            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n'
+            "[source.tick]\nmin_interval = 3\nmax_interval = 2",
+            "swarm.toml:6: source.tick.max_interval: must be above 0, and min_interval",
+        ),
+        (
+            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n'
+            "[source.tick]\ninterval = 1\nmax_interval = 2",
+            "swarm.toml:5: source.tick.interval: must not come with min_interval or",
         ),
         (
             'kind = "mqtt"\nsensors = [{ name = "a", topic = "a/#/b" }]',
@@ -91,3 +106,30 @@ def test_a_wrong_one_is_refused(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigError) as refused:
         options(tmp_path, f"[source]\n{text}")
     assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        'kind = "zenoh"\nsensors = ["a"]',
+        'kind = "stdin"\nsensors = ["a"]',
+        'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n[source.tick]',
+    ],
+)
+def test_intervals_that_do_not_go_together_are_found_with_nothing_opened(
+    tmp_path: Path, table: str
+) -> None:
+    path = tmp_path / "swarm.toml"
+    path.write_text(f"[source]\n{table}\nmin_interval = 3\nmax_interval = 2\n")
+    with pytest.raises(ConfigError, match=r"max_interval: must be above 0, and min_"):
+        load(path)
+
+
+def test_packages_that_are_missing_are_missed_by_the_kind_of_the_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "neurosnap.outside.mqtt_source", None)
+    with pytest.raises(ConfigError) as refused:
+        options(tmp_path, MQTT)
+    said = str(refused.value).removeprefix(f"{tmp_path}/")
+    assert said.startswith("swarm.toml:3: source.kind: must come with the packages of")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
 
-from neurosnap.environment import Description, describe, within
-from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.environment import Description, describe
+from neurosnap.errors import InvalidValueError, ShapeError, within
 from neurosnap.source import open_source
 
 

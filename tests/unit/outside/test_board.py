@@ -182,6 +182,12 @@ def test_silence_means_off_once_it_was_listened_to_long_enough() -> None:
     assert np.array(board.observation(170.0)).tolist() == [[False], [True]]
 
 
+def test_before_anybody_listens_silence_says_nothing() -> None:
+    board = Board(["phone", "door"], seen_within=[30, None])
+    assert board.observation(1e9)[1].tolist() == [False, False]
+    assert board.next_change(0.0) is None
+
+
 @pytest.mark.parametrize("name", ["stale_after", "seen_within"])
 @pytest.mark.parametrize("span", [0, -1, float("nan"), [1, 0, 2]])
 def test_a_span_must_be_above_0(name: str, span: float | list[float]) -> None:

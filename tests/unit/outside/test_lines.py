@@ -10,12 +10,9 @@ LIMIT = 6
 
 @given(
     st.lists(st.binary(max_size=12) | st.sampled_from([b"\n", b"abcdef"]), max_size=12),
-    st.integers(0, 3),
 )
-def test_pieces_make_the_lines_that_the_whole_has(
-    pieces: list[bytes], last: int
-) -> None:
-    lines = Lines(LIMIT, last)
+def test_pieces_make_the_lines_that_the_whole_has(pieces: list[bytes]) -> None:
+    lines = Lines(LIMIT)
     found = [line for piece in pieces for line in lines.feed(piece)]
     found += lines.finish()
     texts = b"".join(pieces).split(b"\n")
@@ -23,7 +20,7 @@ def test_pieces_make_the_lines_that_the_whole_has(
         texts.pop()
     assert found == [
         (number, text if len(text) <= LIMIT else None)
-        for number, text in enumerate(texts, last + 1)
+        for number, text in enumerate(texts, 1)
     ]
 
 

@@ -11,9 +11,11 @@ from neurosnap.outside.mqtt_options import (
     MqttBroker,
     MqttOptions,
     MqttSensor,
+    MqttTick,
     is_filter,
     is_topic,
 )
+from neurosnap.outside.pace import Clocked, OnChange
 
 TABLE = """
 kind = "mqtt"
@@ -149,3 +151,14 @@ def test_a_file_without_a_password_is_named_but_not_quoted(
     text = f"password_file: {rule}, got {str(place)!r}"
     with pytest.raises(InvalidValueError, match=f"^{re.escape(text)}$"):
         broker.password()
+
+
+def test_a_default_pace_goes_with_an_interval_and_an_asked_for_one_does_not() -> None:
+    written = msgspec.json.encode(MqttTick(interval=2))  # as in a recording
+    assert isinstance(msgspec.json.decode(written, type=MqttTick).pace(), Clocked)
+    assert isinstance(MqttTick().pace(), OnChange)
+    for asked in ({"max_interval": 5.0}, {"min_interval": 1.0}):
+        with pytest.raises(InvalidValueError, match=r"^interval: must not come with"):
+            MqttTick(interval=2, **asked)
+    with pytest.raises(InvalidValueError, match=r"^max_interval: must be above 0, and"):
+        MqttTick(min_interval=2, max_interval=1)

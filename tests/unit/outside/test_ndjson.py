@@ -1,6 +1,8 @@
 """Lines from a pipe, as a source reads them."""
 
+import fcntl
 import os
+import resource
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -158,6 +160,33 @@ def test_a_run_that_goes_on_had_the_head_before(
     assert caplog.messages[0].startswith("standard input:3: reading: must be")
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_blank_lines_before_the_head_count(
+    pipe: Pipe, caplog: pytest.LogCaptureFixture, begun: bool
+) -> None:
+    pipe.write(b'\n \n{"bits": {"door": 1, "motion": 1}}\nnonsense\n')
+    pipe.end()
+    source = source_on(pipe, head=first_line(pipe.reads))
+    assert rest_of(source, begun=begun) == ([] if begun else [[True, True]])
+    source.close()
+    assert caplog.messages[0].startswith("standard input:4: reading: must be")
+
+
+def test_a_descriptor_may_have_any_number(pipe: Pipe) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 2048), hard))
+    reads = fcntl.fcntl(pipe.reads, fcntl.F_DUPFD, 1024)  # one beyond an `fd_set`
+    try:
+        source = OutsideSource(Board(NAMES), OnChange(), feeder=NdjsonFeeder(reads))
+        pipe.write(b'{"bits": [1, 0]}\n')
+        pipe.end()
+        assert rest_of(source) == [[True, False]]
+        source.close()
+    finally:
+        os.close(reads)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
 def test_closing_ends_a_reader_that_waits_for_input(
     pipe: Pipe, source: OutsideSource
 ) -> None:
@@ -191,7 +220,7 @@ def test_what_cannot_be_read_is_an_error(tmp_path: Path) -> None:
 def test_the_first_line_is_read_to_its_end_and_no_further(pipe: Pipe) -> None:
     pipe.write(b'\n  \n{"sensors": ["door"]}\n{"bits": [1]}\n')
     line = first_line(pipe.reads)
-    assert line == b'{"sensors": ["door"]}'
+    assert line == b'\n  \n{"sensors": ["door"]}'
     assert names_in(line) == ("door",)
     assert os.read(pipe.reads, 100) == b'{"bits": [1]}\n'
 
@@ -212,6 +241,8 @@ def test_a_first_line_that_names_no_sensors(line: bytes, rule: str) -> None:
     with pytest.raises(InvalidValueError) as caught:
         names_in(line)
     assert str(caught.value).startswith(f"standard input:1: reading: {rule}")
+    with pytest.raises(InvalidValueError, match=r"^standard input:3: reading: must"):
+        names_in(b"\n\n" + line)
 
 
 def test_no_first_line(pipe: Pipe) -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.outside.pace import Clocked, OnChange
+from neurosnap.outside.pace import Clocked, OnChange, pace_of
 
 
 @given(
@@ -134,3 +134,21 @@ def test_the_longest_interval_must_fit_the_shortest(least: float, most: float) -
     rule = r"^max_interval: must be above 0, and min_interval or more, got "
     with pytest.raises(InvalidValueError, match=rule):
         OnChange(least, most)
+
+
+def test_a_pace_is_by_the_clock_or_on_change() -> None:
+    clocked = pace_of(2.0, 0.0, None)
+    clocked.begin(0.0)
+    clocked.given(0.0)
+    assert clocked.wait(0.5, changed=True) == 1.5
+    on_change = pace_of(None, 1.0, 3.0)
+    on_change.given(0.0)
+    assert on_change.wait(0.5, changed=True) == 0.5
+    assert on_change.wait(0.5, changed=False) == 2.5
+
+
+@pytest.mark.parametrize(("least", "most"), [(1.0, None), (0.0, 5.0)])
+def test_a_pace_is_not_both(least: float, most: float | None) -> None:
+    rule = r"^interval: must not come with min_interval or max_interval, got 2.0$"
+    with pytest.raises(InvalidValueError, match=rule):
+        pace_of(2.0, least, most)

@@ -193,6 +193,44 @@ def test_what_comes_while_nobody_looks_is_bounded_and_the_rest_is_counted() -> N
     assert source.statistics().dropped == 7
 
 
+def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    time = FakeTime()
+    source = source_of(time, Clocked(1.0))
+    for _ in range(WAITING + 7):
+        source.give([True, True])
+    source.put("door", True, at=EPOCH - 5.0)
+    source.put("door", True, at=EPOCH + 5.0)
+    assert source.first() is not None
+    time.pass_until(3.5)
+    assert source.step(-1) is not None
+    source.close()
+    source.close()
+    assert caplog.messages == [
+        "source: lost or out of time: 7 whole readings dropped,"
+        " 1 late readings dropped, 1 readings from a clock that is ahead,"
+        " 2 ticks skipped"
+    ]
+    caplog.clear()
+    source_of(FakeTime(), OnChange()).close()
+    assert caplog.messages == []
+
+
+def test_what_came_before_a_failure_is_shown_before_it() -> None:
+    source = source_of(FakeTime(), OnChange())
+    source.give([True, False])
+    source.give([False, True])
+    source.fail(FabricError("hub: gone"))
+    ticks = [source.first(), source.step(-1)]
+    assert [None if bits is None else bits.tolist() for bits in ticks] == [
+        [True, False],
+        [False, True],
+    ]
+    with pytest.raises(FabricError, match=r"^hub: gone$"):
+        source.step(-1)
+
+
 def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
     time = FakeTime()
     source = source_of(time, OnChange(min_interval=50.0))

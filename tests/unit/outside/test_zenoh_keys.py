@@ -16,6 +16,14 @@ from neurosnap.outside.zenoh_keys import ZenohFeeder, hand_over
 NAMES = ["door", "kitchen/motion"]
 
 
+@dataclass(frozen=True)
+class Hub:
+    endpoint: str
+    swarm: str = "one"
+    credentials: Credentials | None = None
+    insecure: bool = False
+
+
 def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], OutsideSource]:
     """Return what the next tick shows once all came; None is what is not known."""
     source = OutsideSource(Board(NAMES), Clocked(1.0))
@@ -101,12 +109,19 @@ def test_nobody_is_held_back_and_the_oldest_whole_readings_go() -> None:
 
 
 def test_a_hub_beyond_this_machine_needs_keys() -> None:
-    @dataclass(frozen=True)
-    class Hub:
-        swarm: str = "one"
-        endpoint: str = "tcp/192.0.2.1:7447"
-        credentials: Credentials | None = None
-        insecure: bool = False
-
     with pytest.raises(InvalidValueError, match=r"^endpoint: must be tcp/ on loopback"):
-        ZenohFeeder(Hub())
+        ZenohFeeder(Hub("tcp/192.0.2.1:7447"))
+
+
+def test_whatever_keeps_it_from_listening_the_source_fails_of(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def connecting(*_: object) -> None:
+        raise InvalidValueError("keys", "must be readable", "ca.pem")
+
+    monkeypatch.setattr("neurosnap.outside.zenoh_keys.connecting", connecting)
+    feeder = ZenohFeeder(Hub("tcp/127.0.0.1:1"))
+    source = OutsideSource(Board(NAMES), Clocked(1.0), feeder=feeder)
+    with pytest.raises(InvalidValueError, match=r"^keys: must be readable"):
+        source.first()
+    source.close()

@@ -1,41 +1,39 @@
-"""A link to a broker with a thread and a loop of its own, for who has none."""
+"""A loop on a thread of its own, for who has none: started, and told to stop."""
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from functools import partial
 
-from neurosnap.outside.mqtt_link import MqttLink
 
-
-class MqttThread:
-    """Serves a link from a thread.
+class LoopThread:
+    """Serves something on a thread, in a loop that lives as long as that takes.
 
     Args:
-        link: Which; nobody else may serve it.
-        fail: Is called from that thread with what the link fails of, see
-            `MqttLink.serve`.
+        name: The thread's.
+        serve: What to run; it ends once the event it is given is set.
+        fail: Is called from that thread with what `serve` fails of.
     """
 
-    def __init__(self, link: MqttLink, fail: Callable[[Exception], None]) -> None:
-        self._link = link
+    def __init__(
+        self,
+        name: str,
+        serve: Callable[[asyncio.Event], Coroutine[None, None, None]],
+        fail: Callable[[Exception], None],
+    ) -> None:
+        self._serve = serve
         self._fail = fail
-        self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._lock = threading.Lock()  # around the next two
         self._stop: Callable[[], object] | None = None
         self._stopped = False
 
     def start(self) -> None:
-        """Begin to connect, without waiting for it."""
+        """Begin, without waiting for anything."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Say goodbye to the broker and end; from any thread, also twice.
-
-        Takes no longer than a connection that is being made: a broker that accepts and
-        then says nothing holds it up for five seconds, and one whose machine does not
-        answer for as long again.
-        """
+        """End, and return once it has; from any thread, without a start, also twice."""
         with self._lock:
             self._stopped = True
             if self._stop is not None:
@@ -45,11 +43,11 @@ class MqttThread:
 
     def _run(self) -> None:
         try:
-            asyncio.run(self._serve())
+            asyncio.run(self._main())
         except Exception as error:  # noqa: BLE001 - it is passed on, whatever it is
             self._fail(error)
 
-    async def _serve(self) -> None:
+    async def _main(self) -> None:
         stop = asyncio.Event()
         with self._lock:
             if self._stopped:
@@ -57,7 +55,7 @@ class MqttThread:
             loop = asyncio.get_running_loop()
             self._stop = partial(loop.call_soon_threadsafe, stop.set)
         try:
-            await self._link.serve(stop)
+            await self._serve(stop)
         finally:
             with self._lock:
                 self._stop = None  # the loop is about to close

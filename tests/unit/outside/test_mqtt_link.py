@@ -1,0 +1,95 @@
+"""A link whose connection breaks or ends while messages are on their way."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Self
+
+import pytest
+
+pytest.importorskip("aiomqtt")
+
+import aiomqtt
+
+from neurosnap.outside.mqtt_link import MqttLink
+from neurosnap.outside.mqtt_options import MqttBroker
+from neurosnap.outside.mqtt_outbox import Outgoing
+
+
+class Connection:
+    """Stands in for one connection; a broker that keeps silent, fails, or answers."""
+
+    def __init__(self, *, silent: tuple[str, ...] = (), fails: str = "") -> None:
+        self.pending_calls_threshold = 0
+        self.got: list[str] = []
+        self.answer = asyncio.Event()
+        self._silent = silent
+        self._fails = fails
+        self._more = asyncio.Condition()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        pass
+
+    @property
+    async def messages(self) -> AsyncIterator[None]:
+        await asyncio.Event().wait()
+        yield
+
+    async def publish(
+        self, topic: str, payload: bytes, *, qos: int, retain: bool
+    ) -> None:
+        assert self.pending_calls_threshold
+        self.got.append(topic)
+        async with self._more:
+            self._more.notify_all()
+        if topic == self._fails:
+            raise aiomqtt.MqttError("connection lost")
+        if topic in self._silent:
+            await self.answer.wait()
+
+    async def wait_for(self, count: int) -> None:
+        async with self._more:
+            await self._more.wait_for(lambda: len(self.got) >= count)
+
+
+def link_over(monkeypatch: pytest.MonkeyPatch, *connections: Connection) -> MqttLink:
+    following = iter(connections)
+    monkeypatch.setattr(MqttLink, "_client", lambda _: next(following))
+    monkeypatch.setattr("neurosnap.outside.mqtt_retry.SHORTEST", 0.0)
+    return MqttLink(MqttBroker(), "test")
+
+
+async def test_what_is_on_its_way_at_the_end_is_not_sent_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    connection = Connection(silent=("toggle",))
+    link, stop = link_over(monkeypatch, connection), asyncio.Event()
+    link.send(Outgoing("toggle", b"1", qos=1))
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await connection.wait_for(1)
+        link.send(Outgoing("other", b"1"))
+        stop.set()
+        for _ in range(10):
+            await asyncio.sleep(0)  # whoever is told to end is about it
+        connection.answer.set()
+    assert connection.got == ["toggle", "other"]
+
+
+async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first = Connection(silent=("once", "again"), fails="bad")
+    second, stop = Connection(), asyncio.Event()
+    link = link_over(monkeypatch, first, second)
+    # Whether a message of QoS 0 arrived nobody knows: it must not come twice.
+    for topic, qos in (("done", 1), ("once", 0), ("again", 1), ("bad", 1)):
+        link.send(Outgoing(topic, b"1", qos=qos))
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await second.wait_for(2)
+        stop.set()
+    assert first.got == ["done", "once", "again", "bad"]
+    assert second.got == ["again", "bad"]
