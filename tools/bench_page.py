@@ -16,14 +16,14 @@ from neurosnap.swarm.run import run
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
 from tools.bench_report import Line, Sizes
-from tools.screenshots import browsing, wait_shown
+from tools.browser import browsing, wait_shown
 
 _SPEED = 60
 _LARGE = 500  # sensors: too many to be drawn each by itself, unless that is asked for
 _WARM = 10  # ticks learned before the clock starts: the first orders are large
-_PLAY = """async () => {
+_PLAY = """async (speed) => {
     const { page } = await import("/main.js");
-    page.player.setSpeed(SPEED);
+    page.player.setSpeed(speed);
     page.player.play();
     const seen = [];
     for (;;) {
@@ -31,7 +31,7 @@ _PLAY = """async () => {
         if (!page.player.playing) return seen;
         seen.push([now, page.frame.tick]);
     }
-}""".replace("SPEED", str(_SPEED))
+}"""
 
 
 class Shown(NamedTuple):
@@ -130,7 +130,7 @@ async def _played(log: Path, *, expanded: bool = False) -> Played:
         session = await opened.context.new_cdp_session(opened)
         await session.send("Performance.enable")
         before = await _busy(session)
-        shown = [Shown(*frame) for frame in await opened.evaluate(_PLAY)]
+        shown = [Shown(*frame) for frame in await opened.evaluate(_PLAY, _SPEED)]
         return Played(shown, await _busy(session) - before)
 
 

@@ -8,80 +8,17 @@ The recording should be a planner's: only its waves go deep.
 
 import argparse
 import asyncio
-import os
-import shutil
 import sys
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Literal
 
 # Run as a file, the folder of this file is on the path and the project's is not.
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Page
 
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
-
-SIZE = 1280, 720
-Scheme = Literal["light", "dark"]
-
-# It asks nobody anything: what a page fetches is what the page fetches.
-_ARGUMENTS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-
-
-def chromium() -> str | None:
-    """Return where Debian's Chromium is; None: it is not there."""
-    return os.environ.get("CHROMIUM") or shutil.which("chromium")
-
-
-@asynccontextmanager
-async def browsing(
-    scheme: Scheme = "light", *, still: bool = False
-) -> AsyncIterator[Page]:
-    """Open an empty page in a browser of its own.
-
-    Args:
-        scheme: The colours the system is said to have.
-        still: Whether the system is said to want no motion.
-    """
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(
-            executable_path=chromium(), args=_ARGUMENTS
-        )
-        try:
-            yield await browser.new_page(
-                viewport={"width": SIZE[0], "height": SIZE[1]},
-                color_scheme=scheme,
-                reduced_motion="reduce" if still else "no-preference",
-            )
-        finally:
-            await browser.close()
-
-
-async def wait_shown(page: Page, tick: int) -> None:
-    """Wait until the page shows a tick, its order and its plots."""
-    shown = f'#drawing[data-tick="{tick}"][aria-busy="false"]'
-    await page.wait_for_selector(shown, state="attached")
-    await page.wait_for_selector("#plots canvas", state="attached")
-
-
-async def wait_until(page: Page, condition: str) -> None:
-    """Wait until an expression is true; the page's own rules forbid the usual way."""
-    await page.evaluate(
-        f"""(async () => {{
-            while (!({condition})) await new Promise(requestAnimationFrame);
-        }})()"""
-    )
+from tools.browser import Scheme, browsing, wait_shown, wait_until
 
 
 async def shoot(page: Page, tick: int, signal: str, folder: Path) -> list[Path]:

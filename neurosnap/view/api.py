@@ -221,7 +221,7 @@ class Member(msgspec.Struct, frozen=True, kw_only=True):
     """How often the run went on after a part had died or it was resumed: all parts
     start again then."""
     host: str | None
-    """Where it runs: this machine and the process; None: not known."""
+    """Where it runs, or ran: the machine and the process; None: not known."""
 
 
 class Cells(msgspec.Struct, frozen=True):

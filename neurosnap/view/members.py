@@ -9,6 +9,7 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.swarm.registry import Part, parts, recorded_in
 from neurosnap.swarm.shares import shares
 from neurosnap.view.api import Cells, Member
@@ -24,11 +25,13 @@ def members(film: Film) -> Cells:
     """Return the parts of a recorded swarm, or of one that is being recorded.
 
     Raises:
-        RecordingError: The recording's totals are not what a writer writes.
+        RecordingError: The recording's totals, or the places it notes, are not what a
+            writer writes.
     """
     hosting = _hosting(film)
     sent = _sent(film, hosting)
     there = {part.who: part for part in _running(film.path)}
+    places = film.files.last.places
     services = [who for who in ("coordinator", "world") if who in sent]
     return Cells(
         cells=[
@@ -37,7 +40,7 @@ def members(film: Film) -> Cells:
                 sensors=list(hosting.get(who, ())),
                 messages=sent.get(who, 0),
                 restarts=len(film.resumed),
-                host=_host(there.get(who)),
+                host=_host(there.get(who), places.get(who)),
             )
             for who in (*services, *hosting)
         ],
@@ -79,5 +82,7 @@ def _running(log: Path) -> list[Part]:
     return [part for note in recorded_in(log) for part in parts(note)]
 
 
-def _host(part: Part | None) -> str | None:
-    return None if part is None else f"this machine, process {part.pid}"
+def _host(part: Part | None, place: Place | None) -> str | None:
+    if part is not None:
+        return f"this machine, process {part.pid}"
+    return None if place is None else f"host {place.host}, process {place.pid}"

@@ -14,7 +14,8 @@ from neurosnap.view.film import Film
 _EVERY = 0.1
 """Seconds between two events, at least."""
 _NEWEST = 10
-"""Frames in one event, at most: who falls behind asks for the others."""
+"""Frames in one event that were not told before, at most: who falls behind asks for
+the others."""
 _HEARTBEAT = 15.0
 """Seconds of silence, at most."""
 
@@ -79,14 +80,13 @@ class _Listener:
     def _changes(self, film: Film) -> list[api.Change]:
         """Return how the newest frames differ from what was told.
 
-        The last that was told is looked at again: its decision may have come since.
+        The last that was told is looked at again, however far behind it is: its
+        decision may have come since.
         """
-        if self._frame is None:
-            first = film.last
-        else:
-            first = max(self._frame.tick, film.last - _NEWEST + 1)
+        told = film.last if self._frame is None else self._frame.tick
+        newest = max(told + 1, film.last - _NEWEST + 1)
         changes = []
-        for frame in film.frames(first, film.last):
+        for frame in (*film.frames(told, told), *film.frames(newest, film.last)):
             if frame != self._frame:
                 changes.append(api.difference(self._frame, frame))
             self._frame = frame

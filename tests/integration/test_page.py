@@ -16,35 +16,34 @@ from neurosnap.sensorium import unpack
 from tests.unit.view.films import (
     TICKS,
     large_run,
-    path_run,
-    planner_run,
     recorded,
     told,
 )
-from tests.unit.view.pages import go_to, opened
-from tools.screenshots import chromium, wait_shown, wait_until
+from tests.unit.view.pages import IN_BROWSER, go_to, opened
+from tools.browser import wait_shown, wait_until
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.timeout(90),
-    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
-]
-
-
-@pytest.fixture(scope="module")
-def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(path_run(), tmp_path_factory.mktemp("path") / "path.mcap")
-
-
-@pytest.fixture(scope="module")
-def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "planner.mcap")
+pytestmark = IN_BROWSER
 
 
 @pytest.fixture(scope="module")
 def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("large")
     return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
+
+
+def between_classes(hasse: frozenset[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return what implies what, but for what is also implied by it."""
+
+    def above(literal: int) -> set[int]:
+        reached, ahead = set[int](), [literal]
+        while ahead:
+            one = ahead.pop()
+            found = {b for a, b in hasse if a == one} - reached
+            reached |= found
+            ahead += found
+        return reached
+
+    return {(a, b) for a, b in hasse if a not in above(b)}
 
 
 async def test_the_order_and_its_height_are_those_a_replay_derives(
@@ -55,11 +54,12 @@ async def test_the_order_and_its_height_are_those_a_replay_derives(
         for tick in (3, 17, TICKS):
             await go_to(page, tick)
             drawn = await page.evaluate(
-                """async () => (await import("/main.js")).page.diagram._graph.edges
+                """async () => (await import("/main.js")).page.diagram._drawing.links
+                    .flatMap(({ edges }) => edges)
                     .map(({ source, target }) => [source, target])"""
             )
             both = {pair for a, b in drawn for pair in ((a, b), (b ^ 1, a ^ 1))}
-            assert both <= truth[tick].hasse
+            assert both == between_classes(truth[tick].hasse)
             facts = await page.inner_text("#diagram-facts")
             assert facts.endswith(f"height {truth[tick].height}")
 
@@ -120,8 +120,8 @@ async def test_what_is_too_small_to_read_is_named_under_the_pointer(
         name, place = await page.evaluate(
             """async () => {
                 const { diagram } = (await import("/main.js")).page;
-                const item = diagram._drawing.items.at(-1);
-                return [item.name, diagram.whereIs({ sensor: item.sensors[0] })];
+                const { name, key } = diagram._drawing.items.at(-1);
+                return [name, diagram._camera.over(diagram._laid.places.get(key))];
             }"""
         )
         box = await page.locator("#drawing").bounding_box()
@@ -143,11 +143,12 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         edge, place = await page.evaluate(
             """async () => {
                 const { diagram } = (await import("/main.js")).page;
-                for (const link of diagram._drawing.links) {
-                    const [edge] = link.edges;
-                    const place = diagram.whereIs({ edge });
+                const { along } = await import("/links.js");
+                for (const [link, c] of diagram._curves) {
+                    const place = diagram._camera.over(along(c, 0.5));
                     // Not one that passes behind a node there.
-                    if (diagram._at(place.x, place.y)?.link === link) return [edge, place];
+                    const found = diagram._at(place.x, place.y);
+                    if (found?.link === link) return [link.edges[0], place];
                 }
             }"""
         )
@@ -168,6 +169,10 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         await page.wait_for_selector("#choice .uplot canvas")
         await page.keyboard.press("Escape")
         await expect(page.locator("#choice")).to_be_hidden()
+        for button in ("right", "middle"):
+            x, y = box["x"] + place["x"], box["y"] + place["y"]
+            await page.mouse.click(x, y, button=button)
+            await expect(page.locator("#choice")).to_be_hidden()
 
 
 async def test_five_hundred_sensors_collapse_and_open(large_log: Path) -> None:
@@ -181,8 +186,9 @@ async def test_five_hundred_sensors_collapse_and_open(large_log: Path) -> None:
             """async () => {
                 const { diagram } = (await import("/main.js")).page;
                 const { items } = diagram._drawing;
-                const sensor = items.find(({ kind }) => kind !== "sensor").sensors[0];
-                return [sensor, diagram.whereIs({ sensor })];
+                const { key, sensors } = items.find(({ kind }) => kind !== "sensor");
+                const place = diagram._laid.places.get(key);
+                return [sensors[0], diagram._camera.over(place)];
             }"""
         )
         box = await drawing.bounding_box()
@@ -198,3 +204,30 @@ async def test_five_hundred_sensors_collapse_and_open(large_log: Path) -> None:
         await expect(drawing).to_have_attribute("data-items", "500")
         await page.click("#expand")
         await expect(drawing).to_have_attribute("data-items", str(few))
+
+
+async def test_what_is_shown_already_is_not_painted_again(path_log: Path) -> None:
+    async with opened(path_log, "#t=20") as page:
+        for tick in (20, 3):  # both orders are known from then on
+            await go_to(page, tick)
+        painted = await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const { diagram, player } = page;
+                let [nodes, shown] = [0, 0];
+                const { paint } = diagram._painter;
+                diagram._painter.paint = function (...given) {
+                    nodes += 1;
+                    paint.apply(this, given);
+                };
+                const show = diagram.show;
+                diagram.show = function (...given) {
+                    shown += 1;
+                    show.apply(this, given);
+                };
+                player.seek(20);
+                for (let k = 0; k < 3; k += 1) page.move();
+                return [nodes, shown];
+            }"""
+        )
+    assert painted == [7, 1]

@@ -6,12 +6,8 @@ import os
 import shutil
 import signal
 import socket
-import subprocess
-import sys
-import urllib.error
-import urllib.request
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncGenerator, AsyncIterator
+from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +27,7 @@ from neurosnap.view.desk import Desk
 from neurosnap.view.film import Film
 from neurosnap.view.server import Address, serving
 from tests.unit.view.films import TICKS, in_chunks, path_run, recorded, told
+from tests.unit.view.verbs import address_of, verb
 
 pytestmark = pytest.mark.slow
 
@@ -254,7 +251,7 @@ async def test_a_broken_recording_says_where_it_ends(log: Path, tmp_path: Path) 
 # While it grows -----------------------------------------------------------------------
 
 
-async def events(address: Address) -> AsyncIterator[api.Event]:
+async def events(address: Address) -> AsyncGenerator[api.Event]:
     reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
     target = f"/api/events?token={address.token}"
     head = f"GET {target} HTTP/1.1\r\nHost: localhost:{address.port}\r\nConnection: close\r\n\r\n"
@@ -330,64 +327,45 @@ async def test_a_run_that_begins_its_file_anew_is_begun_anew(
     assert seen[-1].ticks == TICKS
 
 
-@contextmanager
-def started(*arguments: str) -> Iterator["subprocess.Popen[str]"]:
-    with subprocess.Popen(
-        [sys.executable, "-m", "neurosnap", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def address_of(process: "subprocess.Popen[str]") -> str:
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    assert "http://127.0.0.1:" in line, process.communicate()
-    return line[line.index("http://") :].strip()
-
-
-def fetched(address: str, path: str) -> Any:
-    base, _, token = address.partition("/?")
-    joint = "&" if "?" in path else "?"
-    with urllib.request.urlopen(f"{base}{path}{joint}{token}", timeout=PATIENCE) as got:
-        return json.load(got)
+async def fetched(address: str, path: str) -> Any:
+    base, _, token = address.partition("/?token=")
+    status, body = await get(Address(int(base.rpartition(":")[2]), token), path)
+    assert status == 200
+    return json.loads(body)
 
 
 @pytest.mark.zenoh
 @pytest.mark.timeout(170)
 @pytest.mark.parametrize("cells", ["process", "worker"])
-def test_a_swarm_is_looked_at_while_it_runs(tmp_path: Path, cells: str) -> None:
-    log = tmp_path / "run.mcap"
-    options = ["--ticks", "100000", "--set", "places=6", "--cells", cells]
-    with started("run", "neurosnap/Path-v0", *options, "--out", str(log)) as run:
+async def test_a_swarm_is_looked_at_while_it_runs(tmp_path: Path, cells: str) -> None:
+    log, notes = tmp_path / "run.mcap", tmp_path / "runtime"
+    options = ("--ticks", "100000", "--set", "places=6", "--cells", cells)
+    running = ("run", "neurosnap/Path-v0", *options, "--out", str(log))
+    async with asyncio.timeout(3 * PATIENCE), verb(notes, *running) as run:
         while not log.exists() or log.stat().st_size < 20_000:
-            assert run.poll() is None, run.communicate()
-        with started("view", "--live", "--no-browser") as viewing:
-            address = address_of(viewing)
-            ticks = [fetched(address, "/api/run")["ticks"]]
-            assert fetched(address, "/api/run")["live"]
+            assert run.returncode is None
+            await asyncio.sleep(0)
+        async with verb(notes, "view", "--live", "--no-browser") as viewing:
+            address = await address_of(viewing)
+            ticks = [(await fetched(address, "/api/run"))["ticks"]]
+            assert (await fetched(address, "/api/run"))["live"]
             while len(set(ticks)) < 3:
-                ticks.append(fetched(address, "/api/run")["ticks"])
-            shown = fetched(address, f"/api/frames?from={ticks[0]}&to={ticks[0] + 50}")
-            hosts = {
-                c["who"]: c["host"] for c in fetched(address, "/api/cells")["cells"]
-            }
+                ticks.append((await fetched(address, "/api/run"))["ticks"])
+            some = f"/api/frames?from={ticks[0]}&to={ticks[0] + 50}"
+            shown = await fetched(address, some)
+            parts = (await fetched(address, "/api/cells"))["cells"]
+            hosts = {part["who"]: part["host"] for part in parts}
             kind, count = {"process": ("cell", 5), "worker": ("worker", 2)}[cells]
             own = [f"{kind}/{number}" for number in range(count)]
             assert sorted(hosts) == sorted([*own, "coordinator", "world"])
             assert all("process" in str(host) for host in hosts.values())
             run.send_signal(signal.SIGINT)
-            run.communicate(timeout=PATIENCE)
-            while fetched(address, "/api/run")["live"]:
-                assert viewing.poll() is None
+            await run.communicate()
+            while (await fetched(address, "/api/run"))["live"]:
+                assert viewing.returncode is None
             viewing.send_signal(signal.SIGINT)
-            _, said = viewing.communicate(timeout=PATIENCE)
-            assert (viewing.returncode, said) == (0, "")
+            _, said = await viewing.communicate()
+            assert (viewing.returncode, said) == (0, b"")
     assert ticks == sorted(ticks)
     derived = told(log)
     assert shown["frames"]
@@ -526,14 +504,16 @@ async def test_a_page_that_cannot_be_served_ends_the_run(
             await viewed(log, asyncio.Event(), work, lambda _: None, **options)
 
 
-def test_ctrl_c_ends_it_in_order(log: Path) -> None:
-    with started("view", str(log), "--no-browser") as viewing:
-        address = address_of(viewing)
-        base, _, token = address.partition("/?")
-        with urllib.request.urlopen(
-            f"{base}/api/events?{token}", timeout=PATIENCE
-        ) as on:
-            assert on.readline().startswith(b"data: ")
+async def test_ctrl_c_ends_it_in_order(tmp_path: Path, log: Path) -> None:
+    notes = tmp_path / "runtime"
+    async with (
+        asyncio.timeout(PATIENCE),
+        verb(notes, "view", str(log), "--no-browser") as viewing,
+    ):
+        base, _, token = (await address_of(viewing)).partition("/?token=")
+        address = Address(int(base.rpartition(":")[2]), token)
+        async with aclosing(events(address)) as told:
+            assert (await anext(told)).ticks == TICKS
             viewing.send_signal(signal.SIGINT)
-            _, said = viewing.communicate(timeout=PATIENCE)
-    assert (viewing.returncode, said) == (0, "")
+            _, said = await viewing.communicate()
+    assert (viewing.returncode, said) == (0, b"")

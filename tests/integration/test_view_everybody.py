@@ -7,31 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.view.films import (
-    TICKS,
-    planner_run,
-    recorded,
-)
-from tests.unit.view.pages import opened
+from tests.unit.view.films import TICKS
+from tests.unit.view.pages import IN_BROWSER, opened
 from tools import bench_page
 from tools.bench_report import QUICK
-from tools.screenshots import SIZE, Scheme, chromium, shoot, wait_shown
+from tools.browser import SIZE, Scheme, wait_shown
+from tools.screenshots import shoot
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.timeout(90),
-    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
-]
+pytestmark = IN_BROWSER
 
 AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 GOAL = "x_below_1"  # the first literal of what the planner wants
 CONTROLS = ("#search", "#help", "#fit", "#wave-play", "#taller", "#speed")
 schemes = pytest.mark.parametrize("scheme", ["light", "dark"])
-
-
-@pytest.fixture(scope="module")
-def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "planner.mcap")
 
 
 @schemes
@@ -54,9 +42,8 @@ async def test_axe_finds_no_serious_fault(scheme: Scheme, planner_log: Path) -> 
             assert faults == []
 
 
-@schemes
-async def test_it_fits_a_small_screen(scheme: Scheme, planner_log: Path) -> None:
-    async with opened(planner_log, f"#t={TICKS}", scheme) as page:
+async def test_it_fits_a_small_screen(planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS}") as page:
         await wait_shown(page, TICKS)
         size = await page.evaluate(
             """() => {

@@ -4,6 +4,7 @@ Every test also holds that nothing was fetched from elsewhere, and that nothing 
 """
 
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -13,36 +14,12 @@ from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from tests.unit.view.films import (
     TICKS,
-    csv_run,
     in_chunks,
-    path_run,
-    planner_run,
-    recorded,
 )
-from tests.unit.view.pages import derived, go_to, opened, shown_tick, states
-from tools.screenshots import chromium, wait_shown, wait_until
+from tests.unit.view.pages import IN_BROWSER, derived, go_to, opened, shown_tick, states
+from tools.browser import wait_shown, wait_until
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.timeout(90),
-    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
-]
-
-
-@pytest.fixture(scope="module")
-def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(path_run(), tmp_path_factory.mktemp("path") / "path.mcap")
-
-
-@pytest.fixture(scope="module")
-def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "planner.mcap")
-
-
-@pytest.fixture(scope="module")
-def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("csv")
-    return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
+pytestmark = IN_BROWSER
 
 
 async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
@@ -50,7 +27,7 @@ async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
     async with opened(path_log, "#t=20") as page:
         await page.click("#tab-sensors")
         play = page.locator("#play")
-        await page.select_option("#speed", "20")
+        await page.select_option("#speed", "5")
         await play.click()
         await expect(play).to_have_attribute("aria-label", "Pause")
         await wait_until(page, "document.querySelector('#drawing').dataset.tick > 25")
@@ -63,6 +40,7 @@ async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
         await wait_shown(page, tick + 1)
         await page.click("#back")
         await wait_shown(page, tick)
+        await page.select_option("#speed", "20")
         await play.click()
         await wait_shown(page, TICKS)
         await expect(play).to_have_attribute("aria-label", "Play")
@@ -136,7 +114,7 @@ async def test_the_address_holds_the_tick(path_log: Path) -> None:
         await page.evaluate("location.hash = 't=9'")
         await wait_shown(page, 9)
         await go_to(page, 21)
-        assert page.url.endswith("/#t=21")
+        await expect(page).to_have_url(re.compile(r"/#t=21$"))
 
 
 async def test_everything_goes_by_keyboard(path_log: Path) -> None:
@@ -154,11 +132,10 @@ async def test_everything_goes_by_keyboard(path_log: Path) -> None:
             await keys.press(key)
             await wait_shown(page, tick)
         await page.focus("#time")
-        await keys.press("ArrowRight")  # a slider's own step, and not one more of ours
+        await keys.press("ArrowRight")  # our step, and not one more of the slider's own
         await wait_shown(page, 2)
         label = await page.get_attribute("#time", "aria-valuetext")
         assert label == f"tick 2 of {TICKS}"
-        await page.focus("body")
         await page.evaluate("document.activeElement.blur()")
         await keys.press("Space")
         await expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
@@ -180,6 +157,27 @@ async def test_everything_goes_by_keyboard(path_log: Path) -> None:
         await keys.press("Tab")
         await keys.press("Enter")  # the first sensor of the table
         await expect(page.locator("#choice-title")).to_have_text("below_1")
+
+
+async def test_the_slider_of_the_wave_goes_to_its_own_ends(planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS - 1}") as page:
+        await wait_shown(page, TICKS - 1)
+        await page.select_option("#wave-which", "x_below_1")
+        depth = await page.get_attribute("#wave-hop", "max")
+        assert depth != "0"
+        await page.focus("#wave-hop")
+        for key, hop in [("Home", "0"), ("End", depth)]:
+            await page.keyboard.press(key)
+            assert await page.input_value("#wave-hop") == hop
+            label = await page.get_attribute("#time", "aria-valuetext")
+            assert label == f"tick {TICKS - 1} of {TICKS}"
+
+
+async def test_the_tick_is_said_by_the_voice_alone(path_log: Path) -> None:
+    async with opened(path_log) as page:
+        assert await page.locator("#tick").get_attribute("role") is None
+        loud = 'output, [aria-live], [role="status"]'
+        assert await page.locator("footer").locator(loud).count() == 0
 
 
 async def test_a_tick_is_said_to_whoever_cannot_see_it(csv_log: Path) -> None:

@@ -2,28 +2,21 @@
 
 import asyncio
 import json
-import os
 import random
 import signal
-import sys
-from asyncio.subprocess import PIPE, Process
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from asyncio.subprocess import Process
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from playwright.async_api import Page, expect
 
 from neurosnap.record.replay import verify
-from tests.unit.view.pages import derived, looked_at, states
-from tools.screenshots import chromium, wait_shown
+from tests.unit.view.pages import IN_BROWSER, derived, looked_at, states
+from tests.unit.view.verbs import address_of, verb
+from tools.browser import wait_shown
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.zenoh,
-    pytest.mark.timeout(120),
-    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
-]
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120), *IN_BROWSER]
 
 PATIENCE = 50.0
 NAMES = ("a", "b", "c")
@@ -41,42 +34,12 @@ def readings() -> list[list[bool | None]]:
     return rows
 
 
-@asynccontextmanager
-async def started(folder: Path, *arguments: str) -> AsyncIterator[Process]:
-    """A command, with notes and a browser of this test's own."""
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "neurosnap", *arguments),
-        stdin=PIPE,
-        stdout=PIPE,
-        stderr=PIPE,
-        env={**os.environ, "XDG_RUNTIME_DIR": str(folder), "BROWSER": "true"},
-    )
-    try:
-        yield process
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.communicate()
-
-
 async def ended(process: Process) -> tuple[int | None, str]:
     """End a command as Ctrl-C does; return its exit code and what it complained of."""
     process.send_signal(signal.SIGINT)
     assert process.stderr is not None
     complaints = await process.stderr.read()
     return await process.wait(), complaints.decode()
-
-
-async def line_of(process: Process, *, errors: bool = False) -> str:
-    stream = process.stderr if errors else process.stdout
-    assert stream is not None
-    return (await stream.readline()).decode()
-
-
-async def address_of(process: Process) -> str:
-    said = await line_of(process)
-    assert "http://127.0.0.1:" in said
-    return said[said.index("http://") :].strip()
 
 
 def feed(process: Process, rows: Sequence[Sequence[bool | None]]) -> None:
@@ -116,20 +79,19 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
     options = ("run", "-", *names, "--out", str(log))
     async with asyncio.timeout(2 * PATIENCE):
         if way == "run --view":
-            async with started(tmp_path, *options, "--view") as run:
+            async with verb(tmp_path, *options, "--view") as run:
                 address = await address_of(run)
                 async with looked_at(address) as page:
                     seen = await follow(run, page, address)
                 assert await ended(run) == (0, "")
         else:
-            async with started(tmp_path, *options) as run:
+            async with verb(tmp_path, *options) as run:
                 assert run.stdin is not None
+                assert run.stderr is not None
                 run.stdin.write(b"nonsense\n")
                 # The swarm is up, so it can be found.
-                assert "standard input:1" in await line_of(run, errors=True)
-                async with started(
-                    tmp_path, "view", "--live", "--no-browser"
-                ) as viewing:
+                assert "standard input:1" in (await run.stderr.readline()).decode()
+                async with verb(tmp_path, "view", "--live", "--no-browser") as viewing:
                     address = await address_of(viewing)
                     async with looked_at(address) as page:
                         seen = await follow(run, page, address)

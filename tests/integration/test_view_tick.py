@@ -16,38 +16,14 @@ from neurosnap.record.replay import options_of
 from neurosnap.view.film import Film
 from tests.unit.view.films import (
     TICKS,
-    csv_run,
-    path_run,
-    planner_run,
-    recorded,
     unread_run,
 )
-from tests.unit.view.pages import derived, go_to, opened, states
-from tools.screenshots import chromium, wait_shown
+from tests.unit.view.pages import IN_BROWSER, derived, go_to, opened, states
+from tools.browser import wait_shown
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.timeout(90),
-    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
-]
+pytestmark = IN_BROWSER
 
 GOAL = "x_below_1"  # the first literal of what the planner wants
-
-
-@pytest.fixture(scope="module")
-def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(path_run(), tmp_path_factory.mktemp("path") / "path.mcap")
-
-
-@pytest.fixture(scope="module")
-def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "planner.mcap")
-
-
-@pytest.fixture(scope="module")
-def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("csv")
-    return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
 
 
 @pytest.fixture(scope="module")
@@ -122,13 +98,37 @@ async def test_who_wants_no_motion_gets_the_wave_at_its_end(planner_log: Path) -
         )
 
 
+async def test_a_wave_that_is_not_there_still_has_a_name(planner_log: Path) -> None:
+    async with opened(planner_log) as page:
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                page.wave.show({ ...page.frame, waves: [] });
+            }"""
+        )
+        option = page.locator("#wave-which option")
+        await expect(option).to_have_text("state: not at this tick")
+
+
 async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -> None:
+    film = Film(planner_log)
+    stage = film.scene.stage
+    assert stage is not None
+    assert stage.target is not None
+    target = f"({', '.join(map(str, stage.coordinates[stage.target]))})"
     async with opened(planner_log) as page:
         world = page.locator("#world svg")
         assert await world.locator("rect").count() == 9
-        label = await world.get_attribute("aria-label")
-        assert label is not None
-        assert label.startswith("A grid of 9 places: at (")
+        assert await world.locator("circle.target").count() == 2  # a ring in a ring
+        agent = world.locator("circle.agent")
+        for frame in film.frames(1, TICKS):
+            await go_to(page, frame.tick)
+            assert frame.place is not None
+            x, y = stage.coordinates[frame.place]
+            place = f"({x}, {y})"
+            said = f"A grid of 9 places: at {place}, target {target}"
+            await expect(world).to_have_attribute("aria-label", said)
+            await expect(agent).to_have_attribute("cx", f"{x + 0.5}")
 
 
 async def test_the_cells_are_those_that_sent_something(path_log: Path) -> None:

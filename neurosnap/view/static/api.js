@@ -1,8 +1,8 @@
 // What the server can be asked, one function a question. Addresses are relative to the
 // page, so that it works wherever the server puts it.
 
-/** An answer that is no answer: what the server says is wrong, or that it is gone. */
-export class Refused extends Error {}
+/** What there is to say where nobody answers. */
+export const GONE = "the server does not answer; has it been stopped?";
 
 async function ask(what, query = {}, signal = undefined) {
   const search = new URLSearchParams(query).toString();
@@ -12,11 +12,12 @@ async function ask(what, query = {}, signal = undefined) {
     response = await fetch(address, { signal });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refused("the server does not answer; has it been stopped?");
+    throw new Error(GONE);
   }
   const answer = await response.json().catch(() => null);
+  signal?.throwIfAborted(); // it may have been while the answer came
   if (response.ok && answer !== null) return answer;
-  throw new Refused(answer?.error ?? `the server answered ${response.status}`);
+  throw new Error(answer?.error ?? `the server answered ${response.status}`);
 }
 
 /** What is being looked at: sensors, ticks, world, columns. */

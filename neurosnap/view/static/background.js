@@ -42,13 +42,8 @@ export function paintClasses(context, places, colours) {
 }
 
 function classes(places) {
-  const found = new Map();
-  for (const place of places.values()) {
-    if (place.item.kind !== "sensor") continue;
-    if (!found.has(place.item.class)) found.set(place.item.class, []);
-    found.get(place.item.class).push(place);
-  }
-  return found.values();
+  const single = [...places.values()].filter(({ item }) => item.kind === "sensor");
+  return Map.groupBy(single, ({ item }) => item.class).values();
 }
 
 function tie(context, one, other) {

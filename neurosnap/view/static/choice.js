@@ -25,7 +25,7 @@ export class ChoiceView {
     this._thing = thing;
     this._graph = null;
     find("choice").hidden = thing === null;
-    this._edge.open(thing?.edge ?? null, frame?.tick);
+    this._edge.open(thing?.edge ?? null);
     if (thing?.edge) write(find("choice-title"), "Selected edge");
     if (thing !== null && frame) this.show(frame, graph, false);
   }

@@ -6,7 +6,7 @@ import { Camera } from "./camera.js";
 import { collapse, MOST } from "./groups.js";
 import { Layers } from "./layers.js";
 import { layOut, HEIGHT } from "./layout.js";
-import { along, curve, distance, paintLink } from "./links.js";
+import { curve, distance, paintLink } from "./links.js";
 import { sensorOf } from "./literals.js";
 import { lookKey, looks } from "./looks.js";
 import { NodePainter, widthOf } from "./nodes.js";
@@ -21,7 +21,7 @@ export class Diagram {
   /**
    * @param {HTMLElement} home what it fills
    * @param {{pick: (thing: object|null) => void, change: () => void}} on told what was
-   *   clicked (`{sensor}`, `{edge}` or null), and when it was arranged anew
+   *   clicked (`{sensor}`, `{edge}` or null), and when something was expanded or collapsed
    */
   constructor(home, on) {
     this._on = on;
@@ -31,7 +31,7 @@ export class Diagram {
     this._graph = null;
     this._expanded = new Set();
     this._all = false;
-    this._drawing = { items: [], links: [], itemOf: [], collapses: false };
+    this._drawing = { items: [], links: [], itemOf: [] };
     this._laid = layOut([], [], widthOf);
     this._curves = new Map();
     this._ways = [];
@@ -61,24 +61,23 @@ export class Diagram {
     return this.count.sensors > MOST;
   }
 
-  /** Show another order. */
-  setGraph(graph) {
-    if (graph.id === this._graph?.id) return;
-    this._graph = graph;
-    this._arrange();
-  }
-
   /**
    * Show a tick.
    *
+   * @param {object|null} graph the order; null: none is known yet
    * @param {object} frame
    * @param {object|null} wave what of a wave to show instead of the state: `hops`, the
    *   hops of each literal it reaches, and `at`, how many it has gone, with fractions
    */
-  show(frame, wave) {
+  show(graph, frame, wave) {
     const moving = wave !== null || this._wave !== null;
     this._frame = frame;
     this._wave = wave;
+    if (graph !== null && graph.id !== this._graph?.id) {
+      this._graph = graph;
+      this._arrange();
+      return;
+    }
     this._paintNodes();
     if (moving) this._paintPulses();
   }
@@ -115,6 +114,7 @@ export class Diagram {
     this._expanded.clear();
     this._whole = true;
     this._arrange();
+    this._on.change();
   }
 
   /** Make everything larger by a factor. */
@@ -136,16 +136,6 @@ export class Diagram {
     this._paint();
   }
 
-  /** Where on the screen a sensor, or the middle of an edge, is drawn. */
-  whereIs({ sensor, edge }) {
-    const has = (link) =>
-      link.edges.some(({ source, target }) => source === edge.source && target === edge.target);
-    const place = edge
-      ? along(this._curves.get(this._drawing.links.find(has)), 0.5)
-      : this._laid.places.get(this._drawing.itemOf[sensor].key);
-    return this._camera.over(place);
-  }
-
   // Arranging ------------------------------------------------------------------------
 
   _arrange() {
@@ -157,12 +147,12 @@ export class Diagram {
     this._ways = waysOf(links);
     if (this._whole) this.fit();
     else this._paint();
-    this._on.change();
   }
 
   _expand(item) {
     this._expanded.add(item.key);
     this._arrange();
+    this._on.change();
   }
 
   _resize() {

@@ -3,11 +3,10 @@
 
 import uPlot from "./vendor/uplot/uPlot.esm.js";
 import { make, number, write } from "./dom.js";
-import { literalName } from "./literals.js";
+import { complementOf, literalName } from "./literals.js";
 import { palette } from "./palette.js";
-import { axes, line, mark } from "./plots.js";
+import { axes, INKS, line, mark } from "./plots.js";
 
-const INKS = ["first", "second", "third", "fourth"];
 const HIGH = 130;
 const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
 
@@ -20,17 +19,19 @@ export class EdgeView {
     this._edge = null;
     this._known = null;
     this._asked = null;
+    this._drawn = null;
   }
 
   /** Show an edge, or none. */
   open(edge) {
+    this._stop();
+    this._wipe();
     this._edge = edge;
-    this._asked?.abort();
     this._known = null;
     if (edge === null) return;
     const names = [edge.source, edge.target].map((end) => literalName(this._names, end));
-    const backwards = [edge.target ^ 1, edge.source ^ 1].map((end) =>
-      literalName(this._names, end),
+    const backwards = [edge.target, edge.source].map((end) =>
+      literalName(this._names, complementOf(end)),
     );
     this._values = [...INKS, "limit"].map(() => make("td", { className: "number" }, "–"));
     this._says = make("p", { className: "quiet" });
@@ -47,21 +48,26 @@ export class EdgeView {
 
   /** Show its weights at a tick, once one stays there. */
   at(tick, playing) {
+    this._stop(); // it may have been of another tick
     if (this._edge === null || playing || this._known?.tick === tick) return;
-    clearTimeout(this._timer);
     this._timer = setTimeout(() => this._ask(tick), PATIENCE);
   }
 
   /** The scheme of colours has changed. */
   recolour() {
-    if (this._known !== null) this._draw(this._known);
+    this._wipe();
+    if (this._known !== null) this._draw();
+  }
+
+  /** Want no answer any more. */
+  _stop() {
+    clearTimeout(this._timer);
+    this._asked?.abort();
   }
 
   async _ask(tick) {
-    this._asked?.abort();
     this._asked = new AbortController();
-    const { source, target } = this._edge ?? {};
-    if (source === undefined) return;
+    const { source, target } = this._edge;
     try {
       this._show(await this._fetch(source, target, tick, this._asked.signal));
     } catch (error) {
@@ -70,9 +76,8 @@ export class EdgeView {
   }
 
   _lines({ source, target }) {
-    const [a, a_, b, b_] = [source, source ^ 1, target, target ^ 1].map((end) =>
-      literalName(this._names, end),
-    );
+    const both = (end) => [end, complementOf(end)].map((one) => literalName(this._names, one));
+    const [[a, a_], [b, b_]] = [both(source), both(target)];
     const pairs = [[a, b], [a, b_], [a_, b], [a_, b_]];
     const labels = pairs.map(([one, other]) => `${one} and ${other}`);
     return [...labels, "threshold of the second"].map((label, k) =>
@@ -92,10 +97,19 @@ export class EdgeView {
     const since = known.since > 0 ? ` since tick ${known.since}` : "";
     write(this._says, `${known.holds ? "It holds" : "It does not hold"}${since}.`);
     this._home.dataset.tick = known.tick;
-    this._draw(known);
+    this._draw();
   }
 
-  _draw({ over, tick }) {
+  _draw() {
+    const { over } = this._known;
+    const weights = INKS.map((_, k) => over.map((one) => one.weights[k]));
+    const data = [over.map((one) => one.tick), ...weights, over.map((one) => one.threshold)];
+    if (this._drawn === null) this._drawn = this._made(data);
+    else this._drawn.setData(data);
+  }
+
+  _made(data) {
+    const now = make("div", { className: "now" });
     const colours = palette();
     const limit = { label: "threshold", stroke: colours.ink, width: 1, points: { show: false } };
     const options = {
@@ -106,14 +120,17 @@ export class EdgeView {
       series: [{}, ...INKS.map((ink, k) => line(colours, k, ink)), limit],
       legend: { show: false },
       cursor: { show: false },
+      hooks: { draw: [(drawn) => mark(now, drawn, this._known.tick)] },
     };
-    const data = [over.map((one) => one.tick)];
-    for (let k = 0; k < 4; k += 1) data.push(over.map((one) => one.weights[k]));
-    data.push(over.map((one) => one.threshold));
-    const now = make("div", { className: "now" });
-    options.hooks = { draw: [(drawn) => mark(now, drawn, tick)] };
-    this._plot.replaceChildren();
-    new uPlot(options, data, this._plot).over.append(now);
+    const drawn = new uPlot(options, data, this._plot);
+    drawn.over.append(now);
+    return drawn;
+  }
+
+  /** Take the plot away; left alone, it would listen to the window for ever. */
+  _wipe() {
+    this._drawn?.destroy();
+    this._drawn = null;
   }
 }
 

@@ -16,21 +16,21 @@ const SMALLEST = 3; // a class of two is no easier to read as one
  * @param {object} graph as the server gives it
  * @param {Set<string>} expanded the keys of what was opened
  * @param {number} most items before it collapses
- * @returns {{items: object[], links: object[], itemOf: object[], collapses: boolean}}
- *   An item has a key, a kind ("sensor", "class" or "layer"), its sensors and its layer;
- *   a link its two items, its kind, and the edges it stands for.
+ * @returns {{items: object[], links: object[], itemOf: object[]}} An item has a key, a
+ *   kind ("sensor", "class" or "layer"), its sensors and its layer; a link its two items,
+ *   its kind, and the edges it stands for.
  */
-export function collapse(graph, expanded, most = MOST) {
-  const collapses = graph.nodes.length > most;
-  const items = collapses
+export function collapse(graph, expanded, most) {
+  const isLarge = graph.nodes.length > most;
+  const items = isLarge
     ? byLayer(byClass(graph.nodes, expanded), expanded, most)
     : graph.nodes.map(single);
   const itemOf = [];
   for (const item of items) for (const sensor of item.sensors) itemOf[sensor] = item;
-  return { items, links: joined(graph, itemOf), itemOf, collapses };
+  return { items, links: joined(graph, itemOf), itemOf };
 }
 
-const classOf = (node) => node.class >> 1; // a literal's and its complement's are one
+const classOf = (node) => sensorOf(node.class); // a literal's and its complement's are one
 
 function single(node) {
   return {
@@ -43,19 +43,9 @@ function single(node) {
   };
 }
 
-function gathered(things, keyOf) {
-  const found = new Map();
-  for (const thing of things) {
-    const key = keyOf(thing);
-    if (!found.has(key)) found.set(key, []);
-    found.get(key).push(thing);
-  }
-  return found;
-}
-
 function byClass(nodes, expanded) {
   const items = [];
-  for (const [number, members] of gathered(nodes, classOf)) {
+  for (const [number, members] of Map.groupBy(nodes, classOf)) {
     const key = `c${number}`;
     if (members.length < SMALLEST || expanded.has(key)) {
       items.push(...members.map(single));
@@ -78,7 +68,8 @@ function byLayer(items, expanded, most) {
   const highest = Math.max(...items.map((item) => item.layer));
   const step = Math.ceil((highest + 1) / BANDS);
   const kept = [];
-  for (const [band, members] of gathered(items, (item) => Math.floor(item.layer / step))) {
+  const bandOf = (item) => Math.floor(item.layer / step);
+  for (const [band, members] of Map.groupBy(items, bandOf)) {
     const key = `l${band}`;
     if (members.length === 1 || expanded.has(key)) {
       kept.push(...members);

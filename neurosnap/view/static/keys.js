@@ -7,6 +7,7 @@ import { theme } from "./theme.js";
 import { tickAsked } from "./timeline.js";
 
 const TYPED = 'input:not([type="range"]), select, textarea, dialog[open]';
+const MOVES = /^(Arrow\w+|Home|End)$/;
 
 /** Let a page be told what to do. */
 export function bind(page) {
@@ -63,9 +64,9 @@ function listen(bindings) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const at = event.target;
     if (at.closest(TYPED)) return;
-    // A button has its own idea of the space bar, and another slider of arrows.
+    // A button has its own idea of the space bar, and another slider of where to go.
     if (event.key === " " && at.closest("button")) return;
-    if (event.key.startsWith("Arrow") && at.matches('input[type="range"]:not(#time)')) return;
+    if (MOVES.test(event.key) && at.matches('input[type="range"]:not(#time)')) return;
     const shifted = event.shiftKey && event.key.startsWith("Arrow");
     const act = acts.get(shifted ? `Shift+${event.key}` : event.key);
     if (!act) return;

@@ -52,13 +52,9 @@ function neighbours(items, links) {
 
 /** Divide each layer into rows; classes without any neighbour are out of the way above. */
 function rows(items, near, places, before) {
-  const found = new Map();
-  for (const item of items) {
-    if (!found.has(item.layer)) found.set(item.layer, []);
-    found.get(item.layer).push(item);
-  }
+  const found = Map.groupBy(items, (item) => item.layer);
   const widest = bestWidth([...found.values()], places);
-  const layers = [...found.entries()].sort(([a], [b]) => a - b);
+  const layers = [...found].sort(([a], [b]) => a - b);
   return layers.map(([layer, members]) => {
     members.sort((a, b) => a.class - b.class);
     if (before.size > 0) {

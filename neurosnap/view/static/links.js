@@ -8,6 +8,8 @@ import { isComplement } from "./literals.js";
 /** How wide the part of an item is that stands for the complement. */
 export const CAP = 16;
 
+const PIECES = 16; // straight ones, that a curve is taken for
+
 /** Where on an item a literal is. */
 function anchor(place, literal) {
   if (place.item.kind !== "sensor") return place.x;
@@ -83,14 +85,14 @@ function paintEnd(context, kind, c) {
 
 /** How far a place is from a curve. */
 export function distance(c, { x, y }) {
-  let least = Infinity;
-  for (let k = 0; k <= 16; k += 1) {
-    const at = along(c, k / 16);
-    const next = along(c, Math.min(k + 1, 16) / 16);
+  let [least, at] = [Infinity, along(c, 0)];
+  for (let k = 1; k <= PIECES; k += 1) {
+    const next = along(c, k / PIECES);
     const [dx, dy] = [next.x - at.x, next.y - at.y];
     const length = dx * dx + dy * dy || 1;
     const t = Math.min(Math.max(((x - at.x) * dx + (y - at.y) * dy) / length, 0), 1);
     least = Math.min(least, Math.hypot(x - at.x - t * dx, y - at.y - t * dy));
+    at = next;
   }
   return least;
 }

@@ -14,7 +14,7 @@ export const literalName = (names, literal) =>
  */
 export function drawn(source, target) {
   const turn = isComplement(source) && isComplement(target);
-  const [from, to] = turn ? [target ^ 1, source ^ 1] : [source, target];
+  const [from, to] = turn ? [complementOf(target), complementOf(source)] : [source, target];
   return { source: from, target: to, kind: isComplement(to) ? "inhibit" : "excite" };
 }
 

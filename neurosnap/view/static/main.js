@@ -16,12 +16,20 @@ import { Plots } from "./plots.js";
 import { Reel } from "./reel.js";
 import { Search } from "./search.js";
 import { tickAsked, Timeline } from "./timeline.js";
-import { Voice } from "./voice.js";
+import { Notices, Voice } from "./voice.js";
 import { WaveView } from "./wave.js";
 import { WorldView } from "./world.js";
 
 const RARELY = 100; // milliseconds between two orders while it plays
 const SLOW = 2; // ticks a second up to which a tick's wave is shown on its way
+
+const notices = new Notices();
+const fetchRun = notices.watched("run", api.fetchRun);
+const fetchFrames = notices.watched("frames", api.fetchFrames);
+const fetchGraph = notices.watched("graph", api.fetchGraph);
+const fetchSeries = notices.watched("series", api.fetchSeries);
+const fetchCells = notices.watched("cells", api.fetchCells);
+const said = () => {}; // what failed was said where it was asked
 
 /** Everything there is on the page of one run. */
 class Page {
@@ -33,13 +41,14 @@ class Page {
     this.played = false;
     this.arranged = 0; // when an order was last shown
     this.live = false; // the run was seen under way
+    this.received = Promise.resolve(); // once all that came has been taken in
     const names = run.sensors;
-    this.reel = new Reel(api.fetchFrames);
-    this.orders = new Orders(api.fetchGraph, notify);
+    this.reel = new Reel(fetchFrames);
+    this.orders = new Orders(fetchGraph);
     this.player = new Player({
       ready: (tick) => this.isReady(tick),
       move: () => this.move(),
-      change: () => this.timeline?.showPlayer(),
+      change: () => this.timeline.showPlayer(),
     });
     this.timeline = new Timeline(this.player);
     this.diagram = new Diagram(find("drawing"), {
@@ -55,10 +64,9 @@ class Page {
       pick: (thing) => this.choose(thing),
       fetchEdge: api.fetchEdge,
     });
-    this.plots = new Plots(find("plots"), run.columns, api.fetchSeries, (tick) => {
-      this.player.pause();
-      this.player.seek(tick);
-    });
+    this.plots = new Plots(find("plots"), run.columns, fetchSeries, (tick) =>
+      this.player.seek(tick),
+    );
     this.search = new Search(names, {
       mark: (found) => this.diagram.seek(found),
       pick: (sensor) => this.goTo(sensor),
@@ -68,50 +76,59 @@ class Page {
   // Moving through time --------------------------------------------------------------
 
   isReady(tick) {
-    const { last } = this.player;
-    this.reel.prefetch(tick, 1, last);
-    if (this.reel.peek(tick)) return true;
-    this.reel.at(tick).catch(notify);
+    this.reel.prefetch(tick);
+    if (this.reel.peek(tick) !== undefined) return true;
+    this.reel.at(tick).catch(said);
     return false;
   }
 
   /** The player is somewhere else: show it, as soon as it is here. */
   move() {
-    this.timeline?.showTick();
+    this.timeline.showTick();
     const { tick } = this.player;
     const frame = this.reel.peek(tick);
-    if (frame) {
-      this.show(frame);
+    if (frame !== undefined) {
+      this.arrive(frame);
       return;
     }
     document.body.ariaBusy = true;
-    this.reel.at(tick).then((late) => {
-      if (late && this.player.tick === tick) this.show(late);
-    }, notify);
+    this.reel
+      .at(tick)
+      .catch(said)
+      .then((late) => {
+        if (this.player.tick === tick) this.arrive(late);
+      });
+  }
+
+  /** Show what there is of the tick one is at; null: it was not recorded. */
+  arrive(frame) {
+    document.body.ariaBusy = false;
+    const missing = `tick ${this.player.tick} was not recorded`;
+    notices.say("tick", frame === null ? missing : "");
+    if (frame) this.show(frame);
   }
 
   show(frame) {
     const { playing, speed, position } = this.player;
     // What is shown only now and then while it plays has to be right once it stops.
     const another = frame !== this.frame || playing !== this.played;
+    const waving = this.wave.shown !== null;
     this.played = playing;
     this.frame = frame;
-    document.body.ariaBusy = false;
     this.wave.show(frame);
     if (playing && speed <= SLOW) this.wave.run(position % 1);
-    if (another) this.showElsewhere(playing);
-    this.showDiagram();
+    if (another) this.showTick();
+    else if (waving || this.wave.shown !== null) this.showDiagram();
   }
 
   /** Show what stays the same as long as the tick does. */
-  showElsewhere(playing) {
+  showTick() {
     const { frame } = this;
     this.showOrder();
     this.facts.show(frame);
     this.world.show(frame);
     this.plots.at(frame);
     this.voice.show(frame);
-    if (!playing) history.replaceState(null, "", `#t=${frame.tick}`);
   }
 
   /** Show the learned order of the frame; while it plays, now and then. */
@@ -135,7 +152,7 @@ class Page {
   showGraph() {
     const isMissing = this.graph?.id !== this.frame.graph && this.frame.graph !== "";
     find("drawing").ariaBusy = isMissing;
-    if (this.graph) this.diagram.setGraph(this.graph);
+    this.showDiagram();
     this.describe();
     this.showWords();
   }
@@ -148,7 +165,7 @@ class Page {
 
   showDiagram() {
     if (this.frame === null) return;
-    this.diagram.show(this.frame, this.wave.shown);
+    this.diagram.show(this.graph, this.frame, this.wave.shown);
     find("drawing").dataset.tick = this.frame.tick;
   }
 
@@ -211,19 +228,27 @@ class Page {
     find("badge").classList.toggle("over", !live);
     write(find("badge"), live ? "live" : `ended at tick ${ticks}`);
     find("follow").hidden = !live;
-    showNotice(cut === null ? "" : `This recording is not whole: ${cut}`);
+    notices.say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
+    this.reel.last = ticks;
     this.player.setRange(first, ticks);
-    this.plots.load(first, ticks).catch(notify);
+    this.plots.load(first, ticks).catch(said);
   }
 
-  /** Something new has come. */
-  async receive(event) {
-    if (event.reset) {
-      this.reel.clear();
-      this.orders.clear();
-      this.setRun(await api.fetchRun());
-      return;
-    }
+  /** Something new has come: take it in after what came before. */
+  receive(event) {
+    const taken = this.received.then(() => (event.reset ? this.renew() : this.take(event)));
+    this.received = taken.catch((error) => notices.say("page", error.message));
+  }
+
+  /** It is another recording now. */
+  async renew() {
+    this.reel.clear();
+    this.orders.clear();
+    this.choose(this.chosen); // nothing is known of it any more
+    this.setRun(await fetchRun().catch(() => this.run));
+  }
+
+  take(event) {
     for (const change of event.frames) {
       const frame = patched(change, (tick) => this.reel.peek(tick));
       if (frame) this.reel.add(frame);
@@ -236,17 +261,15 @@ class Page {
 
   begin() {
     bind(this);
-    this.setRun(this.run);
     const asked = tickAsked();
-    if (asked !== null) this.player.seek(asked);
-    else if (this.run.live) this.player.follow();
-    else this.player.seek(this.run.first);
+    this.player.position = asked ?? this.run.first;
+    this.player.following = asked === null && this.run.live;
+    this.setRun(this.run);
     if (this.run.live) {
-      const lost = "The server does not answer; has it been stopped?";
       follow(
         api.openEvents,
-        (event) => this.receive(event).catch(notify),
-        (here) => showNotice(here ? "" : lost),
+        (event) => this.receive(event),
+        (here) => notices.link(here),
       );
     }
   }
@@ -256,27 +279,17 @@ class Page {
     if (panel === "sensors" && this.frame) this.showWords();
     if (panel !== "cells") return;
     const { sensors } = this.run;
-    api.fetchCells().then((cells) => showCells(find("cells"), sensors, cells), notify);
+    fetchCells().then((cells) => showCells(find("cells"), sensors, cells), said);
   }
-}
-
-function showNotice(text) {
-  write(find("notice"), text);
-  find("notice").title = text; // there may not be room for all of it
-  find("notice").hidden = text === "";
-}
-
-function notify(error) {
-  showNotice(error.message);
 }
 
 async function open() {
   try {
-    const page = new Page(await api.fetchRun());
+    const page = new Page(await fetchRun());
     page.begin();
     return page;
   } catch (error) {
-    notify(error);
+    notices.say("page", error.message);
     throw error;
   }
 }

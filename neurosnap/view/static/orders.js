@@ -7,12 +7,10 @@ const KEPT = 60;
 /** Graphs by id. */
 export class Orders {
   /**
-   * @param {(tick: number) => Promise<object>} fetchGraph
-   * @param {(error: Error) => void} failed
+   * @param {(tick: number) => Promise<object>} fetchGraph says itself what goes wrong
    */
-  constructor(fetchGraph, failed) {
+  constructor(fetchGraph) {
     this._fetch = fetchGraph;
-    this._failed = failed;
     this._known = new Map();
     this._wanted = null;
     this._asking = false;
@@ -43,8 +41,8 @@ export class Orders {
       this._known.set(graph.id, graph);
       if (this._known.size > KEPT) this._known.delete(this._known.keys().next().value);
       arrived(graph);
-    } catch (error) {
-      this._failed(error);
+    } catch {
+      // Whoever wants it next asks again.
     } finally {
       this._asking = false;
     }

@@ -2,7 +2,7 @@
 // or would rather read.
 
 import { find, make, write } from "./dom.js";
-import { bitWord, conditions, drawn, few, literalName, sensorOf } from "./literals.js";
+import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "./literals.js";
 
 const RARELY = 250; // milliseconds between two updates while it plays
 const NAMED = 8; // members of a class that the first of them names
@@ -20,7 +20,6 @@ export class Outline {
         make("td", { className: what }),
       );
       const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells);
-      row.dataset.sensor = sensor;
       return { row, cells };
     });
     const titles = ["Sensor", "Reads", "State", "Layer", "Implies (→), excludes (⊣)"];
@@ -50,7 +49,6 @@ export class Outline {
     });
     if (graph !== null && graph !== this._graph) this._setGraph(graph);
     find("outline").dataset.tick = frame.tick;
-    find("outline").dataset.graph = this._graph?.id ?? "";
   }
 
   _setGraph(graph) {
@@ -61,7 +59,7 @@ export class Outline {
       const [from, to] = [source, target].map((end) => literalName(this._names, end));
       const sign = kind === "excite" ? "→" : "⊣";
       const what = kind === "excite" ? to : this._names[sensorOf(target)];
-      out[sensorOf(source)].push(source & 1 ? `${from} ${sign} ${what}` : `${sign} ${what}`);
+      out[sensorOf(source)].push(isComplement(source) ? `${from} ${sign} ${what}` : `${sign} ${what}`);
     }
     for (const members of graph.classes) {
       // Whatever it has for others it has for each: they name the one that stands for all.

@@ -36,20 +36,20 @@ export class Player {
   /** Between which ticks one can move. */
   setRange(first, last) {
     [this.first, this.last] = [first, last];
-    if (this.following) this._to(last);
+    this._to(this.following || this.tick > last ? last : this.position);
     this._on.change();
   }
 
-  /** Go to a tick, or to the nearest there is. */
+  /** Go to a tick, or to the nearest there is, and stop there. */
   seek(tick) {
+    this.pause();
     this.following = false;
     this._to(Math.min(tick, this.last));
     this._on.change();
   }
 
-  /** Go some ticks on or back, and stop there. */
+  /** Go some ticks on or back. */
   step(ticks) {
-    this.pause();
     this.seek(this.tick + ticks);
   }
 

@@ -19,7 +19,8 @@ const TITLES = {
 };
 // What is plotted is counted: no axis has halves.
 const WHOLE = Array.from({ length: 10 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** k)).flat();
-const INKS = ["first", "second", "third", "fourth"];
+/** The colours of series, in their order. */
+export const INKS = ["first", "second", "third", "fourth"];
 
 /** One axis pair in the colours of the page. */
 export function axes(colours) {
@@ -164,8 +165,10 @@ export class Plots {
   /** Say what the columns are at this tick; some are known by their series alone. */
   _tell(plot) {
     if (this._frame === null) return;
+    // A long series is thinned out: what stands beside this tick would be another's.
+    const at = plot.data?.[0].indexOf(this._frame.tick);
     plot.columns.forEach((column, k) => {
-      const value = this._frame[column] ?? latest(plot.data, k + 1, this._frame.tick);
+      const value = this._frame[column] ?? plot.data?.[k + 1][at];
       write(plot.values[k], number(value));
     });
   }
@@ -177,13 +180,4 @@ export class Plots {
       plot.drawn.setSize({ width, height });
     }
   }
-}
-
-/** The last value at a tick or before it that is known. */
-function latest(data, k, tick) {
-  if (!data) return null;
-  for (let at = data[0].length - 1; at >= 0; at -= 1) {
-    if (data[0][at] <= tick && data[k][at] != null) return data[k][at];
-  }
-  return null;
 }

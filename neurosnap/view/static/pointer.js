@@ -15,7 +15,8 @@ const STILL = 4; // pixels within which a press is a click
  */
 export function point(home, on) {
   let held = null;
-  home.addEventListener("pointerdown", ({ offsetX: x, offsetY: y, pointerId }) => {
+  home.addEventListener("pointerdown", ({ button, offsetX: x, offsetY: y, pointerId }) => {
+    if (button !== 0) return;
     held = { x, y, moved: false };
     home.setPointerCapture(pointerId);
   });

@@ -2,71 +2,90 @@
 // block before it is needed, and those looked at longest ago forgotten.
 
 /** Ticks in a block: two seconds at sixty a second, half of what the server gives. */
-export const BLOCK = 120;
+const BLOCK = 120;
 
 const KEPT = 48;
+const REST = 1000; // milliseconds until a block that could not be had is asked for again
 
 /** Frames by tick. */
 export class Reel {
   /** @param {(from: number, to: number) => Promise<object[]>} fetchFrames */
   constructor(fetchFrames) {
+    this.last = 0; // the last tick there is, as far as is known
     this._fetch = fetchFrames;
     this._blocks = new Map(); // by number, the one looked at last at the end
-    this._asked = new Map(); // questions that are not answered yet
+    this._asked = new Map(); // questions that are not answered yet, or were in vain
   }
 
-  /** The frame of a tick, if it is here; undefined otherwise. */
+  /** The frame of a tick; null: the recording has none; undefined: it is not here. */
   peek(tick) {
     const number = Math.floor(tick / BLOCK);
     const block = this._blocks.get(number);
     if (block === undefined) return undefined;
     this._blocks.delete(number);
     this._blocks.set(number, block);
-    return block.get(tick);
+    return block.frames.get(tick) ?? (tick <= block.told ? null : undefined);
   }
 
-  /** The frame of a tick; undefined if the recording has none. */
+  /** The frame of a tick, once it is here; null: the recording has none. */
   async at(tick) {
-    const frame = this.peek(tick);
-    if (frame !== undefined) return frame;
-    await this.load(Math.floor(tick / BLOCK));
+    // An answer may be to a question from before the recording had this tick.
+    while (tick <= this.last && this.peek(tick) === undefined) {
+      await this._load(Math.floor(tick / BLOCK));
+    }
     return this.peek(tick);
   }
 
-  /** Have what follows a tick ready soon, in the direction one goes. */
-  prefetch(tick, step, last) {
-    const number = Math.floor(tick / BLOCK) + step;
-    if (number < 0 || number * BLOCK > last || this._blocks.has(number)) return;
-    this.load(number).catch(() => {}); // whoever needs it asks again, and hears why
-  }
-
-  /** Fetch a block, whatever is here of it already. */
-  load(number) {
-    if (!this._asked.has(number)) {
-      const [from, to] = [Math.max(1, number * BLOCK), (number + 1) * BLOCK - 1];
-      const asked = this._asked;
-      const answered = this._fetch(from, to)
-        .then((frames) => {
-          // What was asked of a recording that was since forgotten is of no use.
-          if (asked === this._asked) frames.forEach((frame) => this.add(frame));
-        })
-        .finally(() => asked.delete(number));
-      asked.set(number, answered);
-    }
-    return this._asked.get(number);
+  /** Have what follows the block of a tick ready soon. */
+  prefetch(tick) {
+    const number = Math.floor(tick / BLOCK) + 1;
+    const first = number * BLOCK;
+    if (first > this.last || this.peek(first) !== undefined) return;
+    this._load(number).catch(() => {}); // whoever needs it asks again, and hears why
   }
 
   /** Keep a frame. */
   add(frame) {
-    const number = Math.floor(frame.tick / BLOCK);
-    if (!this._blocks.has(number)) this._blocks.set(number, new Map());
-    this._blocks.get(number).set(frame.tick, frame);
-    if (this._blocks.size > KEPT) this._blocks.delete(this._blocks.keys().next().value);
+    this._block(Math.floor(frame.tick / BLOCK)).frames.set(frame.tick, frame);
   }
 
   /** Forget everything: it is another recording now. */
   clear() {
+    this.last = 0;
     this._blocks.clear();
     this._asked = new Map();
+  }
+
+  /** Fetch a block, whatever is here of it already. */
+  _load(number) {
+    const asked = this._asked;
+    if (!asked.has(number)) {
+      const [from, to] = [Math.max(1, number * BLOCK), (number + 1) * BLOCK - 1];
+      const told = Math.min(to, this.last);
+      const answered = this._fetch(from, to).then(
+        (frames) => {
+          asked.delete(number);
+          // What was asked of a recording that was since forgotten is of no use.
+          if (asked !== this._asked) return;
+          this._block(number).told = told;
+          for (const frame of frames) this.add(frame);
+        },
+        (error) => {
+          setTimeout(() => asked.delete(number), REST);
+          throw error;
+        },
+      );
+      asked.set(number, answered);
+    }
+    return asked.get(number);
+  }
+
+  /** A block: its frames, and the tick up to which it has all that were recorded. */
+  _block(number) {
+    if (!this._blocks.has(number)) {
+      this._blocks.set(number, { frames: new Map(), told: 0 });
+      if (this._blocks.size > KEPT) this._blocks.delete(this._blocks.keys().next().value);
+    }
+    return this._blocks.get(number);
   }
 }

@@ -6,6 +6,7 @@ import { SPEEDS } from "./player.js";
 
 const PLAY = "M4 2.5v11L13 8z";
 const PAUSE = "M4 3h3v10H4zM9 3h3v10H9z";
+const PATIENCE = 500; // milliseconds of rest before the address is written
 
 /** The footer, bound to a player. */
 export class Timeline {
@@ -13,10 +14,7 @@ export class Timeline {
   constructor(player) {
     this._player = player;
     this._slider = find("time");
-    this._slider.addEventListener("input", () => {
-      player.pause();
-      player.seek(Number(this._slider.value));
-    });
+    this._slider.addEventListener("input", () => player.seek(Number(this._slider.value)));
     const speeds = SPEEDS.map((speed) => make("option", { value: speed }, `${speed}/s`));
     find("speed").append(...speeds);
     find("speed").addEventListener("change", (event) =>
@@ -50,6 +48,19 @@ export class Timeline {
     this._slider.value = tick;
     this._slider.setAttribute("aria-valuetext", text);
     write(find("tick"), text);
+    clearTimeout(this._timer);
+    this._timer = setTimeout(() => this._keep(), PATIENCE);
+  }
+
+  /**
+   * Have the address say where one stays. Not at once: browsers refuse to have it written
+   * too often. Who follows has no tick there: the page opened anew would not follow.
+   */
+  _keep() {
+    const { tick, first, last, playing, following } = this._player;
+    if (playing || last < first) return;
+    const where = following ? location.pathname + location.search : `#t=${tick}`;
+    history.replaceState(null, "", where);
   }
 }
 

@@ -1,6 +1,8 @@
-// What a screen reader is told by itself: where one is and what changed, once it stays.
+// What the page says by itself: to a screen reader where one is and what changed, once it
+// stays; and to everyone, at the top, what is amiss.
 
-import { find } from "./dom.js";
+import { GONE } from "./api.js";
+import { find, write } from "./dom.js";
 import { conditions, few } from "./literals.js";
 
 const PATIENCE = 600; // milliseconds of rest before anything is said
@@ -30,5 +32,43 @@ export class Voice {
     const named = few(changed, NAMED);
     const did = frame.action ? `, then ${frame.action}` : "";
     find("said").textContent = `tick ${frame.tick}${did}${named && `: ${named}`}`;
+  }
+}
+
+/** What is amiss, said by several: none wipes away what another said. */
+export class Notices {
+  constructor() {
+    this._words = new Map();
+  }
+
+  /** Say something in the name of `who`; nothing: it is no longer so. */
+  say(who, text) {
+    if (text === (this._words.get(who) ?? "")) return;
+    this._words.set(who, text);
+    const all = [...new Set(this._words.values())].filter(Boolean).join(" · ");
+    write(find("notice"), all);
+    find("notice").title = all; // there may not be room for all of it
+    find("notice").hidden = all === "";
+  }
+
+  /** Say whether the server is there: whoever gets an answer knows. */
+  link(here) {
+    this.say("link", here ? "" : GONE);
+  }
+
+  /** Have a question say what goes wrong, until it is answered again. */
+  watched(who, ask) {
+    return async (...asked) => {
+      try {
+        const answer = await ask(...asked);
+        this.say(who, "");
+        this.link(true);
+        return answer;
+      } catch (error) {
+        if (error.message === GONE) this.link(false);
+        else this.say(who, error.message);
+        throw error;
+      }
+    };
   }
 }

@@ -111,7 +111,7 @@ export class WaveView {
 
   _offer(known) {
     const named = new Map([...known].map(([key, wave]) => [key, this._nameOf(key, wave)]));
-    if (!named.has(this._which)) named.set(this._which, `${this._which}: not at this tick`);
+    if (!named.has(this._which)) named.set(this._which, `${this._which || "state"}: not at this tick`);
     const offered = JSON.stringify([...named]);
     if (offered !== this._offered) {
       this._offered = offered;

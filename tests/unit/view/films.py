@@ -2,7 +2,7 @@
 
 import asyncio
 import random
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from neurosnap import wire
 from neurosnap.agent.context import Body
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.replay import Replay
@@ -176,3 +177,16 @@ def told(log: Path) -> dict[int, Told]:
 def ternary(literals: Iterable[bool]) -> list[int | None]:
     pairs = np.asarray(list(literals)).reshape(-1, 2).tolist()
     return [1 if on else 0 if off else None for on, off in pairs]
+
+
+def without_states(log: Path, target: Path, ticks: Container[int]) -> Path:
+    """Record it all again, but for the states of some ticks."""
+    recording = Recording.open(log)
+    with Writer(target) as writer:
+        writer.start(recording.metadata)
+        for each in recording.messages():
+            message = each.message
+            if not (isinstance(message, wire.State) and message.tick in ticks):
+                writer.add(each.delivery, each.log_time)
+        writer.finish({}, recording.noted().expected)
+    return target

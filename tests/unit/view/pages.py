@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 from playwright.async_api import ConsoleMessage, Page
 
 from neurosnap import wire
@@ -13,7 +14,14 @@ from neurosnap.record.replay import Replay
 from neurosnap.sensorium import unpack
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
-from tools.screenshots import Scheme, browsing, wait_shown
+from tools.browser import Scheme, browsing, chromium, wait_shown
+
+IN_BROWSER = [
+    pytest.mark.slow,
+    pytest.mark.timeout(90),
+    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
+]
+"""What marks the tests of the page."""
 
 
 @asynccontextmanager

@@ -1,0 +1,74 @@
+"""A browser that looks at the page of `neurosnap view`, for tests and measurements."""
+
+import asyncio
+import os
+import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Literal
+
+from playwright.async_api import Page, async_playwright
+
+SIZE = 1280, 720
+Scheme = Literal["light", "dark"]
+
+_PATIENCE = 30.0
+"""Seconds; as long as the browser's own waiting takes."""
+
+# It asks nobody anything: what a page fetches is what the page fetches.
+_ARGUMENTS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def chromium() -> str | None:
+    """Return where Debian's Chromium is; None: it is not there."""
+    return os.environ.get("CHROMIUM") or shutil.which("chromium")
+
+
+@asynccontextmanager
+async def browsing(
+    scheme: Scheme = "light", *, still: bool = False
+) -> AsyncIterator[Page]:
+    """Open an empty page in a browser of its own.
+
+    Args:
+        scheme: The colours the system is said to have.
+        still: Whether the system is said to want no motion.
+    """
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(
+            executable_path=chromium(), args=_ARGUMENTS
+        )
+        try:
+            yield await browser.new_page(
+                viewport={"width": SIZE[0], "height": SIZE[1]},
+                color_scheme=scheme,
+                reduced_motion="reduce" if still else "no-preference",
+            )
+        finally:
+            await browser.close()
+
+
+async def wait_shown(page: Page, tick: int) -> None:
+    """Wait until the page shows a tick, its order and its plots."""
+    shown = f'#drawing[data-tick="{tick}"][aria-busy="false"]'
+    await page.wait_for_selector(shown, state="attached")
+    await page.wait_for_selector("#plots canvas", state="attached")
+
+
+async def wait_until(page: Page, condition: str) -> None:
+    """Wait until an expression is true; the page's own rules forbid the usual way.
+
+    Raises:
+        TimeoutError: It does not become true.
+    """
+    async with asyncio.timeout(_PATIENCE):
+        while not await page.evaluate(condition):
+            await page.evaluate("new Promise(requestAnimationFrame)")
