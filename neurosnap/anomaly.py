@@ -24,7 +24,7 @@ from neurosnap.poc.contradiction import Contradiction, contradiction
 from neurosnap.poc.evidence import Evidence
 from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.snapshot import Snapshot
-from neurosnap.sensorium import Sensorium, complete
+from neurosnap.sensorium import Sensorium, as_known, complete
 
 MOST = 64
 """Broken implications that one anomaly lists; a thousand sensors may break as many as
@@ -156,7 +156,7 @@ class Watcher:
         if self._hold and self._held is None:
             self._held, self._until = order, tick + self._hold
         self._blame[list(found.candidates)] += 1 / len(found.candidates)
-        return self._told(found, snapshot)
+        return self._told(found, snapshot, self._since)
 
     def _observed(
         self, graph: PocGraph, bits: ArrayLike, known: NDArray[np.bool_] | None
@@ -166,19 +166,15 @@ class Watcher:
         if graph.sensors != count:
             raise ShapeError("graph", f"must have {count} sensors", graph.sensors)
         seen = complete(self._sensorium.observation(bits))
-        if known is None:
-            return seen
-        if known.shape != (count,):
-            raise ShapeError("known", f"must be ({count},)", known.shape)
-        if known.dtype != np.bool_:
-            raise InvalidValueError("known", "must be bool", known.dtype)
-        return seen & known.repeat(2)
+        return seen if known is None else seen & as_known(known, count).repeat(2)
 
     def _suspicion(self, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
         still = ~(seen ^ self._calm)[::2]
         return self._blame + _STILL * still
 
-    def _told(self, found: Contradiction, snapshot: Snapshot | None) -> Anomaly:
+    def _told(
+        self, found: Contradiction, snapshot: Snapshot | None, since: int
+    ) -> Anomaly:
         """Return an anomaly in words."""
         name, names = self._sensorium.name, self._sensorium.names
 
@@ -189,7 +185,7 @@ class Watcher:
 
         return Anomaly(
             tick=self._tick,
-            since=self._tick if self._since is None else self._since,
+            since=since,
             broken=tuple(
                 Broken(
                     name(chain[0]),

@@ -228,6 +228,26 @@ def complete(bits: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return literals
 
 
+def as_known(known: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return which of `count` readings are known: ``(count,)`` bool.
+
+    Raises:
+        ShapeError: There is not one flag a reading.
+        InvalidValueError: They are not bool: numbers are likely to be readings.
+
+    Example:
+        >>> as_known([True, False], 2)
+        array([ True, False])
+    """
+    mask = np.asarray(known)
+    if mask.shape != (count,):
+        rule = f"must hold {count} flags, one a sensor"
+        raise ShapeError("known", rule, mask.shape)
+    if mask.dtype != np.bool_ and mask.size:
+        raise InvalidValueError("known", "must be bool", mask.dtype)
+    return mask.astype(np.bool_, copy=False)
+
+
 def _checked(name: object) -> str:
     """Return `name` if it may name a sensor."""
     if not isinstance(name, str):

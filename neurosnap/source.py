@@ -1,4 +1,4 @@
-"""Where observations come from: a Gymnasium environment, or a CSV file of readings.
+"""Where observations come from: Gymnasium, a CSV file of readings, or from outside.
 
 What a source gives after k steps is a function of its name, the seed and the actions,
 and of nothing else; but for live sources, which cannot be brought back to where they

@@ -25,7 +25,7 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 # Run as a file, the folder of this file is on the path and the project's is not.
@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import psutil
 
-from tools.fuzz_run import Honest, honest_run
+from tools.fuzz_run import honest_run
 from tools.fuzz_targets import (
     CellTarget,
     CoordinatorTarget,
@@ -60,16 +60,15 @@ SHARES = {
 """How the inputs are shared out among the targets."""
 
 
-def targets(honest: Honest, folder: Path) -> dict[str, Target]:
-    """Return all targets by name."""
-    return {
-        "decode": Decode(honest),
-        "cell": CellTarget(honest),
-        "wave": WaveTarget(),
-        "coordinator": CoordinatorTarget(honest),
-        "recording": RecordingTarget(honest, folder),
-        "worker": WorkerTarget(honest_run(folder, WORKERS)),
-    }
+TARGETS: dict[str, Callable[[Path], Target]] = {
+    "decode": lambda folder: Decode(honest_run(folder)),
+    "cell": lambda folder: CellTarget(honest_run(folder)),
+    "wave": lambda _: WaveTarget(),
+    "coordinator": lambda folder: CoordinatorTarget(honest_run(folder)),
+    "recording": lambda folder: RecordingTarget(honest_run(folder), folder),
+    "worker": lambda folder: WorkerTarget(honest_run(folder, WORKERS)),
+}
+"""Each is made in a folder of its own."""
 
 
 def rounds(
@@ -120,12 +119,11 @@ def fuzz(
     ends = time.monotonic() + 60 * minutes
     all_shares = sum(SHARES[name] for name in only)
     counts: dict[str, Count] = {}
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
-        folder = Path(name)
-        every = targets(honest_run(folder), folder)
-        for name in only:
-            wanted = inputs * SHARES[name] / all_shares
-            for _, count in rounds(name, every[name], seed, first or 0):
+    for name in only:
+        wanted = inputs * SHARES[name] / all_shares
+        with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+            target = TARGETS[name](Path(folder))
+            for _, count in rounds(name, target, seed, first or 0):
                 counts[name] = count
                 over = time.monotonic() > ends
                 if count.inputs >= wanted or over or first is not None:

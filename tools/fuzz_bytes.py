@@ -2,7 +2,7 @@
 
 Bytes changed at random mostly fail the first check there is. So a value takes the place
 of another, a record that of another, and a recording's checksums are right again when
-all is done: what the damage meets is the code behind them.
+all is done, or say that there are none: what the damage meets is the code behind them.
 """
 
 import io
@@ -16,6 +16,8 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
+
+from neurosnap.record.layout import CHUNK_HEAD, FOOTER, HEAD, MAGIC
 
 _NASTY = (
     b"NaN",
@@ -83,79 +85,100 @@ def damage_json(whole: bytes, other: bytes, chance: random.Random) -> bytes:
     return whole
 
 
-_HEAD, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQII")
-_START = 8  # bytes of the magic before the first record
+_START = len(MAGIC)
 _MESSAGE = 22  # bytes of a message before its payload
 
 Records = list[tuple[int, bytes]]
 
 
 def damage_recording(whole: bytes, chance: random.Random) -> bytes:
-    """Return a recording damaged below its checksums, which then are right again."""
-    records = _records(whole[_START:-_START])
+    """Return a recording damaged below its checksums: most often they are right again.
+
+    Otherwise they are 0, which says that none was computed.
+    """
+    found = records(whole[_START:-_START])
     for _ in range(chance.choice((1, 1, 3))):
-        _damage_one(records, chance)
-    for at, (kind, body) in enumerate(records):  # 0 says that none was computed
-        if kind == Opcode.DATA_END:
-            records[at] = kind, bytes(4)
-        elif kind == Opcode.FOOTER:
-            records[at] = kind, body[:-4] + bytes(4)
-    return whole[:_START] + _joined(records) + whole[:_START]
+        _damage_one(found, chance)
+    return resealed(found, checksums=chance.random() < 0.8)
 
 
-def _records(data: bytes) -> Records:
+def records(data: bytes) -> Records:
     """Return the opcodes and bodies in `data`, up to where it makes no sense."""
-    records, at = [], 0
-    while at + _HEAD.size <= len(data):
-        kind, length = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
-        records.append((kind, data[at : at + length]))
+    found, at = [], 0
+    while at + HEAD.size <= len(data):
+        kind, length = HEAD.unpack_from(data, at)
+        at += HEAD.size
+        found.append((kind, data[at : at + length]))
         at += length
-    return records
+    return found
 
 
-def _joined(records: Records) -> bytes:
-    return b"".join(_HEAD.pack(kind, len(body)) + body for kind, body in records)
+def resealed(found: Records, *, checksums: bool = True) -> bytes:
+    """Return the file of these records; its end fits what is before.
+
+    Args:
+        found: From the header to the footer.
+        checksums: Those of data and summary are right, and not 0.
+    """
+    file, begins = bytearray(MAGIC), 0
+    for kind, body in found:
+        if kind == Opcode.DATA_END:
+            checksum = zlib.crc32(file) if checksums else 0
+            file += _joined([(kind, struct.pack("<I", checksum))])
+            begins = len(file)
+        elif kind == Opcode.FOOTER and len(body) == FOOTER.size:
+            end = _joined([(kind, struct.pack("<Q", begins) + body[8:])])[:-4]
+            checksum = zlib.crc32(file[begins:] + end) if checksums else 0
+            file += end + struct.pack("<I", checksum)
+        else:
+            file += _joined([(kind, body)])
+    return bytes(file + MAGIC)
 
 
-def _damage_one(records: Records, chance: random.Random) -> None:
-    """Damage one of `records`, or put it elsewhere; most often a chunk."""
-    if not records:
+def _joined(found: Records) -> bytes:
+    return b"".join(HEAD.pack(kind, len(body)) + body for kind, body in found)
+
+
+def _damage_one(found: Records, chance: random.Random) -> None:
+    """Damage one of the records, or put it elsewhere; most often a chunk."""
+    if not found:
         return
-    chunks = [at for at, (kind, _) in enumerate(records) if kind == Opcode.CHUNK]
+    chunks = [at for at, (kind, _) in enumerate(found) if kind == Opcode.CHUNK]
     at = chance.choice(
-        chunks if chunks and chance.random() < 0.6 else range(len(records))
+        chunks if chunks and chance.random() < 0.6 else range(len(found))
     )
-    kind, body = records[at]
-    other = chance.choice(records)[1]
+    kind, body = found[at]
+    other = chance.choice(found)[1]
     if chance.random() < 0.1:
-        records.insert(chance.randrange(len(records)), records.pop(at))
+        found.insert(chance.randrange(len(found)), found.pop(at))
     elif kind == Opcode.CHUNK and chance.random() < 0.9:
-        records[at] = kind, _damage_chunk(body, chance)
+        found[at] = kind, _damage_chunk(body, chance)
     elif kind == Opcode.MESSAGE and chance.random() < 0.9:
         payload = damage_json(body[_MESSAGE:], other[_MESSAGE:], chance)
-        records[at] = kind, body[:_MESSAGE] + payload
+        found[at] = kind, body[:_MESSAGE] + payload
     elif kind == Opcode.METADATA and chance.random() < 0.9:
-        records[at] = kind, _damage_metadata(body, chance)
+        found[at] = kind, _damage_metadata(body, chance)
     else:
-        records[at] = kind, damage(body, other, chance)
+        found[at] = kind, damage(body, other, chance)
 
 
 def _damage_chunk(body: bytes, chance: random.Random) -> bytes:
     """Damage a record in a chunk, and pack all again."""
-    start, end, size, _, name = _CHUNK.unpack_from(body.ljust(_CHUNK.size))
-    inside = body[_CHUNK.size + name + 8 :]
+    start, end, size, _, name = CHUNK_HEAD.unpack_from(body.ljust(CHUNK_HEAD.size))
+    inside = body[CHUNK_HEAD.size + name + 8 :]
     if name:
         try:
             inside = zstandard.decompress(inside, max_output_size=size)
         except zstandard.ZstdError:  # it was damaged before
             return damage(body, body, chance)
-    records = _records(inside)
-    _damage_one(records, chance)
-    inside = _joined(records)
+    found = records(inside)
+    _damage_one(found, chance)
+    inside = _joined(found)
     compression = chance.choice((b"", b"zstd"))
     packed = zstandard.compress(inside) if compression else inside
-    head = _CHUNK.pack(start, end, len(inside), zlib.crc32(inside), len(compression))
+    head = CHUNK_HEAD.pack(
+        start, end, len(inside), zlib.crc32(inside), len(compression)
+    )
     return head + compression + len(packed).to_bytes(8, "little") + packed
 
 
@@ -173,4 +196,4 @@ def _damage_metadata(body: bytes, chance: random.Random) -> bytes:
         )
     builder = RecordBuilder()
     metadata.write(builder)
-    return bytes(builder.end())[_HEAD.size :]
+    return bytes(builder.end())[HEAD.size :]

@@ -10,6 +10,7 @@ import re
 import struct
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
@@ -21,6 +22,10 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.fabric.memory import MemoryHub
+from neurosnap.record.chunks import unpack
+from neurosnap.record.glance import glance, sealed
+from neurosnap.record.info import describe, render
+from neurosnap.record.layout import opened
 from neurosnap.record.reader import Recording
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.coordinator import Coordinator
@@ -317,6 +322,17 @@ class RecordingTarget:
                 count.rejected += 1
 
     def _read(self) -> None:
+        self._look()
         recording = Recording.open(self._path)
+        render(describe(recording))
         recording.completeness()
-        _ = recording.snapshot, recording.cut
+        for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
+            list(recording.messages((topic,)))
+        _ = recording.snapshot, recording.share, recording.closing
+
+    def _look(self) -> None:
+        """Look at the file as a viewer does, which shows what it can."""
+        with suppress(RecordingError), opened(self._path) as file:
+            for chunk in glance(self._path).layout.chunks:
+                with suppress(RecordingError):
+                    unpack(self._path, file, sealed(self._path, file, chunk))

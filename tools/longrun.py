@@ -23,7 +23,6 @@ import msgspec
 import numpy as np
 import psutil
 
-from neurosnap.cli.shared import in_bytes
 from neurosnap.errors import NeurosnapError
 from neurosnap.record.replay import verify
 from neurosnap.record.whole import part_paths
@@ -31,6 +30,7 @@ from neurosnap.source import open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
+from tools.arguments import in_bytes
 
 KINDS = ("hub", "recorder", "coordinator", "world", "cell", "worker")
 _WARM = 0.1  # share of the run whose memory does not count

@@ -5,6 +5,7 @@ A schedule is a function of its seed alone. Supervision is one for all, as in
 on from the last whole tick of what is on disk.
 """
 
+import logging
 import random
 from pathlib import Path
 
@@ -12,15 +13,20 @@ import msgspec
 
 from neurosnap.agent.context import Body
 from neurosnap.errors import RecordingError, SwarmError
+from neurosnap.record.parts import Split
 from neurosnap.record.past import Past
 from neurosnap.record.resume import look_back
+from neurosnap.record.whole import open_whole, part_paths
 from neurosnap.source import Argument, open_source
+from neurosnap.swarm.endure import _make_room
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe
 from tools.simulate_check import check
 from tools.simulate_swarm import Life
 from tools.simulate_weather import Tally, Weather, random_weather
 
+# Files are cut small here on purpose, and nobody is to hear of it.
+logging.getLogger("neurosnap").addHandler(logging.NullHandler())
 _CALM = Weather()  # once the worst is over, so that every run comes to its end
 
 
@@ -46,32 +52,37 @@ def live_on(
     """Let one life follow the other until one comes to its end; see `simulate`."""
     tally, past = Tally(schedules=1), None
     bad = chance.choice([1, 2, 4, 8])
+    split = chance.choice([None, Split(500), Split(5000)])
     facts = {**describe(options), "swarm": "simulated"}
+    log, broken = folder / "run.mcap", folder / "broken.mcap"
     while True:
-        log = folder / f"{tally.restarts}.mcap"
         current = weather if tally.restarts < bad else _CALM
-        life = Life(options, facts, log, past, current, chance, tally)
+        life = Life(options, facts, log, past, split, current, chance, tally)
         try:
             completeness, sent = life.live()
         except SwarmError:
-            past = _further(log, options, past)
+            _, past = _make_room(log, broken, _reached(log, options), past)
             tally.restarts += 1
-        else:
-            check(log, options, completeness, sent)
-            tally.ticks += options.ticks
-            tally.incomplete += not completeness.whole
-            return tally
+            continue
+        if past is not None and past.part:
+            # The files of lives before it say what they lack by themselves.
+            completeness = open_whole(log).completeness()
+        check(log, options, completeness, sent)
+        tally.ticks += options.ticks
+        tally.files += len(part_paths(log))
+        tally.incomplete += not completeness.whole
+        return tally
 
 
-def _further(log: Path, options: RunOptions, before: Past | None) -> Past | None:
-    """Return where to go on: where `log` got to, if that is further than `before`."""
+def _reached(log: Path, options: RunOptions) -> Past | None:
+    """Return where a run got to; None: it did not live to see a whole tick."""
     try:
         found_options, found = look_back(log, options.ticks - 1)
-    except RecordingError:  # it did not live to see a whole tick
-        return before
+    except RecordingError:
+        return None
     if found_options != options:
         raise ValueError(f"{log}: must be of {options}, got {found_options}")
-    return before if before is not None and before.tick >= found.tick else found
+    return found
 
 
 # What is drawn ------------------------------------------------------------------------

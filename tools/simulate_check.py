@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.context import Senses
-from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.reader import Recorded
 from neurosnap.record.replay import verify
 from neurosnap.record.sequences import Completeness
+from neurosnap.record.whole import open_whole
 from neurosnap.sensorium import pack
-from neurosnap.source import open_source
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.readings import selection
+from tools.simulate_source import source_of
 
 Said = tuple[object, ...]
 Edges = set[tuple[int, int]]
@@ -41,21 +43,26 @@ class Truth(msgspec.Struct):
 def truth(options: RunOptions) -> Truth:
     """Make the run in process."""
     found = Truth({"observe": [], "state": [], "reach": [], "decide": []}, {})
-    source = open_source(options.source, options.seed, options.arguments)
+    source = source_of(options)
     senses, policy = Senses(options.body), options.new_policy()
     snapshot = options.new_snapshot()
-    action, why, state = -1, "the run begins", None
+    action, why, state, before = -1, "the run begins", None, None
     for tick in range(1, options.ticks + 1):
         found.said["decide"].append((tick - 1, action, why))
         bits = source.first() if tick == 1 else source.step(action)
         if bits is None:
             break
         taken = -1 if source.begins else action
-        observed = senses.observe(bits, taken, state)
-        found.said["observe"].append((tick, pack(observed), source.begins))
-        state = snapshot.observe(observed)
+        read = bits if source.known is None else bits & source.known
+        observed = senses.observe(read, taken, state)
+        known = senses.known(source.known, taken, state, before)
+        before = source.known
+        mask = b"" if known is None else pack(known)
+        found.said["observe"].append((tick, pack(observed), mask, source.begins))
+        state = snapshot.observe(observed, known)
         graph = snapshot.poc_graph()
-        incoherent = int(state.sum()) < len(observed)
+        above = graph.up(selection(observed, known))
+        incoherent = bool((above[::2] & above[1::2]).any())
         found.said["state"].append((tick, pack(state), incoherent))
         questions = policy.ask(tick, state)
         answers = [graph.up(question) for question in questions]
@@ -91,7 +98,7 @@ def check(
     Raises:
         WrongError: It differs; the text says where.
     """
-    recorded = list(Recording.open(log).messages())
+    recorded = list(open_whole(log).messages())
     _check_completeness(recorded, completeness, sent)
     true, said = truth(options), _said(recorded)
     for topic, expected in true.said.items():
@@ -147,7 +154,7 @@ def _said(recorded: Iterable[Recorded]) -> dict[str, list[Said]]:
     for one in recorded:
         match one.message:
             case wire.Observation() as m:
-                said["observe"].append((m.tick, m.bits, m.begins))
+                said["observe"].append((m.tick, m.bits, m.known, m.begins))
             case wire.State() as m:
                 said["state"].append((m.tick, m.literals, m.incoherent))
             case wire.Reached() as m:

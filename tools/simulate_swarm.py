@@ -14,9 +14,10 @@ from pathlib import Path
 from neurosnap import wire
 from neurosnap.errors import MessageError, SwarmError, WaveLostError
 from neurosnap.fabric.memory import Faults, MemoryFabric, MemoryHub
+from neurosnap.record.parts import Split
 from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
-from neurosnap.source import Source, open_source
+from neurosnap.source import Source
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.options import RunOptions
@@ -26,6 +27,7 @@ from neurosnap.swarm.worker import Worker
 from neurosnap.swarm.world import World
 from tools.simulate_check import WrongError
 from tools.simulate_recorder import Recorder
+from tools.simulate_source import source_of
 from tools.simulate_weather import Tally, Weather
 
 Transition = Callable[[wire.Message], list[wire.Message]]
@@ -41,6 +43,7 @@ class Life:
         facts: What the recording says of it.
         log: Where it is recorded; must not exist yet.
         past: Where it goes on from, if it does.
+        split: How the recording is spread over files; None: it is one.
         weather: What goes wrong, and how often.
         chance: Draws all that happens.
         tally: Takes note of it.
@@ -52,6 +55,7 @@ class Life:
         facts: Mapping[str, str],
         log: Path,
         past: Past | None,
+        split: Split | None,
         weather: Weather,
         chance: random.Random,
         tally: Tally,
@@ -72,7 +76,7 @@ class Life:
         self._dead: list[str] = []
         self._core = jobs.coordinator_for(options, past)
         self._recorder = Recorder(
-            log, facts, past, self._parts, chance.choice([100, 1000])
+            log, facts, past, self._parts, chance.choice([100, 1000]), split
         )
 
     def _breakable(self) -> list[tuple[str, str]]:
@@ -99,7 +103,7 @@ class Life:
             WrongError: The recording lacks what nobody took.
         """
         options = self._options
-        source = open_source(options.source, options.seed, options.arguments)
+        source = source_of(options)
         try:
             self._join(source)
             self._run()

@@ -29,6 +29,8 @@ class Tally(msgspec.Struct):
 
     schedules: int = 0
     ticks: int = 0
+    files: int = 0
+    """Files of the recordings in the end."""
     deliveries: int = 0
     crashes: int = 0
     restarts: int = 0

@@ -27,7 +27,6 @@ import psutil
 from rich.console import Console
 
 from neurosnap import wire
-from neurosnap.cli.shared import in_bytes
 from neurosnap.errors import NeurosnapError
 from neurosnap.record.replay import verify
 from neurosnap.record.whole import open_whole
@@ -37,6 +36,7 @@ from neurosnap.swarm.endure import Restart, run_on
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.supervision import Supervision
+from tools.arguments import in_bytes
 
 SERVICES = ("hub", "recorder", "coordinator", "world")
 VICTIMS = (*SERVICES, "recorder+coordinator")

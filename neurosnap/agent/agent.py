@@ -19,7 +19,7 @@ from neurosnap.environment import describe
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.snapshot import EmpiricalSnapshot, Snapshot
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import Sensorium, as_known
 from neurosnap.wire import Decision
 
 
@@ -161,14 +161,10 @@ class Agent:
         """Return which own readings are known, as a source says it; None: all are."""
         if known is None:
             return None
-        count = len(self.body.own)
-        if known.shape != (count,):
-            raise ShapeError("known", f"must be ({count},)", known.shape)
-        if known.dtype != np.bool_:
-            raise InvalidValueError("known", "must be bool", known.dtype)
-        if not known.any():
-            raise InvalidValueError("known", "must hold one at least", known.tolist())
-        return known.copy()  # the next tick looks back at it
+        own = as_known(known, len(self.body.own))
+        if not own.any():
+            raise InvalidValueError("known", "must hold one at least", own.tolist())
+        return own.copy()  # the next tick looks back at it
 
     def _graph(self) -> PocGraph:
         return self.snapshot.poc_graph()

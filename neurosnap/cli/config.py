@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from neurosnap.cli.shared import Json, app, errors, print_json, say
+from neurosnap.cli.shared import Json, app, errors, print_json, say, was_given
 from neurosnap.errors import InvalidValueError
 from neurosnap.source import Argument
 
@@ -128,7 +128,6 @@ def described(
     return prepare(load(file, overrides, names))
 
 
-
 def _arguments(given: list[str]) -> dict[str, Argument]:
     """Return the world's arguments: JSON's numbers, true, false; anything else text."""
     arguments: dict[str, Argument] = {}
@@ -138,6 +137,8 @@ def _arguments(given: list[str]) -> dict[str, Argument]:
             raise InvalidValueError("set", "must be NAME=VALUE", text)
         try:
             arguments[name] = msgspec.json.decode(value, type=Argument)
-        except (msgspec.DecodeError, UnicodeEncodeError):
+        except msgspec.DecodeError:
             arguments[name] = value
+        except UnicodeEncodeError as error:
+            raise InvalidValueError("set", "must be text in UTF-8", text) from error
     return arguments

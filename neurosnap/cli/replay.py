@@ -12,21 +12,31 @@ import typer
 
 from neurosnap.cli.shared import (
     LOST,
+    Insecure,
     Json,
     Log,
+    Tls,
     app,
+    convert,
     errors,
     new_log,
     print_json,
     run_async,
     say,
     screen,
+    was_given,
 )
 from neurosnap.errors import InvalidValueError
+from neurosnap.swarm.network import Network
+
+_ONLY_WITH = {"begin": "verify", "ticks": "resume", "out": "resume"}
+"""Flags, and what they go with."""
+_ONLY_PLAYING = ("rate", "start", "step", "listen", "tls", "insecure")
 
 
 @app.command()
 def replay(
+    context: typer.Context,
     log: Log,
     verify: Annotated[
         bool, typer.Option("--verify", help="Derive all again, and compare.")
@@ -60,20 +70,36 @@ def replay(
     out: Annotated[
         Path | None, typer.Option(help="With --resume: where to record.")
     ] = None,
+    tls: Tls = "",
+    insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
     """Verify a recording, play it back over Zenoh, or go on with its run."""
     with errors():
         if verify and resume:
             raise InvalidValueError("replay", "must verify or resume", "both")
-        if begin and not verify:
-            raise InvalidValueError("from", "must come with --verify", begin)
+        _check_flags(context)
         if verify:
             _verify(log, begin, as_json)
         elif resume:
             _resume(log, ticks, out, as_json)
         else:
-            _play(log, rate, start, step, listen, as_json)
+            network = convert(Network, listen=listen, tls=tls, insecure=insecure)
+            _play(log, rate, start, step, network, as_json)
+
+
+def _check_flags(context: typer.Context) -> None:
+    """Refuse a flag that what is done has no use for."""
+    given = context.params
+    playing = not (given["verify"] or given["resume"])
+    for flag, what in _ONLY_WITH.items():
+        if was_given(context, flag) and not given[what]:
+            name = "from" if flag == "begin" else flag
+            raise InvalidValueError(name, f"must come with --{what}", given[flag])
+    for flag in _ONLY_PLAYING:
+        if was_given(context, flag) and not playing:
+            rule = "must come without --verify and --resume"
+            raise InvalidValueError(flag, rule, given[flag])
 
 
 def _verify(log: Path, begin: int, as_json: bool) -> None:
@@ -122,24 +148,29 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
 
 
 def _play(
-    log: Path, rate: float, start: int, step: bool, listen: str, as_json: bool
+    log: Path, rate: float, start: int, step: bool, network: Network, as_json: bool
 ) -> None:
     from neurosnap import show
+    from neurosnap.record.info import shown
     from neurosnap.record.playback import play_on
     from neurosnap.record.whole import open_whole
 
+    network.check()
     recording = open_whole(log)
-    screen.print(f"playing on {listen} under neurosnap/{recording.swarm}/**")
+    where = f"{network.listen} under neurosnap/{shown(recording.swarm)}/**"
+    screen.print(f"playing on {where}", markup=False)
     with show.progress(screen, "tick", None) as on_progress:
         played = run_async(
             lambda stop: play_on(
                 recording,
-                listen,
+                network.listen,
                 stop,
                 rate=rate,
                 start=start,
                 step=_asking(stop) if step else None,
                 on_progress=on_progress,
+                credentials=network.credentials("hub"),
+                insecure=network.insecure,
             )
         )
     say(as_json).print(

@@ -117,6 +117,8 @@ def record(
             for one in served
             if "recorder" in one.results
         ]
+        if resume is not None:
+            logs = [_written(log) for log in logs]
         for log in logs:
             say(as_json).print(f"recording: {log}", markup=False, soft_wrap=True)
         whole = all(balance.whole for balance in balances)
@@ -201,6 +203,13 @@ def _numbered(out: Path | None, before: int) -> Path | None:
     if out is None or not before:
         return out
     return out.with_name(f"{out.stem}-{before}{out.suffix}")
+
+
+def _written(log: Path) -> Path:
+    """Return the file that a resumed run was recorded in: one of several, maybe."""
+    from neurosnap.record.whole import part_paths
+
+    return next(iter(part_paths(log).values()), log)
 
 
 def _names(served: "list[Served]") -> list[str]:

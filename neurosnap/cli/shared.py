@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn, TypeVar
 import msgspec
 import typer
 from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 
 from neurosnap.config.recordings import free_path, new_path
 from neurosnap.errors import InvalidValueError, NeurosnapError
@@ -62,7 +62,8 @@ def errors() -> Iterator[None]:
 
 def fail(text: str, code: int) -> NoReturn:
     """Say what went wrong, and end with `code`."""
-    screen.print(f"[red]error:[/red] {escape(text)}", soft_wrap=True)
+    # No markup: somebody's text may hold what rich would read as its own.
+    screen.print(Text.assemble(("error:", "red"), f" {text}"), soft_wrap=True)
     raise typer.Exit(code)
 
 

@@ -3,10 +3,18 @@
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
 
-from neurosnap.cli.shared import Insecure, Tls, app, convert, errors, run_async, screen
+from neurosnap.cli.shared import (
+    Insecure,
+    Tls,
+    app,
+    convert,
+    errors,
+    print_json,
+    run_async,
+    screen,
+)
 from neurosnap.errors import InvalidValueError
 from neurosnap.swarm.network import Network
 
@@ -41,7 +49,10 @@ def watch(
     from neurosnap.swarm.watching import Told
 
     def show(told: Told) -> None:
-        typer.echo(msgspec.json.encode(told).decode() if as_json else anomaly(told))
+        if as_json:
+            print_json(told)
+        else:
+            typer.echo(anomaly(told))
 
     with errors():
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
@@ -55,6 +66,6 @@ def watch(
             note = registry.find(what) if what else registry.only()
             swarm, connect = note.swarm, note.endpoint
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        network.check()
+        network.check("watcher")
         screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
         run_async(lambda stop: look_on(network, swarm, stop, show))

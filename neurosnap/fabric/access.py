@@ -32,9 +32,9 @@ class Rights(NamedTuple):
     reads: tuple[str, ...] = ()
     """Topics it may listen to; `ALL` also allows one subscription to everything."""
     announces: tuple[str, ...] = ()
-    """Names it may show as alive, as key expressions."""
+    """Names it may show as alive, and the place of, as key expressions."""
     watches: bool = False
-    """It may follow who is alive."""
+    """It may follow who is alive, and where."""
     briefs: bool = False
     """It answers what the run is."""
     asks: bool = False
@@ -88,6 +88,10 @@ RIGHTS: dict[Role, Rights] = {
 BRIEF = "brief"
 """What a coordinator answers to whoever wants to take part in its run."""
 
+PLACE = "place"
+"""Below it parts of a swarm on several machines show where they are: as what follows
+who it is, in ``place/cell/3/oak/4711``."""
+
 FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that nobody has it."""
 
@@ -132,7 +136,8 @@ def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
     """Yield the rules of one role."""
     reads = ("**",) if rights.reads == ALL else _below(rights.reads)
     alive = tuple(f"alive/{who}" for who in rights.announces)
-    everybody = ("alive/**",) if rights.watches else ()
+    places = tuple(f"{PLACE}/{who}/*/*" for who in rights.announces)
+    everybody = ("alive/**", f"{PLACE}/**") if rights.watches else ()
     answers = (BRIEF,) if rights.briefs else ()
     asks = (BRIEF,) if rights.asks else ()
     publishes = _below(rights.publishes)
@@ -141,7 +146,7 @@ def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
         ("declare_subscriber", "egress", publishes if rights.told else ()),
         ("declare_subscriber", "ingress", reads),
         ("put", "egress", reads),
-        ("liveliness_token", "ingress", alive),
+        ("liveliness_token", "ingress", alive + places),
         ("declare_liveliness_subscriber", "ingress", everybody),
         ("liveliness_query", "ingress", everybody),
         ("liveliness_token", "egress", everybody),

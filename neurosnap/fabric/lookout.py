@@ -103,7 +103,11 @@ class Lookout:
             ) from error
         # Both ends of what this needs are here, so it cannot fail but by a bug.
         self._inbox: Inbox[tuple[str, bool]] = Inbox("watcher", self._take, _raise)
-        self._declared = await asyncio.to_thread(self._declare)
+        try:
+            self._declared = await asyncio.to_thread(self._declare)
+        except BaseException:
+            await asyncio.to_thread(self._session.close)
+            raise
         return self
 
     def _declare(self) -> Any:  # noqa: ANN401

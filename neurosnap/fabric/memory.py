@@ -21,7 +21,13 @@ from types import TracebackType
 from typing import Self
 
 from neurosnap import wire
-from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
+from neurosnap.fabric.protocol import (
+    Failure,
+    Handler,
+    PlaceHandler,
+    PresenceHandler,
+    check_polled,
+)
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
 _TRIES = 4  # draws after which even a slow part gets what is for it
@@ -198,6 +204,9 @@ class MemoryHub:
         self._subscriptions = [s for s in self._subscriptions if s[0] != who]
         self._watchers = [w for w in self._watchers if w[0] != who]
         self._routes.clear()
+        for link in {link for link in self._queue if link[1] == who}:
+            del self._links[link]
+        self._queue = deque(link for link in self._queue if link[1] != who)
         if who in self._alive:
             self._alive.remove(who)
             for _, handler in self._watchers:
@@ -274,7 +283,9 @@ class MemoryFabric:
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
     ) -> None:
-        """Hand every message under `keys` to `handler`; `poll` changes nothing."""
+        """Hand every message under `keys` to `handler`; there is no waiting here."""
+        if poll is not None:
+            check_polled(keys)
         self.listen(keys, handler)
 
     async def announce(self) -> None:
@@ -284,6 +295,9 @@ class MemoryFabric:
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
         self._hub.watch(self.who, handler)
+
+    async def locate(self, handler: PlaceHandler) -> None:
+        """Never call `handler`: all parts are in this process."""
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Wait until `stop` is set; raise what a handler raised before that."""

@@ -22,12 +22,19 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
-from neurosnap.fabric.access import BRIEF, FLUSHED
+from neurosnap.fabric.access import BRIEF, FLUSHED, PLACE
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.inbox import Courier, Door, Inbox
+from neurosnap.fabric.place import Place
 from neurosnap.fabric.poll import BESIDE, Poll, delivered
-from neurosnap.fabric.protocol import Failure, Handler, PresenceHandler
+from neurosnap.fabric.protocol import (
+    Failure,
+    Handler,
+    PlaceHandler,
+    PresenceHandler,
+    check_polled,
+)
 from neurosnap.fabric.session import connecting
 
 P = ParamSpec("P")
@@ -52,6 +59,8 @@ class ZenohFabric:
             off the time of a hop. For parts that share nothing with their loop.
         credentials: The part's, where the hub has some.
         insecure: May connect beyond this machine without credentials.
+        located: Says where it is when it shows as alive; for a swarm that is on
+            several machines.
 
     Raises:
         InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
@@ -68,6 +77,7 @@ class ZenohFabric:
         swift: bool = False,
         credentials: Credentials | None = None,
         insecure: bool = False,
+        located: bool = False,
     ) -> None:
         check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
         self.who = who
@@ -77,6 +87,7 @@ class ZenohFabric:
         self._patience = patience
         self._swift = swift
         self._credentials = credentials
+        self._located = located
         # A courier and the loop may publish at once; a number must not be used twice.
         self._publishing = threading.Lock()
         self._declared: list[Any] = []
@@ -175,11 +186,11 @@ class ZenohFabric:
         """Hand every message under `keys` to `handler`; see the protocol."""
         cut = len(self._prefix)
         if poll is not None:
+            check_polled(keys)
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
-            for subscriber in await self._off_loop(self._declare, keys, channel):
-                self._polls.append(
-                    Poll(subscriber.handler, cut, handler, poll, self._failure)
-                )
+            (subscriber,) = await self._off_loop(self._declare, keys, channel)
+            channel = subscriber.handler
+            self._polls.append(Poll(channel, cut, handler, poll, self._failure))
             return
         kind = Courier if self._swift else Inbox
         door: Door[wire.Delivery] = kind(self.who, handler, self._failure.set)
@@ -203,13 +214,14 @@ class ZenohFabric:
         return subscribers
 
     async def announce(self) -> None:
-        """Declare the liveliness token ``alive/<who>``."""
-        self._declared.append(
-            await self._off_loop(
-                self._session.liveliness().declare_token,
-                f"{self._prefix}alive/{self.who}",
-            )
-        )
+        """Declare the liveliness token ``alive/<who>``; its place before that."""
+        keys = [f"alive/{self.who}"]
+        if self._located:
+            keys.insert(0, f"{PLACE}/{self.who}/{Place.here().text}")
+        declare = self._session.liveliness().declare_token
+        for key in keys:
+            token = await self._off_loop(declare, self._prefix + key)
+            self._declared.append(token)
 
     async def present(self) -> set[str]:
         """Return the parts that are there now."""
@@ -246,23 +258,38 @@ class ZenohFabric:
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens, those already there included."""
-        cut = len(f"{self._prefix}alive/")
+        await self._follow("alive", handler)
+
+    async def locate(self, handler: PlaceHandler) -> None:
+        """Follow the tokens that say where parts are, those already there included."""
+
+        def take(name: str, alive: bool) -> None:
+            who, *rest = name.rsplit("/", 2)
+            place = Place.read("/".join(rest))
+            if alive and place is not None:
+                handler(who, place)
+
+        await self._follow(PLACE, take)
+
+    async def _follow(self, below: str, handler: PresenceHandler) -> None:
+        """Follow the liveliness tokens below a key."""
+        prefix = f"{self._prefix}{below}/"
 
         def deliver(changes: list[tuple[str, bool]]) -> None:
-            for who, alive in changes:
-                handler(who, alive)
+            for name, alive in changes:
+                handler(name, alive)
 
         inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)
         self._doors.append(inbox)
 
         def hand_over(sample: zenoh.Sample) -> None:
             alive = sample.kind == zenoh.SampleKind.PUT
-            inbox.push((str(sample.key_expr)[cut:], alive))
+            inbox.push((str(sample.key_expr)[len(prefix) :], alive))
 
         self._declared.append(
             await self._off_loop(
                 self._session.liveliness().declare_subscriber,
-                f"{self._prefix}alive/**",
+                f"{prefix}**",
                 zenoh.handlers.Callback(hand_over, indirect=False),
                 history=True,
             )

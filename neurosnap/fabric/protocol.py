@@ -4,8 +4,12 @@
 - Nothing is promised between different senders.
 - A message is lost only with an error or with a gap in its sender's running numbers.
 
-Handlers are plain functions that get a burst of deliveries on the event loop's thread:
-a pulse needs neither an ``await`` nor a task, and either would cost more than the work.
+Handlers are plain functions that get a burst of deliveries: a pulse needs neither an
+``await`` nor a task, and either would cost more than the work. They run on the event
+loop's thread, unless a part asked for a swift fabric: then each subscription has a
+thread of its own for them. What such a handler shares with the loop, or with a handler
+of another subscription, needs a lock. Handlers of presence and of places run on the
+loop always.
 """
 
 import asyncio
@@ -14,10 +18,13 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from neurosnap import wire
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.place import Place
 from neurosnap.fabric.waiting import wait_any
 
 Handler = Callable[[list[wire.Delivery]], None]
 PresenceHandler = Callable[[str, bool], None]
+PlaceHandler = Callable[[str, Place], None]
 
 
 class Fabric(Protocol):
@@ -48,9 +55,14 @@ class Fabric(Protocol):
         Args:
             keys: Key expressions below the swarm's prefix: ``*`` is any one chunk,
                 ``**`` any number of them.
-            handler: Called on the event loop. What it raises comes out of `serve`.
+            handler: Called on the thread the module names. What it raises comes out of
+                `serve`.
             poll: Collect for this many seconds rather than waking at once, for those
-                who need throughput and not latency.
+                who need throughput and not latency. On the event loop, always.
+
+        Raises:
+            InvalidValueError: Several keys are to be polled. What is collected under
+                each is apart from the others, so no sender's order would be kept.
         """
         ...
 
@@ -60,6 +72,14 @@ class Fabric(Protocol):
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
+        ...
+
+    async def locate(self, handler: PlaceHandler) -> None:
+        """Call ``handler(who, place)`` for every part that says where it is.
+
+        Those do whose swarm is on several machines. Whoever follows this first, and
+        then who is there (`watch`), is told of a part's place first.
+        """
         ...
 
     async def serve(self, stop: asyncio.Event) -> None:
@@ -80,11 +100,17 @@ class Fabric(Protocol):
     ) -> None: ...
 
 
-class Failure:
-    """The first error of any handler, and who waits for it.
+def check_polled(keys: Sequence[str]) -> None:
+    """Refuse to poll under several keys; see `Fabric.subscribe`."""
+    if len(keys) != 1:
+        raise InvalidValueError("keys", "must be one where it is polled", keys)
 
-    Handlers run as callbacks of the loop, where an exception would only be logged;
-    here it ends the part that owns the fabric.
+
+class Failure:
+    """The first error of any handler, and who waits for it; used on the loop alone.
+
+    Handlers run as callbacks of the loop, or on a thread that nobody awaits, where an
+    exception would only be logged; here it ends the part that owns the fabric.
     """
 
     def __init__(self) -> None:

@@ -17,16 +17,22 @@ import re
 import sys
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from typing import TypeVar
 
 import zenoh
+
+T = TypeVar("T")
 
 _LOG = logging.getLogger(__name__)
 _WINDOW = 10.0  # seconds
 _MOST = 20  # different refusals told in one window
 _LONGEST = 300  # characters of one
 _CHUNK = 1 << 16
+_SESSIONS = 1 << 14  # whose role is remembered
+_THREADS = 1 << 10  # of the hub, whose decisions in advance are told apart
 
 _ACCESS = "zenoh::net::routing::interceptor::access_control"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
@@ -60,14 +66,14 @@ class Refusals:
         tell: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.count = 0
         self._tell = tell
         self._clock = clock
         self._until = 0.0
         self._told: set[str] = set()
         self._untold = 0
-        self._roles: dict[str, str] = {}  # by session
-        self._caching: dict[str, tuple[str, str | None]] = {}  # by thread: key, session
+        self._roles = _Latest[str](_SESSIONS)  # by session
+        # By thread: key, session.
+        self._caching = _Latest[tuple[str, str | None]](_THREADS)
 
     def take(self, line: str) -> bool:
         """Take in one line; false if it is not from Zenoh's log."""
@@ -107,7 +113,6 @@ class Refusals:
             self._refuse(f"{role} refused: {made['what']} on {made['key']}")
 
     def _refuse(self, what: str) -> None:
-        self.count += 1
         now = self._clock()
         if now >= self._until:
             self.close()
@@ -127,13 +132,27 @@ class Refusals:
             self._untold = 0
 
 
+class _Latest(OrderedDict[str, T]):
+    """A dictionary of what was set last; what was set before is dropped."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self._most = most
+
+    def __setitem__(self, key: str, value: T) -> None:
+        super().__setitem__(key, value)
+        self.move_to_end(key)
+        if len(self) > self._most:
+            self.popitem(last=False)
+
+
 def _plain(text: str) -> str:
     """Return `text` cut, and with nothing in it that a terminal would act on."""
     return text[:_LONGEST].encode("unicode_escape").decode()
 
 
 @contextmanager
-def telling_refusals(*, audit: bool = False) -> Iterator[Refusals]:
+def telling_refusals(*, audit: bool = False) -> Iterator[None]:
     """Log what a hub in this process refuses, as warnings, until the end.
 
     To be entered before the hub opens. Takes the process's standard output meanwhile,
@@ -155,7 +174,7 @@ def telling_refusals(*, audit: bool = False) -> Iterator[Refusals]:
     reader.start()
     try:
         zenoh.init_log_from_env_or(f"warn,{_ACCESS}=trace" if audit else "warn")
-        yield refusals
+        yield
     finally:
         sys.stdout.flush()
         os.dup2(own, 1)  # nobody writes into the pipe any more: the reader ends
@@ -171,7 +190,16 @@ def _read(pipe: int, own: int, refusals: Refusals) -> None:
         *lines, rest = (rest + chunk).split(b"\n")
         for line in lines:
             if not refusals.take(line.decode(errors="replace")):
-                os.write(own, line + b"\n")
+                _pass_on(own, line + b"\n")
     if rest:
-        os.write(own, rest)
+        _pass_on(own, rest)
     refusals.close()
+
+
+def _pass_on(own: int, data: bytes) -> None:
+    """Write, unless nobody reads: refusals are told all the same, and the hub goes on.
+
+    Were nothing read any more, the hub would soon wait for room to log.
+    """
+    with suppress(OSError):
+        os.write(own, data)

@@ -20,7 +20,7 @@ from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.literals import Words, as_literal
 from neurosnap.poc.thresholds import by_pair, checked_threshold
 from neurosnap.poc.weights import Weights, pair_of
-from neurosnap.sensorium import Sensorium, complete, pack, unpack
+from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 
 _BITS = 32
 
@@ -165,7 +165,7 @@ class Snapshot(Archived):
                 clock is at its end.
         """
         observation = self._sensorium.observation(bits)
-        mask = None if known is None else self._mask(known)
+        mask = None if known is None else as_known(known, len(self._sensorium))
         if self._clock + 1 >= 2**_BITS:
             rule = f"must stay below 2**{_BITS}, which the counts have room for"
             raise InvalidValueError("clock", rule, self._clock + 1)
@@ -322,16 +322,6 @@ class Snapshot(Archived):
             self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
             if (self._since > self._clock).any():
                 raise ValueError("since: must not be after the clock")
-
-    def _mask(self, known: ArrayLike) -> NDArray[np.bool_]:
-        """Return which readings are known, as a bool array."""
-        mask = np.asarray(known)
-        if mask.shape != self._known.shape:
-            rule = f"must hold {self._known.size} flags, one a sensor"
-            raise ShapeError("known", rule, mask.shape)
-        if mask.dtype != np.bool_ and mask.size:
-            raise InvalidValueError("known", "must be bool", mask.dtype)
-        return mask.astype(np.bool_, copy=False)
 
     def _proper(self, a: int, b: int) -> tuple[int, int]:
         """Return two literals that are of different sensors."""

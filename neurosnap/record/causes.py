@@ -22,19 +22,28 @@ class Heard(NamedTuple):
 class Causes:
     """Lets messages wait for the word of the coordinator that they answer.
 
-    Each sender's own order is kept. What waits is bounded by how far the coordinator is
-    behind the others on its way here.
+    Each sender's own order is kept. The word may be lost, or never have been said: so
+    what waits is let go after a while, and bounded by what comes in that time.
+
+    Args:
+        patience: How long a message waits, nanoseconds.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, patience: int) -> None:
+        self._patience = patience
         self._wave = 0  # the last that was heard to start
         self._tick = 0  # the last that was heard to be asked for
         self._early: list[Heard] = []
         self._behind: set[str] = set()  # who has something in there
 
+    @property
+    def asked(self) -> int:
+        """The last tick of which the observation was asked for."""
+        return self._tick
+
     def take(self, heard: Heard) -> Iterator[Heard]:
         """Take in a message; yield what there is nothing to wait for any more."""
-        if self._keep(heard):
+        if self._keep(heard, heard.log_time):
             return
         yield heard
         match heard.message:
@@ -44,8 +53,16 @@ class Causes:
                 self._tick = tick + 1
             case _:
                 return
+        yield from self.due(heard.log_time)
+
+    def due(self, now: int) -> Iterator[Heard]:
+        """Yield what has nothing to wait for any more, or has waited long enough.
+
+        Args:
+            now: The clock that messages came by, nanoseconds since the epoch.
+        """
         for early in self.rest():
-            if not self._keep(early):
+            if not self._keep(early, now):
                 yield early
 
     def rest(self) -> list[Heard]:
@@ -62,10 +79,11 @@ class Causes:
         ]
         return max(numbers, default=0)
 
-    def _keep(self, heard: Heard) -> bool:
+    def _keep(self, heard: Heard, now: int) -> bool:
         """Keep a message that has to wait, or is behind one of its sender's."""
         sender = heard.message.sender
-        is_early = is_beyond(heard.message, self._tick, self._wave)
+        may_wait = now <= heard.log_time + self._patience
+        is_early = may_wait and is_beyond(heard.message, self._tick, self._wave)
         if sender not in self._behind and not is_early:
             return False
         self._early.append(heard)

@@ -18,22 +18,23 @@ from typing import BinaryIO
 
 import msgspec
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, Header, Metadata, MetadataIndex
+from mcap.records import Channel, Metadata, MetadataIndex
 
 from neurosnap.errors import RecordingError
 from neurosnap.record.layout import (
     CHUNK_HEAD,
+    FOOTER,
     HEAD,
     INDEX_ENTRY,
     INDEX_HEAD,
     LIMIT,
     MAGIC,
-    PROFILE,
-    Attached,
     Chunk,
     Cut,
     Layout,
+    check_magic,
     damaged,
+    library_of,
     opened,
     parse,
 )
@@ -42,15 +43,17 @@ _CHUNK_INDEX = struct.Struct("<QQQQI")
 _OFFSET = struct.Struct("<HQ")
 _PACKING = struct.Struct("<QI")
 _SIZES = struct.Struct("<QQ")
-_FOOTER = struct.Struct("<QQI")
+_PACKED = struct.Struct("<Q")
 _LONGEST = 16  # bytes a compression's name may have
+_TORN = 0, b""  # no record has this kind
 
 
 class Glance(msgspec.Struct):
     """What was seen of a file so far."""
 
     layout: Layout
-    """Chunks without their checksums: `sealed` reads those."""
+    """Chunks without their checksums: `sealed` reads those. No attachments: what one
+    is called is in its record, or in the summary alone."""
     offset: int
     """Where the first record starts that was not seen, in a file without its end."""
     trouble: str | None = None
@@ -122,37 +125,23 @@ def _chunk_head(compression: str) -> int:
 def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     """Read the magic and the header; return where that ends."""
     file.seek(0)
-    if file.read(len(MAGIC)) != MAGIC:
-        raise RecordingError(f"log: must be an MCAP recording, got {str(path)!r}")
-    record = _record(path, file, len(MAGIC))
-    if record is None or record[0] != Opcode.HEADER:
-        rule = "the file must start with a whole header"
-        raise damaged(path, len(MAGIC), rule, "none")
-    try:
-        header: Header = parse(Header.read, record[1])
-    except ValueError as error:
-        rule = "the header must be well-formed"
-        raise damaged(path, len(MAGIC), rule, error) from error
-    if header.profile != PROFILE:
-        raise RecordingError(
-            f"{path}: profile: must be {PROFILE!r}, got {header.profile!r}"
-        )
-    layout.library = header.library
+    check_magic(path, file.read(len(MAGIC)))
+    layout.library = library_of(path, *_record(path, file, len(MAGIC)))
     return file.tell()
 
 
-def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes] | None:
-    """Return kind and body of the record at a place; None where it is torn."""
+def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes]:
+    """Return kind and body of the record at a place."""
     file.seek(at)
     head = file.read(HEAD.size)
     if len(head) < HEAD.size:
-        return None
+        return _TORN
     opcode, length = HEAD.unpack(head)
     if length > LIMIT:
         rule = f"a record must have at most {LIMIT} bytes"
         raise damaged(path, at, rule, length)
     body = file.read(length)
-    return (opcode, body) if len(body) == length else None
+    return (opcode, body) if len(body) == length else _TORN
 
 
 # By the summary -----------------------------------------------------------------------
@@ -160,7 +149,7 @@ def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes] | None:
 
 def _read_summary(path: Path, file: BinaryIO, layout: Layout) -> bool:
     """Take over what the summary says; return whether there is one."""
-    tail = HEAD.size + _FOOTER.size + len(MAGIC)
+    tail = HEAD.size + FOOTER.size + len(MAGIC)
     end = layout.size - tail
     if end < len(MAGIC):
         return False
@@ -168,12 +157,12 @@ def _read_summary(path: Path, file: BinaryIO, layout: Layout) -> bool:
     last = file.read(tail)
     if not last.endswith(MAGIC) or last[0] != Opcode.FOOTER:
         return False
-    start, _, checksum = _FOOTER.unpack_from(last, HEAD.size)
+    start, _, checksum = FOOTER.unpack_from(last, HEAD.size)
     if not 0 < start <= end or end - start > LIMIT:
         raise damaged(path, end, "the footer must name the summary's place", start)
     file.seek(start)
     summary = file.read(end - start)
-    covered = last[: HEAD.size + _FOOTER.size - 4]
+    covered = last[: HEAD.size + FOOTER.size - 4]
     if zlib.crc32(covered, zlib.crc32(summary)) != checksum:
         rule = "the summary must have the checksum noted here"
         raise damaged(path, end, rule, "another")
@@ -195,30 +184,23 @@ def _take_summed(
 ) -> None:
     match opcode:
         case Opcode.CHUNK_INDEX:
-            layout.chunks.append(_indexed(len(layout.chunks) + 1, body))
+            layout.chunks.append(_indexed(layout, body))
         case Opcode.CHANNEL:
             channel: Channel = parse(Channel.read, body)
             layout.channels[channel.id] = channel
         case Opcode.METADATA_INDEX:
             noted: MetadataIndex = parse(MetadataIndex.read, body)
-            record = _record(path, file, noted.offset)
-            if record is None or record[0] != Opcode.METADATA:
+            # No file system seeks as far as a stranger's number may go.
+            there = noted.offset < layout.size
+            kind, metadata = _record(path, file, noted.offset) if there else _TORN
+            if kind != Opcode.METADATA:
                 raise ValueError(f"no metadata at byte {noted.offset}")
-            _take_metadata(layout, record[1])
-        case Opcode.ATTACHMENT_INDEX:
-            attached: AttachmentIndex = parse(AttachmentIndex.read, body)
-            layout.attachments[attached.name] = Attached(
-                name=attached.name,
-                media_type=attached.media_type,
-                size=attached.data_size,
-                offset=attached.offset + HEAD.size,
-                length=attached.length - HEAD.size,
-            )
+            _take_metadata(layout, metadata)
         case _:
             pass
 
 
-def _indexed(number: int, body: bytes) -> Chunk:
+def _indexed(layout: Layout, body: bytes) -> Chunk:
     """Return the chunk an index entry is of.
 
     How many messages of a channel it has is told by where the channel's message index
@@ -240,6 +222,9 @@ def _indexed(number: int, body: bytes) -> Chunk:
         for (place, channel), upto in zip(placed, ends, strict=True)
     }
     offset = at + _chunk_head(compression)
+    if offset + packed > layout.size:
+        raise ValueError(f"a chunk up to byte {offset + packed}")
+    number = len(layout.chunks) + 1
     return Chunk(number, offset, packed, unpacked, 0, compression, start, end, counts)
 
 
@@ -287,7 +272,7 @@ def _is_over(path: Path, file: BinaryIO, seen: Glance) -> bool:
             case Opcode.METADATA:
                 _take_metadata(layout, file.read(length))
             case Opcode.ATTACHMENT:
-                pass  # only the summary says what it is called without reading it
+                pass
             case Opcode.DATA_END:
                 # Its summary is as good as written: it is looked at next.
                 return _end(path, file, seen)
@@ -307,6 +292,9 @@ def _headed(layout: Layout, at: int, length: int, body: bytes) -> Chunk:
     compression = body[CHUNK_HEAD.size : CHUNK_HEAD.size + name].decode()
     offset = at + _chunk_head(compression)
     packed = at + HEAD.size + length - offset
+    (noted,) = _PACKED.unpack_from(body, CHUNK_HEAD.size + name)
+    if noted != packed:
+        raise ValueError(f"a chunk of {packed} bytes that notes {noted}")
     if unpacked > LIMIT:
         raise ValueError(f"a chunk that unpacks to {unpacked} bytes")
     number = len(layout.chunks) + 1
@@ -320,7 +308,7 @@ def _end(path: Path, file: BinaryIO, seen: Glance) -> bool:
     whole = Layout(size=seen.layout.size, library=seen.layout.library)
     if _read_summary(path, file, whole):
         # In place: whoever looks at the layout looks at this one.
-        for name in ("metadata", "attachments", "chunks", "channels"):
+        for name in ("metadata", "chunks", "channels"):
             setattr(seen.layout, name, getattr(whole, name))
         seen.offset = seen.layout.size
         return True

@@ -5,6 +5,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.snapshot import Snapshot
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
+from neurosnap.record.starts import Start
 from neurosnap.swarm.readings import readings
 
 
@@ -20,7 +21,7 @@ def last_tick(recording: Recording) -> int:
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:
     """Return a tick and the snapshot after it; its state is left unset.
 
-    Cost: the ticks since the last key-frame before it.
+    Cost: reading every state, beside `learned_by`.
 
     Args:
         recording: A run's.
@@ -34,21 +35,49 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
     wanted = last if tick is None else tick
     if not 0 <= wanted <= last:
         raise InvalidValueError("tick", f"must be in [0, {last}]", wanted)
+    return wanted, learned_by(recording, wanted)
+
+
+def learned_by(recording: Recording, tick: int) -> Snapshot:
+    """Return the snapshot after a tick; its state is left unset.
+
+    Cost: learning the ticks since the last key-frame before it, and reading key-frames
+    and, from there on, observations; what is in other chunks of a finished recording is
+    not unpacked.
+
+    Args:
+        recording: A run's.
+        tick: One that it holds the state of, or 0.
+
+    Raises:
+        RecordingError: The recording is damaged, or lacks an observation.
+    """
     options = options_of(recording)
-    now, snapshot = 0, options.new_snapshot()
-    for recorded in recording.messages(("keyframe",)):
-        frame = recorded.message
-        if isinstance(frame, wire.KeyFrame) and now <= frame.tick <= wanted:
-            now, snapshot = frame.tick, Snapshot.from_bytes(frame.snapshot)
+    now, since, snapshot = 0, 0, options.new_snapshot()
+    if (last := _last_frame(recording, tick)) is not None:
+        now, since = last.frame.tick, last.since
+        snapshot = Snapshot.from_bytes(last.frame.snapshot)
     observations = {
         recorded.message.tick: recorded.message
-        for recorded in recording.messages(("observe",))
+        for recorded in recording.messages(("observe",), start=since)
         if isinstance(recorded.message, wire.Observation)
-        and now < recorded.message.tick <= wanted
+        and now < recorded.message.tick <= tick
     }
-    for following in range(now + 1, wanted + 1):
+    for following in range(now + 1, tick + 1):
         if following not in observations:
             rule = f"must hold the observation of tick {following}"
             raise RecordingError(f"{recording.path}: {rule}, got none")
         snapshot.learn(*readings(observations[following], len(options.sensors)))
-    return wanted, snapshot
+    return snapshot
+
+
+def _last_frame(recording: Recording, tick: int) -> Start | None:
+    """Return the last key-frame up to a tick, be it one to start from or not."""
+    last: Start | None = None
+    for message, _, sequence, _, log_time in recording.messages(("keyframe",)):
+        if (
+            isinstance(message, wire.KeyFrame)
+            and (0 if last is None else last.frame.tick) <= message.tick <= tick
+        ):
+            last = Start(message, sequence, log_time)
+    return last

@@ -12,7 +12,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.record import schemas
-from neurosnap.record.layout import PROFILE, Attached, Cut
+from neurosnap.record.layout import PROFILE, Attached, Cut, damaged
 from neurosnap.record.reader import Recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.whole import first_path, part_paths
@@ -74,6 +74,8 @@ class Info(msgspec.Struct, frozen=True):
     """Where the file was cut short; None for a finished one."""
     files: tuple[str, ...] = ()
     """The files there are of the run, where there may be several."""
+    places: dict[str, str] = {}
+    """Where parts are, as in `Place.text`, of a swarm on several machines."""
 
 
 def describe(recording: Recording) -> Info:
@@ -108,6 +110,7 @@ def describe(recording: Recording) -> Info:
         completeness=completeness,
         cut=recording.cut,
         files=_files(recording),
+        places={who: place.text for who, place in recording.places.items()},
     )
 
 
@@ -121,11 +124,16 @@ def _files(recording: Recording) -> tuple[str, ...]:
 
 def _noted_counts(recording: Recording) -> Counter[str]:
     """Count the messages of each topic by the indexes behind the chunks."""
-    counts: Counter[str] = Counter()
-    for chunk in recording.layout.chunks:
+    layout, counts = recording.layout, Counter[str]()
+    topics = {
+        id_: each.topic.removeprefix("/") for id_, each in layout.channels.items()
+    }
+    for chunk in layout.chunks:
         for channel, count in chunk.counts.items():
-            topic = recording.layout.channels[channel].topic
-            counts[topic.removeprefix("/")] += count
+            if (topic := topics.get(channel)) not in wire.TOPICS:
+                rule = f"chunk {chunk.number}: an index must be of a topic"
+                raise damaged(recording.path, chunk.offset, rule, f"channel {channel}")
+            counts[topic] += count
     return counts
 
 
@@ -188,7 +196,7 @@ def render(info: Info) -> str:
 def _lines(info: Info) -> Iterator[str]:
     yield from _table(
         (
-            ("library:", _shown(info.library)),
+            ("library:", shown(info.library)),
             ("profile:", info.profile),
             ("messages:", str(info.messages)),
             ("duration:", _duration(info.end - info.start)),
@@ -213,11 +221,13 @@ def _lines(info: Info) -> Iterator[str]:
     )
     yield f"attachments: {len(info.attachments)}"
     yield from _table(
-        (f"\t{_shown(a.name)}", f"{_bytes(a.size)}", _shown(a.media_type))
+        (f"\t{shown(a.name)}", f"{_bytes(a.size)}", shown(a.media_type))
         for a in info.attachments
     )
-    yield f"metadata: {bool(info.metadata) + (info.totals is not None)}"
+    written = (bool(info.metadata), bool(info.places), info.totals is not None)
+    yield f"metadata: {sum(written)}"
     yield from _texts("run:", info.metadata)
+    yield from _texts("places:", info.places)
     yield from _texts("totals:", info.totals or {})
     yield from _balance(info)
 
@@ -226,7 +236,7 @@ def _balance(info: Info) -> Iterator[str]:
     """Say whether it is all there."""
     if info.files:
         yield f"files: {len(info.files)}"
-        yield from _table((f"\t{_shown(name)}",) for name in info.files)
+        yield from _table((f"\t{shown(name)}",) for name in info.files)
     if info.cut is not None:
         yield (
             f"cut short: after {info.cut.chunks} whole chunks,"
@@ -234,7 +244,7 @@ def _balance(info: Info) -> Iterator[str]:
         )
     missing = info.completeness.missing
     yield f"missing: {sum(missing.values())}"
-    yield from _table((f"\t{_shown(who)}", str(n)) for who, n in missing.items())
+    yield from _table((f"\t{shown(who)}", str(n)) for who, n in missing.items())
     yield f"duplicates: {info.completeness.duplicates} left out"
     yield f"foreign: {info.completeness.foreign} left out"
 
@@ -242,7 +252,7 @@ def _balance(info: Info) -> Iterator[str]:
 def _texts(title: str, texts: dict[str, str]) -> Iterator[str]:
     if texts:
         yield title
-    yield from _table((f"\t{_shown(k)}:", _shown(v)) for k, v in texts.items())
+    yield from _table((f"\t{shown(k)}:", shown(v)) for k, v in texts.items())
 
 
 def _packing(packing: Packing, info: Info) -> str:
@@ -265,7 +275,7 @@ def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
         yield "  ".join(cells).rstrip()
 
 
-def _shown(text: str) -> str:
+def shown(text: str) -> str:
     """Return `text` as it may go to a terminal: a stranger's file may steer one."""
     return text if text.isprintable() else repr(text)
 

@@ -11,7 +11,8 @@ from typing import BinaryIO, TypeVar
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.records import Channel, Schema
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header
 
 from neurosnap.errors import RecordingError
 
@@ -21,6 +22,8 @@ TOTALS = "neurosnap.totals"
 SHARE = "neurosnap.share"
 """Where a file is not the first of its run: what number each sender's share begins
 with."""
+PLACES = "neurosnap.places"
+"""Of a swarm on several machines: where each part is, as in `Place.text`."""
 CLOSING = "decision"
 """Among the totals of a file that another follows: the decision of its last tick, as on
 the wire, where it opens the next file."""
@@ -45,6 +48,8 @@ INDEX_HEAD = struct.Struct("<HI")
 """Of a message index: its channel, and bytes of its entries."""
 INDEX_ENTRY = 16
 """Bytes of a message index that stand for one message."""
+FOOTER = struct.Struct("<QQI")
+"""Where the summary starts, and its offsets; its checksum, up to here."""
 
 _Record = TypeVar("_Record")
 
@@ -104,10 +109,8 @@ class Layout(msgspec.Struct):
     metadata: dict[str, dict[str, str]] = {}
     attachments: dict[str, Attached] = {}
     chunks: list[Chunk] = []
-    schemas: dict[int, Schema] = {}
-    """Those outside chunks: only the summary of a finished file has them."""
     channels: dict[int, Channel] = {}
-    """Likewise."""
+    """Those outside chunks: only the summary of a finished file has them."""
     cut: Cut | None = None
     sealed: bool = False
     """Finished, and the checksums of data and summary were there and right."""
@@ -141,6 +144,36 @@ def opened(path: Path) -> Iterator[BinaryIO]:
 def damaged(path: Path, offset: int, rule: str, got: object) -> RecordingError:
     """Return the error for a recording that is not what was written."""
     return RecordingError(f"{path}: at byte {offset}: {rule}, got {got}")
+
+
+def check_magic(path: Path, magic: bytes) -> None:
+    """Refuse a file by its first bytes.
+
+    Raises:
+        RecordingError: It is no MCAP file.
+    """
+    if magic != MAGIC:
+        raise RecordingError(f"log: must be an MCAP recording, got {str(path)!r}")
+
+
+def library_of(path: Path, opcode: int, body: bytes) -> str:
+    """Return what wrote a recording, by its first record.
+
+    Raises:
+        RecordingError: It is no header, or that of no recording of ours.
+    """
+    if opcode != Opcode.HEADER:
+        rule = "the file must start with a whole header"
+        raise damaged(path, len(MAGIC), rule, "none")
+    try:
+        header: Header = parse(Header.read, body)
+    except ValueError as error:
+        rule = "the header must be well-formed"
+        raise damaged(path, len(MAGIC), rule, error) from error
+    if header.profile != PROFILE:
+        rule = f"must be {PROFILE!r}"
+        raise RecordingError(f"{path}: profile: {rule}, got {header.profile!r}")
+    return header.library
 
 
 def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:

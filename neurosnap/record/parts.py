@@ -27,15 +27,16 @@ what waits for the disk is `neurosnap.record.saving`.
 
 import contextlib
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Annotated, NamedTuple, Self
 
 import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.record.causes import Causes, Heard, is_beyond
 from neurosnap.record.layout import CLOSING, SMALLEST
 from neurosnap.record.past import Past, begin_recording, facts_of
@@ -47,7 +48,8 @@ from neurosnap.record.writer import Writer
 _log = logging.getLogger(__name__)
 
 LATE = 2 * 10**9
-"""Nanoseconds that a file stays open for what was sent before the next one began."""
+"""Nanoseconds that a file stays open for what was sent before the next one began, and
+that a message waits for the word it answers."""
 
 
 class Split(msgspec.Struct, frozen=True):
@@ -92,30 +94,40 @@ class Parts:
         metadata: What to write of the run into each of them. It says how to spread
             them, as `split_of` reads it.
         past: What the recording takes over, for a run that is resumed.
+        split: How to spread them; None: as is written of the run.
+        new_writer: Makes a file.
 
     Raises:
         RecordingError: A file exists already, or cannot be made.
     """
 
     def __init__(
-        self, log: Path | str, metadata: Mapping[str, str], past: Past | None = None
+        self,
+        log: Path | str,
+        metadata: Mapping[str, str],
+        past: Past | None = None,
+        *,
+        split: Split | None = None,
+        new_writer: Callable[[Path], Writer] = Writer,
     ) -> None:
         self._log = Path(log)
-        self._split = split_of(metadata)
+        self._split = split or split_of(metadata)
+        self._make = new_writer
         self._number = 0 if past is None else past.part
+        self._begins = 0 if past is None else past.begins
         self._metadata = facts_of(metadata, past)
         self._check_free()
         self._older: Writer | None = None
         self._boundary = _Boundary(wire.Decision(0, -1, ""), 0, 0)
-        self._causes = Causes()
+        self._causes = Causes(LATE)
         self._passed: set[str] = set()  # whose messages go to the newest file
         self._closed: list[Completeness] = []
         self._saving = Saving()
         self._warned = False
+        self._places: Mapping[str, Place] = {}
         self._newest = self._new_writer()
         try:
-            facts = self._facts(0 if past is None else past.begins)
-            begin_recording(self._newest, facts, past)
+            begin_recording(self._newest, self._facts(), past)
         except BaseException:
             self.abandon()
             raise
@@ -128,14 +140,24 @@ class Parts:
                 raise RecordingError(f"log: {rule}, got {str(path)!r}")
 
     def _new_writer(self) -> Writer:
-        return Writer(part_path(self._log, self._number))
+        return self._make(part_path(self._log, self._number))
 
-    def _facts(self, begins: int) -> dict[str, str]:
+    def _facts(self) -> dict[str, str]:
         """Return what is written of the run at the start of the newest file."""
         if self._split is None:
             return self._metadata
-        part = {"part": str(self._number), "begins": str(begins)}
+        part = {"part": str(self._number), "begins": str(self._begins)}
         return {**self._metadata, **part}
+
+    def note_places(self, places: Mapping[str, Place]) -> None:
+        """Write down where parts are, in each file from now on.
+
+        Raises:
+            RecordingError: See `Writer.note_places`.
+        """
+        self._places = dict(places)
+        if places:
+            self._newest.note_places(places)
 
     def upcoming(self, sender: str) -> int:
         """Return the number after the highest that came from `sender`."""
@@ -147,25 +169,26 @@ class Parts:
             known.append(self._older.sequences.upcoming(sender))
         return max(known)
 
-    def add(self, delivery: wire.Delivery, log_time: int) -> bool:
+    def add(self, delivery: wire.Delivery, log_time: int) -> wire.Message | None:
         """Write one message into the file it belongs to; see `Writer.add`.
 
         Returns:
-            Whether it is one that can be written; foreign ones are left out.
+            The message; None: it is foreign, and left out.
 
         Raises:
             RecordingError: The disk does not take what it is given, or a file exists
                 already where the next one has to be.
         """
         message = self._newest.read(delivery)
-        if message is None:
-            return False
-        if self._split is None:
+        if message is not None and self._split is None:
             self._newest.put(message, delivery, log_time)
-            return True
-        for heard in self._causes.take(Heard(message, delivery, log_time)):
+        elif message is not None:
+            self._write_all(self._causes.take(Heard(message, delivery, log_time)))
+        return message
+
+    def _write_all(self, several: Iterable[Heard]) -> None:
+        for heard in several:
             self._write(*heard)
-        return True
 
     def _write(
         self, message: wire.Message, delivery: wire.Delivery, log_time: int
@@ -176,17 +199,24 @@ class Parts:
         if self._older is not None:
             if log_time > self._boundary.closes:
                 self._close()
-            elif self._belongs_before(message, self._older):
+            elif self._belongs_before(message, delivery.sequence, self._older):
                 self._older.put(message, delivery, log_time)
                 return
         self._newest.put(message, delivery, log_time)
 
     def _is_full(self, frame: wire.KeyFrame, delivery: wire.Delivery) -> bool:
-        """Tell whether a key-frame is to begin another file: not if it came before."""
+        """Tell whether a key-frame is to begin another file.
+
+        Not if it came before; or the newest begins with it, since that of a run which
+        goes on from there is still to get it; or its tick's decision is in a file
+        already, as when the world has ended and nothing is to follow.
+        """
         return (
             self._split is not None
             and self._newest.size > self._split.size
             and frame.waves > 0
+            and frame.tick > self._begins
+            and frame.tick >= self._causes.asked
             and delivery.sequence >= self.upcoming(frame.sender)
         )
 
@@ -199,12 +229,14 @@ class Parts:
         self._warn_of_size(self._older)
         self._older.note_frame(frame, delivery.sent, log_time)
         self._number += 1
+        self._begins = frame.tick
         self._newest = self._new_writer()
-        self._newest.start(self._facts(frame.tick))
+        self._newest.start(self._facts())
+        self.note_places(self._places)
         decision = wire.Decision(frame.tick, frame.action, frame.why)
         self._boundary = _Boundary(decision, frame.waves, log_time + LATE)
         self._passed = set()
-        self._pass(frame.sender)
+        self._pass(frame.sender, delivery.sequence, self._older)
 
     def _warn_of_size(self, older: Writer) -> None:
         """Say once that files are much larger than asked."""
@@ -217,33 +249,46 @@ class Parts:
             self._split.size,
         )
 
-    def _belongs_before(self, message: wire.Message, older: Writer) -> bool:
+    def _belongs_before(
+        self, message: wire.Message, sequence: int, older: Writer
+    ) -> bool:
         """Tell whether a message belongs into the older file; let its sender pass."""
         sender = message.sender
         if sender in self._passed:
             return False
         if not is_beyond(message, self._boundary.decision.tick, self._boundary.wave):
             return True
-        self._pass(sender)
+        self._pass(sender, sequence, older)
         if self._passed >= older.sequences.first.keys():
             self._close()
         return False
 
-    def _pass(self, sender: str) -> None:
-        """From here on a sender's messages go to the newest file."""
-        if self._older is not None:
-            self._passed.add(sender)
-            first = self._older.sequences.upcoming(sender)
-            self._newest.sequences.begin(sender, first)
+    def _pass(self, sender: str, sequence: int, older: Writer) -> None:
+        """From here on a sender's messages go to the newest file.
 
-    def _close(self) -> None:
-        """Finish the older file, if one is open, and let it be saved."""
+        What is lost between its last in the older file and this one is missing there:
+        it may be what that ends with, and nobody looks back from the newest.
+        """
+        self._passed.add(sender)
+        first = max(sequence, older.sequences.upcoming(sender))
+        self._newest.sequences.begin(sender, first)
+
+    def _close(self, expected: Mapping[str, int] = MappingProxyType({})) -> None:
+        """Finish the older file, if one is open, and let it be saved.
+
+        Args:
+            expected: How many messages senders say they sent in all. Who has not said
+                anything since the newer file began may lack some in this one.
+        """
         if self._older is None:
             return
         self._saving.wait()  # what is in here cannot be lost by an error yet
         older, self._older = self._older, None
-        senders = older.sequences.first
-        ends = {sender: older.sequences.upcoming(sender) for sender in senders}
+        known = {**expected, **self._newest.sequences.first}
+        ends = {
+            sender: max(older.sequences.upcoming(sender), known.get(sender, 0))
+            for sender in older.sequences.first.keys() | self._passed
+        }
         for sender, end in ends.items():
             self._newest.sequences.begin(sender, end)
         # First of all: who goes on from the newest file has to know.
@@ -263,13 +308,17 @@ class Parts:
         last = self._number - self._split.keep
         return [path for n, path in part_paths(self._log).items() if n <= last]
 
-    def flush(self) -> None:
+    def flush(self, now: int) -> None:
         """Give what there is to the operating system; see `Writer.flush`.
+
+        Args:
+            now: By the clock of `add`; what waits for longer than `LATE` goes along.
 
         Raises:
             RecordingError: Also where a file that was closed before cannot be saved.
         """
         self._saving.check()
+        self._write_all(self._causes.due(now))
         if self._older is not None:
             self._older.flush()
         self._newest.flush()
@@ -282,20 +331,21 @@ class Parts:
         Returns:
             What they hold of what was sent, added up.
         """
-        for heard in self._causes.rest():
-            self._write(*heard)
-        self._close()
+        self._write_all(self._causes.rest())
+        self._close(expected)
         self._saving.close()
         balances = [*self._closed, self._newest.finish(totals, expected)]
         return added_up(balances)
 
     def abandon(self) -> None:
         """Close without totals and index; see `Writer.abandon`."""
+        files = [file for file in (self._newest, self._older) if file is not None]
         with contextlib.ExitStack() as stack:
             stack.callback(self._saving.close)
-            stack.callback(self._newest.abandon)
-            if self._older is not None:
-                stack.callback(self._older.abandon)
+            for file in files:
+                stack.callback(file.abandon)
+            if all(file.is_open for file in files):
+                self._write_all(self._causes.rest())
 
     def __enter__(self) -> Self:
         return self

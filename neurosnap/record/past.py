@@ -4,12 +4,12 @@ Apart from `neurosnap.record.resume`, which finds it out: the parts that only ca
 need none of the mathematics, and start the faster.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
-from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.reader import Recording
 from neurosnap.record.writer import Writer
 
 
@@ -34,11 +34,9 @@ class Past(msgspec.Struct, frozen=True):
     """The tick of the key-frame that file begins with; 0: it begins with the run."""
 
 
-def copied(past: Past) -> Iterator[Recorded]:
-    """Yield what the new recording takes over from the old one."""
-    for recorded in Recording.open(Path(past.log)).messages():
-        if recorded.sequence < past.counts.get(recorded.message.sender, 0):
-            yield recorded
+def first_number(past: Past | None, who: str) -> int:
+    """Return the number of the first message of a part."""
+    return 0 if past is None else past.counts.get(who, 0)
 
 
 def facts_of(metadata: Mapping[str, str], past: Past | None) -> dict[str, str]:
@@ -61,5 +59,6 @@ def begin_recording(
         writer.sequences.begin(sender, first)
     if past.part:
         writer.note_share()
-    for recorded in copied(past):
-        writer.put(recorded.message, recorded.delivery, recorded.log_time)
+    for recorded in old.messages():
+        if recorded.sequence < first_number(past, recorded.message.sender):
+            writer.put(recorded.message, recorded.delivery, recorded.log_time)

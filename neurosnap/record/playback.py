@@ -18,7 +18,7 @@ from neurosnap.fabric.endpoint import nearest
 from neurosnap.fabric.hub import open_hub
 from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.waiting import wait_at_most
-from neurosnap.record.history import last_tick, snapshot_at
+from neurosnap.record.history import last_tick, learned_by
 from neurosnap.record.reader import Recorded, Recording
 
 _NS = 1e9
@@ -114,7 +114,7 @@ async def play(
         raise InvalidValueError("start", f"must be in [1, {last}]", start)
     played, began = Played(), time.perf_counter()
     if start > 1:
-        _, snapshot = snapshot_at(recording, start - 1)
+        snapshot = learned_by(recording, start - 1)
         fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
     pace = _Pace(rate)
     for count, recorded in enumerate(_from(recording, start)):

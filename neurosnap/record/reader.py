@@ -18,9 +18,11 @@ from mcap.records import Attachment
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.record.chunks import EVER, raw_messages
 from neurosnap.record.layout import (
     CLOSING,
+    PLACES,
     RUN,
     SHARE,
     SNAPSHOT,
@@ -160,6 +162,24 @@ class Recording:
             raise RecordingError(
                 f"{self.path}: {SHARE}: {rule}, got {error}"
             ) from error
+
+    @property
+    def places(self) -> dict[str, Place]:
+        """Where the parts are that said so: those of a swarm on several machines.
+
+        Raises:
+            RecordingError: What is noted of that is not what a writer writes.
+        """
+        places = {}
+        for who, text in self.layout.metadata.get(PLACES, {}).items():
+            place = Place.read(text)
+            if place is None:
+                rule = "must hold a place for each part"
+                raise RecordingError(
+                    f"{self.path}: {PLACES}: {rule}, got {text[:40]!r}"
+                )
+            places[who] = place
+        return places
 
     def _number(self, name: str) -> int:
         text = self.metadata.get(name, "")

@@ -6,12 +6,12 @@ to be whole.
 """
 
 import asyncio
-import contextlib
 import time
 from collections.abc import Collection, Mapping
 
 from neurosnap import wire
-from neurosnap.errors import MessageError, RecordingError
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.record.parts import Parts
 from neurosnap.record.past import Past
@@ -34,7 +34,7 @@ async def run_recorder(
     """Record all traffic until every one of `parts` has left; finish the recording.
 
     Reads everything, and the presence of `parts`, since one that was killed has no
-    last word; publishes a ``fault`` for what cannot be recorded.
+    last word, and where they are; publishes a ``fault`` for what cannot be recorded.
 
     Args:
         writer: Entered by the caller, who also leaves it in case of an error.
@@ -52,6 +52,7 @@ async def run_recorder(
     """
     listener = _Listener(writer, parts, fabric)
     await fabric.subscribe(("**",), listener.handle, poll=_POLL)
+    await fabric.locate(listener.locate)
     await fabric.watch(listener.change)
     await fabric.announce()
     flushing = asyncio.create_task(_flush(writer, fabric), name="recorder/flush")
@@ -75,7 +76,7 @@ async def _flush(writer: Parts, fabric: Fabric) -> None:
     while True:
         await asyncio.sleep(_FLUSH)
         try:
-            writer.flush()
+            writer.flush(time.time_ns())
         except RecordingError as error:
             fabric.fail(error)
             return
@@ -91,7 +92,10 @@ class _Listener:
         self._writer = writer
         self._parts = frozenset(parts)
         self._left: dict[str, int] = {}
+        self._going: dict[str, asyncio.TimerHandle] = {}
         self._gone: set[str] = set()
+        self._awaited = set(parts)  # who has not come yet
+        self._places: dict[str, Place] = {}
         self._ticks = 0
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
@@ -99,35 +103,54 @@ class _Listener:
         if self.closed:
             return
         for delivery in deliveries:
-            if not self._writer.add(delivery, time.time_ns()):
-                # Whom it was for says what is wrong with it; it may be for nobody.
-                what = f"{delivery.key:.100}: must hold a message that can be recorded"
-                self._fabric.publish(wire.Fault(self._fabric.who, what))
-            if delivery.key in ("leave", "state"):
-                self._note(delivery)
+            match self._writer.add(delivery, time.time_ns()):
+                case None:
+                    # Whom it was for says what is wrong; it may be for nobody.
+                    rule = "must hold a message that can be recorded"
+                    what = f"{delivery.key:.100}: {rule}"
+                    self._fabric.publish(wire.Fault(self._fabric.who, what))
+                case wire.State(tick=tick):
+                    self._ticks = tick
+                case wire.Leave(who=who):
+                    self._left[who] = delivery.sequence + 1
+                case _:
+                    pass
         self._find_all_left()
 
+    def locate(self, who: str, place: Place) -> None:
+        """Take in where a part is, before it is said to be there."""
+        if who in self._parts:
+            self._places[who] = place
+
     def change(self, who: str, alive: bool) -> None:
-        """Take in that a part came or went."""
-        if not alive and not self.closed:
+        """Take in that a part came or went; once all are there, note where they are."""
+        if self.closed:
+            return
+        if alive:
+            self._note_place(who)
+            self._gone.discard(who)
+            if (timer := self._going.pop(who, None)) is not None:
+                timer.cancel()
+        else:
             # Its last word travels apart from its presence, and may be on the way.
-            asyncio.get_running_loop().call_later(_LAST_WORD, self._give_up, who)
+            loop = asyncio.get_running_loop()
+            self._going[who] = loop.call_later(_LAST_WORD, self._give_up, who)
+
+    def _note_place(self, who: str) -> None:
+        """Take in that a part is there; once all are, note where they are."""
+        if who in self._awaited:
+            self._awaited.remove(who)
+            if not self._awaited:
+                self._writer.note_places(self._places)
 
     def _give_up(self, who: str) -> None:
+        self._going.pop(who, None)
         self._gone.add(who)
         self._find_all_left()
 
     def _find_all_left(self) -> None:
         if self._parts <= self._left.keys() | self._gone:
             self.all_left.set()
-
-    def _note(self, delivery: wire.Delivery) -> None:
-        with contextlib.suppress(MessageError):  # the writer has counted it as foreign
-            message = wire.decode(delivery.key, delivery.payload)
-            if isinstance(message, wire.State):
-                self._ticks = message.tick
-            else:
-                self._left[message.sender] = delivery.sequence + 1
 
     def expected(self) -> Mapping[str, int]:
         """Return how many messages each part must have sent."""

@@ -20,7 +20,13 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.record.past import Past
 from neurosnap.record.reader import Recording
-from neurosnap.record.replay import DifferenceError, Replay, options_of, resumed_at
+from neurosnap.record.replay import (
+    DifferenceError,
+    Replay,
+    options_of,
+    resumed_at,
+    start_of,
+)
 from neurosnap.record.sequences import Sequences
 from neurosnap.record.starts import Start, starts
 from neurosnap.record.whole import first_path, part_paths
@@ -57,12 +63,11 @@ def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
         RecordingError: There is no whole tick in it, it lacks messages before the last
             one, or it is not the run it says it is.
     """
-    log = _last_file(log, most)
-    recording = Recording.open(log)
+    recording = _last_file(log, most)
     options = options_of(recording)
     tick, waves, state = _derive(recording, most)
     return options, Past(
-        log=str(log),
+        log=str(recording.path),
         tick=tick,
         actions=_actions(recording, options, tick),
         state=state,
@@ -120,7 +125,7 @@ def whole_ticks(log: Path) -> int:
         log: As in `look_back`.
     """
     try:
-        recording = Recording.open(_last_file(log, None))
+        recording = _last_file(log, None)
         tick, waves, _ = _derive(recording, None)
         _counts(recording, tick, waves)
     except RecordingError:
@@ -128,34 +133,39 @@ def whole_ticks(log: Path) -> int:
     return tick
 
 
-def _last_file(log: Path, most: int | None) -> Path:
-    """Return the file to go on from, of those there are of a run.
+def _last_file(log: Path, most: int | None) -> Recording:
+    """Open the file to go on from, of those there are of a run.
 
     It is the last of which the one before is finished: that may lack what a later one
-    is based on otherwise.
+    is based on otherwise. Where it does lack something, the one before it is.
     """
-    if log.exists() and Recording.open(log).part != 0:
-        return log
-    last = log
+    files: list[Recording] = []
     for path in part_paths(log).values():
         recording = Recording.open(path)
-        if most is not None and last != log and recording.begins > most:
+        if path == log and recording.part != 0:
+            return recording
+        if most is not None and files and recording.begins > most:
             break
-        last = path
+        files.append(recording)
         if not recording.finished:
             break
-    return last
+    if len(files) > 1 and not files[-2].noted().completeness.whole:
+        del files[-1]
+    return files[-1] if files else Recording.open(log)  # which says why not
 
 
 def _derive(recording: Recording, most: int | None) -> _Point:
     """Find the last whole tick."""
     replay = Replay(recording, _start(recording, most))
     core, point = replay.core, None
-    if replay.first:
+    if replay.first and replay.first == recording.begins:
         point = _Point(core.tick, core.totals.waves, pack(core.snapshot.state))
     for tick in _ticks(replay, most):
         # Here and not behind the last one: the core has gone on by then.
         point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
+    if point is None and replay.first:
+        # Nothing shows that all before the key-frame is there: so that is derived, too.
+        return _derive(recording, replay.first)
     if point is None:
         rule = "must hold a whole tick to go on from"
         raise RecordingError(f"{recording.path}: {rule}, got none")
@@ -269,7 +279,9 @@ def restore(past: Past, ticks: int) -> Coordinator:
         ticks: How many ticks the run is to have in all; more than there are.
     """
     recording = Recording.open(Path(past.log))
-    replay = Replay(recording, _start(recording, past.tick))
+    # All from there on was derived when it was looked back.
+    before = max(past.tick - 1, recording.begins)
+    replay = Replay(recording, start_of(recording, before))
     for _ in _ticks(replay, past.tick):
         pass
     replay.core.go_on(ticks)

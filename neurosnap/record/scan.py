@@ -21,23 +21,25 @@ from typing import BinaryIO, NamedTuple, TypeVar
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata
 
 from neurosnap.errors import RecordingError
 from neurosnap.record.chunks import unpack
 from neurosnap.record.layout import (
     CHUNK_HEAD,
+    FOOTER,
     HEAD,
     INDEX_ENTRY,
     INDEX_HEAD,
     LIMIT,
     MAGIC,
-    PROFILE,
     Attached,
     Chunk,
     Cut,
     Layout,
+    check_magic,
     damaged,
+    library_of,
     opened,
     parse,
 )
@@ -46,6 +48,7 @@ _SIZE = struct.Struct("<Q")
 _CRC = struct.Struct("<I")
 _REPEATED = frozenset(
     (
+        Opcode.SCHEMA,
         Opcode.STATISTICS,
         Opcode.CHUNK_INDEX,
         Opcode.ATTACHMENT_INDEX,
@@ -53,7 +56,8 @@ _REPEATED = frozenset(
         Opcode.SUMMARY_OFFSET,
     )
 )
-"""What the summary says of the records before it, and the walk knows already."""
+"""What the summary says of the records before it, and the walk knows already; and the
+schemas, since what a message holds is for `neurosnap.wire` to say."""
 
 _Parsed = TypeVar("_Parsed")
 
@@ -62,6 +66,10 @@ class _Record(NamedTuple):
     opcode: int
     head: bytes
     body: bytes
+
+
+_TORN = _Record(0, b"", b"")
+"""No record has this kind."""
 
 
 def scan(path: Path) -> Layout:
@@ -102,20 +110,10 @@ class _Scan:
     def _read_start(self) -> None:
         """Read the magic and the header."""
         magic = self._file.read(len(MAGIC))
-        if magic != MAGIC:
-            raise RecordingError(
-                f"log: must be an MCAP recording, got {str(self._path)!r}"
-            )
+        check_magic(self._path, magic)
         self._checksum = zlib.crc32(magic)
-        record = self._next()
-        if record is None or record.opcode != Opcode.HEADER:
-            raise self._damage("the file must start with a whole header", "none")
-        header: Header = self._parse(Header.read, record.body)
-        if header.profile != PROFILE:
-            raise RecordingError(
-                f"{self._path}: profile: must be {PROFILE!r}, got {header.profile!r}"
-            )
-        self._layout.library = header.library
+        record = self._next() or _TORN
+        self._layout.library = library_of(self._path, record.opcode, record.body)
         self._sum(record)
 
     def _next(self) -> _Record | None:
@@ -141,9 +139,6 @@ class _Scan:
         self._sum(record)
         if not self._in_summary:
             self._take_data(record)
-        elif record.opcode == Opcode.SCHEMA:
-            schema: Schema = self._parse(Schema.read, record.body)
-            self._layout.schemas[schema.id] = schema
         elif record.opcode == Opcode.CHANNEL:
             channel: Channel = self._parse(Channel.read, record.body)
             self._layout.channels[channel.id] = channel
@@ -234,9 +229,9 @@ class _Scan:
 
     def _end_file(self, record: _Record) -> None:
         """Compare the checksum of the summary, and see that the file ends here."""
-        if not self._in_summary or len(record.body) != 20:
+        if not self._in_summary or len(record.body) != FOOTER.size:
             raise self._damage("the footer must follow the data", "another footer")
-        (checksum,) = _CRC.unpack(record.body[-_CRC.size :])
+        _, _, checksum = FOOTER.unpack(record.body)
         covered = record.head + record.body[: -_CRC.size]
         if checksum and zlib.crc32(covered, self._checksum) != checksum:
             raise self._damage("the summary must have the checksum noted here", "other")

@@ -24,8 +24,17 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.record import schemas
-from neurosnap.record.layout import LIMIT, PROFILE, RUN, SHARE, SNAPSHOT, TOTALS
+from neurosnap.record.layout import (
+    LIMIT,
+    PLACES,
+    PROFILE,
+    RUN,
+    SHARE,
+    SNAPSHOT,
+    TOTALS,
+)
 from neurosnap.record.sequences import Completeness, Sequences
 
 Compression: TypeAlias = Literal["zstd", "none"]
@@ -100,6 +109,11 @@ class Writer:
         }
 
     @property
+    def is_open(self) -> bool:
+        """More can be written; not after its end, or an error from the file system."""
+        return self._open
+
+    @property
     def size(self) -> int:
         """Bytes given to the file, the chunk in progress not among them."""
         return self._stream.tell()
@@ -148,11 +162,11 @@ class Writer:
         key, sequence, sent, payload = delivery
         try:
             message = wire.decode(key, payload)
-        except (MessageError, RecursionError):  # deep nesting is foreign as well
-            self.foreign += 1
-            return None
+        except MessageError:
+            message = None
         if (
-            not 0 <= sequence < _SEQUENCES
+            message is None
+            or not 0 <= sequence < _SEQUENCES
             or not 0 <= sent < _TIMES
             or len(payload) > _LARGEST_PAYLOAD
         ):
@@ -207,11 +221,23 @@ class Writer:
         Raises:
             RecordingError: The recording is not open, or cannot be written.
         """
-        self._demand(self._started and self._open, "must be started and open")
         first = msgspec.json.encode(self.sequences.first).decode()
+        self._note(SHARE, {"first": first})
+
+    def note_places(self, places: Mapping[str, Place]) -> None:
+        """Write down where parts are, by name; what was noted before is forgotten.
+
+        Raises:
+            RecordingError: The recording is not open, or cannot be written.
+        """
+        self._note(PLACES, {who: place.text for who, place in places.items()})
+
+    def _note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write metadata behind what has come so far."""
+        self._demand(self._started and self._open, "must be started and open")
         try:
             self._mcap.flush()
-            self._mcap.add_metadata(SHARE, {"first": first})
+            self._mcap.add_metadata(name, dict(facts))
             self._stream.flush()
         except OSError as error:
             raise self._failed(error) from error

@@ -9,7 +9,7 @@ from collections.abc import Collection
 import msgspec
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.record.past import Past
+from neurosnap.record.past import Past, first_number
 from neurosnap.swarm.options import RunOptions
 
 _SHOWN = 8  # names in an error
@@ -26,7 +26,7 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
 
     def first(self, who: str) -> int:
         """Return the number of the first message of a part."""
-        return 0 if self.past is None else self.past.counts.get(who, 0)
+        return first_number(self.past, who)
 
     def check_vacant(self, parts: Collection[str]) -> None:
         """Refuse to start a part that the run does not wait for.

@@ -26,16 +26,12 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.swarm.bounds import Latch, is_far, wrong_number, wrong_room, wrong_start
 from neurosnap.swarm.credit import split_evenly
 from neurosnap.swarm.part import decoded, wrong_readings
 from neurosnap.swarm.wave import DEEPEST
 
-_READINGS = 8  # ticks a cell remembers; a wave is never further behind, or ahead
-# How far the waves in flight reach beyond the last that was announced to all: what the
-# coordinator says comes in order, so only pulses can be ahead of what a cell has heard.
-_AHEAD = 1 << 12
-_WAVES = 2 * _AHEAD  # a cell knows of at once
-_PULSES = 1 << 17  # a cell remembers of all these together
+_PULSES = 1 << 17  # a cell remembers of all waves together
 
 
 class _Wave:
@@ -85,10 +81,9 @@ class Cell:
         self._epoch = 0
         self._wired = True
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
-        # tick -> the literal that was on; none where the reading is unknown
-        self._readings: dict[int, tuple[int, ...]] = {}
+        # The literal that was on; none where the reading is unknown.
+        self._readings = Latch[tuple[int, ...]]()
         self._bytes = 0  # in every observation; 0: none has come
-        self._tick = 0  # the last it took part in
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
         self._fence = 0  # the last wave announced to all that has come
@@ -138,48 +133,35 @@ class Cell:
                 if message.cell != self.cell:
                     return f"wiring: must be for this cell, got {message.cell}"
                 # A wave fences every wiring, so its numbers grow no faster.
-                if self._is_far(message.epoch):
-                    rule = f"must be at most {_AHEAD} beyond {self._fence}"
-                    return f"wiring: epoch {rule}, got {message.epoch}"
                 most = max(len(message.add), len(message.add_complement))
                 if most > DEEPEST:
                     return f"wiring: must have up to {DEEPEST} targets, got {most}"
-                return None
+                return wrong_number("wiring: epoch", message.epoch, self._fence)
             case _:
                 return f"{message.key}: is not for a cell"
 
     def _wrong_start(self, start: wire.WaveStart) -> str | None:
         if start.cell not in (-1, self.cell):
             return f"wave: must be for this cell, got {start.cell}"
-        if start.credit > DEEPEST:
-            return f"wave: must have credit up to {DEEPEST}, got {start.credit}"
-        if start.settled_below > start.wave + _AHEAD:
-            rule = f"must not settle what is to come after wave {start.wave}"
-            return f"wave: {rule}, got {start.settled_below}"
-        return self._wrong_tick("wave", start.tick) or self._wrong_wave("wave", start)
+        return (
+            wrong_start(start)
+            or self._readings.wrong_tick("wave", start.tick)
+            or self._wrong_wave("wave", start)
+        )
 
     def _wrong_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> str | None:
-        if self._is_far(number := max(of.wave, of.fence)):
-            rule = f"must be at most {_AHEAD} beyond {self._fence}"
-            return f"{name}: wave {rule}, got {number}"
+        number = max(of.wave, of.fence)
+        if (far := wrong_number(f"{name}: wave", number, self._fence)) is not None:
+            return far
         if of.wave < self._settled_below:
             return None  # nothing will be kept of it
         # The first fence makes room.
         first = not self._fence and isinstance(of, wire.WaveStart) and of.cell < 0
-        known = of.wave in self._waves or first
-        if not known and len(self._waves) >= _WAVES:
-            return f"{name}: must be of {_WAVES} waves in all, got wave {of.wave} too"
+        if not first and (full := wrong_room(name, of.wave, self._waves)) is not None:
+            return full
         if isinstance(of, wire.Pulse) and self._remembered >= _PULSES:
             return f"{name}: must be one of {_PULSES} in flight, got one more"
         return None
-
-    def _is_far(self, number: int) -> bool:
-        """Tell whether a number is too far ahead to have come about.
-
-        Before the first fence there is no telling: a run that is resumed goes on with
-        the numbers it had.
-        """
-        return 0 < self._fence < number - _AHEAD
 
     def _wrong_observation(self, observation: wire.Observation) -> str | None:
         size = len(observation.bits)
@@ -187,15 +169,9 @@ class Cell:
             return f"observe: must hold sensor {self.cell}, got {size} bytes"
         if self._bytes and size != self._bytes:
             return f"observe: must hold {self._bytes} bytes as before, got {size}"
-        return wrong_readings(observation) or self._wrong_tick(
+        return wrong_readings(observation) or self._readings.wrong_tick(
             "observe", observation.tick
         )
-
-    def _wrong_tick(self, name: str, tick: int) -> str | None:
-        if 0 < self._tick < tick - _READINGS:
-            rule = f"must be at most {_READINGS} ticks after {self._tick}"
-            return f"{name}: tick {rule}, got {tick}"
-        return None
 
     # Waves -------------------------------------------------------------------------
 
@@ -251,7 +227,7 @@ class Cell:
         self._waves = {
             number: wave
             for number, wave in self._waves.items()
-            if number >= self._settled_below and not self._is_far(number)
+            if number >= self._settled_below and not is_far(number, self._fence)
         }
         self._remembered = sum(len(wave.seen) for wave in self._waves.values())
 
@@ -286,7 +262,7 @@ class Cell:
         start = wave.start
         if start is not None and not wave.asked:
             wave.asked = True
-            self._join(start.tick)
+            self._readings.join(start.tick)
             for literal in self._asked(start):
                 self._reach(literal, 0, start.credit, wave, out)
                 touched[wave.number] = wave
@@ -294,16 +270,6 @@ class Cell:
         for pulse in held:
             self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
             touched[wave.number] = wave
-
-    def _join(self, tick: int) -> None:
-        """Take note of the tick, and forget readings that were too far ahead of it."""
-        if tick > self._tick:
-            self._tick = tick
-            self._readings = {
-                read: literals
-                for read, literals in self._readings.items()
-                if read <= tick + _READINGS
-            }
 
     def _asked(self, start: wire.WaveStart) -> tuple[int, ...]:
         """Return the literals of this cell that a wave's signal holds."""
@@ -362,9 +328,7 @@ class Cell:
         byte, bit = divmod(self.cell, 8)
         off = not observation.bits[byte] >> bit & 1
         known = not observation.known or observation.known[byte] >> bit & 1
-        self._readings[observation.tick] = (2 * self.cell + off,) if known else ()
-        if len(self._readings) > _READINGS:
-            del self._readings[min(self._readings)]
+        self._readings.keep(observation.tick, (2 * self.cell + off,) if known else ())
         for wave in list(self._waves.values()):
             if wave.start is not None and wave.start.tick == observation.tick:
                 self._open(wave, touched, out)

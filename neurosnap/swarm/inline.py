@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
 from neurosnap.record.parts import Parts
-from neurosnap.record.past import Past
+from neurosnap.record.past import Past, first_number
 from neurosnap.record.recorder import run_recorder
 from neurosnap.record.sequences import Completeness
 from neurosnap.source import open_source
@@ -137,10 +137,12 @@ class _Inline:
         stopping.cancel()
         return seconds, None if recording is None else await recording
 
+    def _end(self, who: str) -> MemoryFabric:
+        return self._hub.fabric(who, first=first_number(self._past, who))
+
     async def _play(self, who: str, work: Work[T]) -> T:
         """Take part as `who`; an error that does not say whose it is gets told."""
-        first = 0 if self._past is None else self._past.counts.get(who, 0)
-        async with self._hub.fabric(who, first=first) as fabric:
+        async with self._end(who) as fabric:
             try:
                 return await take_part(fabric, work(fabric))
             except NeurosnapError:
@@ -166,8 +168,7 @@ class _Inline:
             await run_outlet(self._options, fabric, self._leave)
 
     async def _record(self, writer: Parts, parts: tuple[str, ...]) -> Completeness:
-        first = 0 if self._past is None else self._past.counts.get("recorder", 0)
-        async with self._hub.fabric("recorder", first=first) as fabric:
+        async with self._end("recorder") as fabric:
             return await run_recorder(writer, fabric, self._leave, parts=parts)
 
 

@@ -8,6 +8,7 @@ import msgspec
 
 from neurosnap.errors import SwarmError
 from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.waiting import wait_at_most
 from neurosnap.outside.open import is_outside
 from neurosnap.record.past import Past
 from neurosnap.record.resume import restore
@@ -82,7 +83,7 @@ async def be_coordinator(
         patience = 60.0 + 0.05 * len(parts)
     options = brief.options
     async with seat.fabric(swift=True) as fabric:
-        await _wait_alone(fabric, seat.swarm, brief.vacant)
+        await _wait_alone(fabric, seat.swarm, brief.vacant, stop)
         await fabric.brief(brief.to_bytes())
         reporter.ready()
         seconds = await take_part(
@@ -101,11 +102,16 @@ async def be_coordinator(
         reporter.done(Result.of(core, seconds))
 
 
-async def _wait_alone(fabric: ZenohFabric, swarm: str, vacant: Collection[str]) -> None:
-    """Wait until nobody is left of an earlier swarm of the same name.
+async def _wait_alone(
+    fabric: ZenohFabric, swarm: str, vacant: Collection[str], stop: asyncio.Event
+) -> None:
+    """Wait until nobody is left of an earlier swarm of the same name, or `stop`.
 
     Services come once there is a coordinator, so who is there before it is on the way
     out: a recorder that would record two runs, a cell that would be missed.
+
+    It shows itself only after that, so two that are started at the same moment may
+    both find nobody: an id is its user's to give once.
     """
     there: set[str] = set()
     try:
@@ -114,7 +120,9 @@ async def _wait_alone(fabric: ZenohFabric, swarm: str, vacant: Collection[str]) 
                 if "coordinator" in there:
                     rule = "must have one coordinator, has one already"
                     raise SwarmError(f"swarm {swarm}: {rule}")
-                await asyncio.sleep(_LOOK)
+                await wait_at_most(stop, _LOOK)
+                if stop.is_set():
+                    return
     except TimeoutError:
         rule = f"must have nobody left of an earlier one after {_LEFTOVER:g} s"
         raise SwarmError(

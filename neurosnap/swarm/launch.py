@@ -11,27 +11,24 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from neurosnap.errors import SwarmError
-from neurosnap.fabric.access import Role, role_of
+from neurosnap.fabric.access import role_of
 from neurosnap.fabric.lookout import incarnation
 from neurosnap.fabric.waiting import wait_any
-from neurosnap.record.past import Past
+from neurosnap.record.past import Past, first_number
 from neurosnap.record.recorder import be_recorder
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.outlet import OUTLET
 from neurosnap.swarm.process import Job, Seat, be_cell, be_hub
 from neurosnap.swarm.registry import noted
+from neurosnap.swarm.seats import Seats
 from neurosnap.swarm.shares import hosts
 from neurosnap.swarm.supervisor import Child, Supervisor, allow_files
 from neurosnap.swarm.worker import be_worker
-
-if TYPE_CHECKING:
-    from neurosnap.fabric.credentials import Credentials
 
 _SERVICES = 5  # hub, recorder, coordinator, world, outlet
 _GRACE = 10.0  # seconds a part may take to end
@@ -103,7 +100,9 @@ async def run_processes(
     Args:
         plan: Who takes part.
         stop: Ends the run in order.
-        on_progress: Told the tick some twenty times a second, once the swarm is up.
+        on_progress: Told the tick once the swarm is up, up to twenty times a second;
+            four times, if no tick comes but nothing is over its deadline. What it
+            raises ends the run and comes out of it.
 
     Raises:
         SwarmError: A part failed; the text names it and says why. Whatever was
@@ -113,7 +112,7 @@ async def run_processes(
         # A socket in a folder of one's own: nobody else can connect, and no port is
         # taken.
         endpoint = f"unixsock-stream/{folder}/hub"
-        plan.network.check()
+        plan.network.check(*{role_of(who) for who in _parts_here(plan)})
         async with Supervisor() as supervisor:
             launch = _Launch(plan, supervisor, endpoint, folder)
             reporting = asyncio.create_task(
@@ -136,33 +135,22 @@ class _Launch:
     ) -> None:
         self._plan = plan
         self._supervisor = supervisor
-        self._endpoint = endpoint
+        self._seats = Seats(plan.network, endpoint, located=bool(plan.elsewhere))
         self._folder = folder
-        self._credentials: dict[Role, Credentials | None] = {}
         self.swarm = plan.swarm or new_swarm_id()
         self._hosts = hosts(plan.cells, plan.workers)
 
     def _seat(self, who: str) -> Seat:
-        past = self._plan.past
-        first = 0 if past is None else past.counts.get(who, 0)
-        network, role = self._plan.network, role_of(who)
-        if role not in self._credentials:  # read once, and not for every cell
-            self._credentials[role] = network.credentials(role)
-        return Seat(
-            who,
-            incarnation(self.swarm, self._plan.incarnation),
-            network.endpoint(role, self._endpoint),
-            first,
-            self._credentials[role],
-            network.insecure,
-        )
+        first = first_number(self._plan.past, who)
+        swarm = incarnation(self.swarm, self._plan.incarnation)
+        return self._seats.seat(who, swarm, first)
 
     async def run(self, stop: asyncio.Event) -> Ending:
         """Start everything, wait for the end, end everything."""
         began = time.perf_counter()
         try:
             await self._start_hub(stop)
-            conductor, world, recorder = await self._start_parts()
+            conductor, world, recorder = await self._start_parts(stop)
             ends = (
                 [conductor.ended] if world is None else [conductor.ended, world.ended]
             )
@@ -192,11 +180,16 @@ class _Launch:
             self._folder,
             self._plan.network.audit,
         )
-        await wait_any(self._supervisor.failed, stop, hub.ready)
-        if self._supervisor.error is not None:
-            raise self._supervisor.error
+        await self._supervisor.wait(stop, hub.ready)
 
-    async def _start_parts(self) -> tuple[Child, Child | None, Child | None]:
+    async def _start_parts(
+        self, stop: asyncio.Event
+    ) -> tuple[Child, Child | None, Child | None]:
+        """Start the conductor, the world and the recorder, and then the cells.
+
+        The cells are started to the last even if `stop` is set meanwhile: a recording
+        is whole once every part has said its last word.
+        """
         start, plan = self._supervisor.start, self._plan
         heard = self._hosts if plan.world is None else ["world", *self._hosts]
         awaited = ["recorder", *heard] if "recorder" in plan.elsewhere else heard
@@ -219,16 +212,14 @@ class _Launch:
         )
         if plan.network.connect:
             # A hub of others may have a swarm of this id: it must not hear our parts.
-            await wait_any(self._supervisor.failed, conductor.ready, conductor.ended)
-            if self._supervisor.error is not None:
-                raise self._supervisor.error
+            await self._supervisor.wait(stop, conductor.ready, conductor.ended)
+            if not conductor.ready.is_set():
+                return conductor, None, recorder
         if plan.outlet is not None:
             # Before there is anything to tell of: what it misses, it never tells.
             seat = self._seat(OUTLET)
             outlet = await start(plan.outlet, seat, *plan.outlet_arguments)
-            await wait_any(self._supervisor.failed, outlet.ready, outlet.ended)
-            if self._supervisor.error is not None:
-                raise self._supervisor.error
+            await self._supervisor.wait(stop, outlet.ready, outlet.ended)
         if plan.world is not None and "world" not in plan.elsewhere:
             world = await start(plan.world, self._seat("world"), *plan.world_arguments)
         job, more = (
@@ -264,6 +255,19 @@ class _Launch:
         return late
 
 
+def _parts_here(plan: Plan) -> set[str]:
+    """Return the parts that are started here, by name."""
+    there = {
+        "hub": not plan.network.connect,
+        "recorder": plan.log is not None,
+        "coordinator": True,
+        OUTLET: plan.outlet is not None,
+        "world": plan.world is not None,
+    }
+    services = {who for who, is_there in there.items() if is_there}
+    return services.union(hosts(plan.cells, plan.workers)) - plan.elsewhere
+
+
 def _result(child: Child) -> bytes:
     """Return what a child said came of it."""
     if child.result is None:
@@ -274,8 +278,11 @@ def _result(child: Child) -> bytes:
 
 
 async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) -> None:
-    """Pass the coordinator's progress on."""
-    while True:
-        if supervisor.tick is not None:
+    """Pass the coordinator's progress on: only what it says, when it says so."""
+    try:
+        while True:
+            await supervisor.progressed.wait()
+            supervisor.progressed.clear()
             on_progress(supervisor.tick)
-        await asyncio.sleep(0.05)
+    except Exception as error:  # noqa: BLE001 - ends the run, and comes out of it
+        supervisor.blame(error)

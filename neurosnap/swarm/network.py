@@ -30,8 +30,12 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     audit: bool = False
     """Tell of every refused message, too; costs the hub several times as much."""
 
-    def check(self) -> None:
+    def check(self, *roles: Role) -> None:
         """Refuse what cannot be, before anything is started.
+
+        Args:
+            roles: Whose keys have to be there; none: those that every launcher of a
+                run needs, the hub's where it listens and the coordinator's otherwise.
 
         Raises:
             InvalidValueError: There are two endpoints, or one that may not be used; or
@@ -43,7 +47,9 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         endpoint = self.listen or self.connect
         if endpoint:
             check_endpoint(endpoint, tls=bool(self.tls), insecure=self.insecure)
-            self.credentials("hub" if self.listen else "cell")
+            own: Role = "hub" if self.listen else "coordinator"
+            for role in roles or (own,):
+                self.credentials(role)
         elif self.tls:
             rule = "must come with an endpoint to listen on (--listen tls/HOST:PORT)"
             raise InvalidValueError("tls", rule, self.tls)

@@ -53,7 +53,8 @@ class ServiceManager:
     def progress(self, tick: int) -> None:
         """Say that the run is up, if that was not said, and that it goes on.
 
-        Called often; says it once a second, or as often as the manager asks for.
+        Called as long as it does; says it once a second at most, or as often as the
+        manager asks for.
 
         Args:
             tick: How far it is.

@@ -8,13 +8,13 @@ from neurosnap.agent.context import Body
 from neurosnap.agent.kinds import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.graph import WiringKind as WiringKind  # one of the options' kinds
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.record.layout import SMALLEST
 from neurosnap.sensorium import Sensorium
 from neurosnap.swarm.shares import hosts, shares
 
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
-WiringKind: TypeAlias = Literal["hasse", "derived"]
 HostKind: TypeAlias = Literal["process", "worker"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
 

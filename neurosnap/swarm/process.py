@@ -14,6 +14,7 @@ import os
 import shutil
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Awaitable, Callable, Iterator
@@ -33,13 +34,16 @@ from neurosnap.swarm.part import take_part
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
-# A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one.
-_LONGEST = 3000
+# A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one; four
+# of them are the length of what follows.
+_LONGEST = 4096 - 4
 # Seconds each part goes on once the launcher is dead: time for the coordinator to end
 # its tick, for the others to leave, for the recorder to hear them.
 _LINGER = {"coordinator": 0.0, "recorder": 2.0, "hub": 5.0}
 _LINGER_OTHERS = 1.0
 _PROGRESS = 0.05  # seconds between two reports of progress
+_LOADED_BY = os.getpid()
+"""The fork server, in children that it forked with this module loaded."""
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
@@ -73,6 +77,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
 Report: TypeAlias = Ready | Progress | Done | Failed
 
+_encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
 
 
@@ -100,6 +105,8 @@ class Seat(msgspec.Struct, frozen=True):
     """What it proves itself with."""
     insecure: bool = False
     """It may go over a network without proof."""
+    located: bool = False
+    """It says where it is, for the swarm is on several machines."""
 
     def fabric(self, *, swift: bool = False) -> ZenohFabric:
         """Return the part's end of the network, to be entered; see `ZenohFabric`."""
@@ -111,15 +118,17 @@ class Seat(msgspec.Struct, frozen=True):
             swift=swift,
             credentials=self.credentials,
             insecure=self.insecure,
+            located=self.located,
         )
 
 
 class Reporter:
-    """A child's line to its parent."""
+    """A child's line to its parent; any thread may report."""
 
     def __init__(self, who: str, connection: Connection) -> None:
         self._who = who
         self._connection = connection
+        self._lock = threading.Lock()  # a long report is several writes
         self._next_progress = 0.0
 
     def ready(self) -> None:
@@ -139,12 +148,20 @@ class Reporter:
         self._send(Done(self._who, msgspec.Raw(msgspec.json.encode(result))))
 
     def failed(self, what: str, *, died: bool = False) -> None:
-        """Say why it cannot go on; the end of a long text is what counts."""
-        self._send(Failed(self._who, what[-_LONGEST:], died))
+        """Say why it cannot go on; the end of a long text is what counts.
+
+        That it is short enough shows once it is encoded: a character may take six
+        bytes.
+        """
+        kept = what[-_LONGEST:]
+        while len(_encode(report := Failed(self._who, kept, died))) > _LONGEST:
+            kept = kept[len(kept) // 16 + 1 :]
+        self._send(report)
 
     def _send(self, report: Report) -> None:
-        with contextlib.suppress(BrokenPipeError):  # nobody is left to be told
-            self._connection.send_bytes(msgspec.json.encode(report))
+        # A line that is broken: nobody is left to be told.
+        with self._lock, contextlib.suppress(BrokenPipeError):
+            self._connection.send_bytes(_encode(report))
 
 
 Job: TypeAlias = Callable[..., Awaitable[None]]
@@ -256,10 +273,13 @@ def _call_itself(who: str) -> None:
 
 
 def _end_with_server() -> None:
-    """Get a SIGTERM when the fork server dies; it lives as long as any child."""
+    """Get a SIGTERM when the fork server dies; it lives as long as any child.
+
+    Where it has died already, end at once: no signal will come.
+    """
     if sys.platform != "linux":
         return
-    parent = os.getppid()
+    server = _LOADED_BY if os.getpid() != _LOADED_BY else os.getppid()
     libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM) or os.getppid() != parent:
+    if libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM) or os.getppid() != server:
         os._exit(1)

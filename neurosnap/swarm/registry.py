@@ -60,7 +60,8 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         endpoint=endpoint,
         log="" if log is None else str(log.resolve()),
     )
-    path = _folder() / f"{swarm}{_ENTRY}"
+    # Nobody keeps two launchers from taking the same id, each with a hub of its own.
+    path = _folder() / f"{swarm}-{process.pid}{_ENTRY}"
     draft = path.with_suffix(".part")
     draft.write_bytes(msgspec.json.encode(note))
     draft.replace(path)
@@ -92,13 +93,20 @@ def find(swarm: str) -> Note:
     """Return the swarm with an id.
 
     Raises:
-        InvalidValueError: There is none, or its launcher has ended.
+        InvalidValueError: There is none, or its launcher has ended; or there are
+            several.
     """
-    there = {note.swarm: note for note in swarms()}
-    if swarm not in there:
-        rule = f"must be one of {', '.join(there) or 'none: no swarm runs here'}"
+    there = swarms()
+    found = [note for note in there if note.swarm == swarm]
+    if not found:
+        known = ", ".join(note.swarm for note in there)
+        rule = f"must be one of {known or 'none: no swarm runs here'}"
         raise InvalidValueError("swarm", rule, swarm)
-    return there[swarm]
+    if len(found) > 1:
+        pids = ", ".join(str(note.pid) for note in found)
+        rule = f"must be of one launcher, is of processes {pids}"
+        raise InvalidValueError("swarm", rule, swarm)
+    return found[0]
 
 
 def only() -> Note:
@@ -149,20 +157,22 @@ def stop(note: Note, patience: float) -> None:
     launcher = _launcher(note)
     if launcher is None:
         return
-    launcher.terminate()
     try:
+        launcher.terminate()
         launcher.wait(patience)
+    except psutil.NoSuchProcess:
+        return  # it has just ended
     except psutil.TimeoutExpired as error:
         rule = f"must end within {patience:g} s of being asked to"
         raise SwarmError(f"swarm {note.swarm}: {rule}, goes on") from error
 
 
-_KINDS = ("hub", "recorder", "coordinator", "world", "worker", "cell")
+_KINDS = ("hub", "recorder", "coordinator", "world", "watcher", "worker", "cell")
 
 
 def _place(part: Part) -> tuple[int, int]:
     kind, _, number = part.who.partition("/")
-    return _KINDS.index(kind), int(number or 0)
+    return _KINDS.index(kind), int(number) if number.isdecimal() else 0
 
 
 def _launcher(note: Note) -> psutil.Process | None:

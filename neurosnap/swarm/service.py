@@ -8,7 +8,6 @@ swarm that goes on after a death finds its services waiting.
 import asyncio
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -20,19 +19,15 @@ from neurosnap.errors import (
     PartDiedError,
     SwarmError,
 )
-from neurosnap.fabric.access import Role, role_of
-from neurosnap.fabric.lookout import Lookout, Sighting
-from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.lookout import Sighting
 from neurosnap.fabric.waiting import wait_any
 from neurosnap.swarm.brief import read_brief
 from neurosnap.swarm.join import Duty, Share
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.process import Seat
+from neurosnap.swarm.seats import Seats
 from neurosnap.swarm.supervision import RestartKind
 from neurosnap.swarm.supervisor import Child, Supervisor, allow_files
-
-if TYPE_CHECKING:
-    from neurosnap.fabric.credentials import Credentials
 
 _GRACE = 10.0  # seconds a part may take to end
 _LAST_WORD = 0.5  # seconds a coordinator's last word may come after it has gone
@@ -83,16 +78,12 @@ async def serve(
     if not network.connect:
         rule = "must say where the hub of the swarm listens"
         raise InvalidValueError("connect", rule, network.connect)
-    network.check()
-    host = _Host(share, network, stop)
+    network.check("watcher")
+    seats = Seats(network, located=True)
+    host = _Host(share, seats, stop)
     wait = None if restart == "always" else patience
     trouble = ""
-    async with Lookout(
-        swarm,
-        network.connect,
-        credentials=network.credentials("watcher"),
-        insecure=network.insecure,
-    ) as lookout:
+    async with seats.lookout(swarm) as lookout:
         while True:
             try:
                 seen = await lookout.next(stop, wait)
@@ -124,16 +115,10 @@ def _nobody(swarm: str, patience: float, trouble: str) -> str:
 class _Host:
     """Starts a share of one swarm after the other."""
 
-    def __init__(self, share: Share, network: Network, stop: asyncio.Event) -> None:
+    def __init__(self, share: Share, seats: Seats, stop: asyncio.Event) -> None:
         self._share = share
-        self._network = network
+        self._seats = seats
         self._stop = stop
-        self._known: dict[Role, Credentials | None] = {}
-
-    def _credentials(self, role: Role) -> "Credentials | None":
-        if role not in self._known:  # read once, and not for every cell
-            self._known[role] = self._network.credentials(role)
-        return self._known[role]
 
     async def take_part(self, seen: Sighting) -> Served:
         """Be the share of one swarm until it is over, or the service is to stop.
@@ -142,13 +127,7 @@ class _Host:
             NeurosnapError: A part failed, or cannot be of this swarm.
         """
         ending = _Ending()
-        async with ZenohFabric(
-            "watcher",
-            seen.name,
-            self._network.connect,
-            credentials=self._credentials("watcher"),
-            insecure=self._network.insecure,
-        ) as fabric:
+        async with self._seats.seat("watcher", seen.name).fabric() as fabric:
             await fabric.subscribe(("fault", "leave"), ending.handle)
             content = await fabric.ask()
             if content is None:
@@ -161,15 +140,12 @@ class _Host:
                 raise SwarmError(
                     f"{who}: must be there once, is in {seen.name} already"
                 )
-            seats = [self._seat(who, seen.name, brief.first(who)) for who in names]
+            seats = [
+                self._seats.seat(who, seen.name, brief.first(who)) for who in names
+            ]
             results = await self._run(duties, seats, seen.gone)
             trouble = "" if self._stop.is_set() else await ending.trouble()
         return Served(seen.name, trouble, results)
-
-    def _seat(self, who: str, swarm: str, first: int) -> Seat:
-        network, role = self._network, role_of(who)
-        credentials = self._credentials(role)
-        return Seat(who, swarm, network.connect, first, credentials, network.insecure)
 
     async def _run(
         self, duties: Sequence[Duty], seats: Sequence[Seat], gone: asyncio.Event

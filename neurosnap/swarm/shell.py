@@ -12,12 +12,13 @@ from collections.abc import Callable, Collection
 from typing import Protocol
 
 from neurosnap import wire
-from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
+from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.swarm.answer import Answer
 from neurosnap.swarm.part import decoded
 
 _LAST_WORD = 0.5  # seconds
+_WORD = 0.25  # seconds between two words of how far it is, at most
 
 
 class Core(Protocol):
@@ -78,7 +79,8 @@ async def conduct(
         answer: Seconds the world may take from a decision to its observation; None: as
             long as it takes.
         patience: Seconds the parts may take to come up.
-        on_progress: Told the core's tick once the swarm is up, and after each burst.
+        on_progress: Told the core's tick once the swarm is up, after each burst, and
+            while nothing is over its deadline four times a second; on any thread.
 
     Returns:
         Seconds from the beginning to the end, the wait for the parts left out.
@@ -100,7 +102,7 @@ async def conduct(
     try:
         await presence.wait_complete(serving, stop, patience)
         began = time.perf_counter()
-        if not stop.is_set():
+        if not stop.is_set() and not serving.done():
             shell.begin()
         stopping = asyncio.create_task(stop.wait(), name="conduct/stop")
         try:
@@ -143,8 +145,9 @@ class _Shell:
         self._on_progress = on_progress
         self._begun = False
         self._loop = asyncio.get_running_loop()
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()
         self._started: dict[int, float] = {}  # when each wave in flight was sent
+        self._repeat = 0  # the last wave that was one
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
         """Hand a burst to the core. Called on the fabric's thread."""
@@ -163,14 +166,19 @@ class _Shell:
                         self._publish(self._core.stop())
                 else:
                     self._publish(self._core.receive(message))
-        if self._begun:
-            self._on_progress(self._core.tick)
+            if self._repeat:  # may have settled, and another waited for that
+                self._find_overdue()
+        self._tell()
 
     def begin(self) -> None:
         """Let the core begin: all parts are there."""
         self.send(self._core.begin)
         self._begun = True
-        self._on_progress(self._core.tick)
+        self._tell()
+
+    def _tell(self) -> None:
+        if self._begun:
+            self._on_progress(self._core.tick)
 
     def send(self, speak: Callable[[], list[wire.Message]]) -> None:
         """Publish what the core says when asked by `speak`."""
@@ -183,28 +191,41 @@ class _Shell:
             self._answer.heed(message)
             if isinstance(message, wire.WaveStart):
                 self._started[message.wave] = time.monotonic()
+                if message.repeats:
+                    self._repeat = message.wave
         if self._core.finished:
             self._loop.call_soon_threadsafe(self.over.set)
 
     async def watch(self) -> None:
-        """See to every deadline, until cancelled."""
+        """See to every deadline, until cancelled; say how far it is."""
         while True:
-            await asyncio.sleep(self._deadline / 8)
+            await asyncio.sleep(min(self._deadline / 8, _WORD))
             try:
                 with self._lock:
                     self._find_overdue()
                     self._answer.check()
-            except NeurosnapError as error:
+                self._tell()
+            except Exception as error:  # noqa: BLE001 - goes on to the owner, whole
                 self._fabric.fail(error)
                 return
 
     def _find_overdue(self) -> None:
-        """Tell the core of every wave that is over its deadline."""
+        """Tell the core of a wave that is over its deadline, one at a time.
+
+        Before a repeat all cells are wired anew, and whoever is half way through that
+        reports what is refused. So the next waits until the last repeat has settled,
+        or is late itself.
+        """
         flying = self._core.in_flight
-        late = time.monotonic() - self._deadline
+        limit = time.monotonic() - self._deadline
         self._started = {n: t for n, t in self._started.items() if n in flying}
-        for number in [n for n, t in self._started.items() if t < late]:
-            self._publish(self._core.overdue(number))
+        late = [n for n, t in self._started.items() if t < limit]
+        if self._repeat in flying:
+            late = [self._repeat] if self._repeat in late else []
+        else:
+            self._repeat = 0
+        if late:
+            self._publish(self._core.overdue(late[0]))
 
 
 class _Presence:

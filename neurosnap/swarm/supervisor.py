@@ -8,9 +8,10 @@ import asyncio
 import multiprocessing
 import resource
 import sys
+import threading
 import time
 import types
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
@@ -18,6 +19,7 @@ from types import TracebackType
 from typing import Self
 
 from neurosnap.errors import PartDiedError, SwarmError
+from neurosnap.fabric.waiting import wait_any
 from neurosnap.swarm.process import (
     Done,
     Failed,
@@ -33,6 +35,8 @@ from neurosnap.swarm.process import (
 # Per child: a sentinel and the pipe that makes it, here; the same again in the server.
 _FILES_A_CHILD = 3
 _FILES_BESIDE = 200
+
+_hiding = threading.Lock()  # of the main module, which is the whole process's
 
 
 class Child:
@@ -57,13 +61,17 @@ class Supervisor:
 
     def __init__(self) -> None:
         self.failed = asyncio.Event()
-        self.error: SwarmError | None = None
-        self.tick: int | None = None
+        self.error: Exception | None = None
+        self.progressed = asyncio.Event()
+        """Set whenever a part says how far it is: `tick`."""
+        self.tick = 0
         self._context = multiprocessing.get_context("forkserver")
         self._children: dict[str, Child] = {}
         self._reasons: dict[str, Failed] = {}
         self._expected: set[str] = set()
         self._killed: set[str] = set()  # by this supervisor
+        self._closing = False
+        self._starting: set[asyncio.Future[None]] = set()  # threads at work
         self._loop = asyncio.get_running_loop()
         self._lines: list[Connection] = []
         self._shared: Connection | None = None
@@ -79,10 +87,12 @@ class Supervisor:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Kill what is left."""
-        for child_ in self._children.values():
-            if not child_.ended.is_set():
-                child_.process.kill()
+        """Kill what is left, and what is being started."""
+        self._closing = True
+        self._kill_all()
+        if self._starting:  # whoever waited for it was cancelled
+            await asyncio.wait(self._starting)
+            self._kill_all()
         for child_ in self._children.values():
             if not child_.ended.is_set():
                 self._loop.remove_reader(child_.process.sentinel)
@@ -94,13 +104,23 @@ class Supervisor:
         if self._shared is not None:
             self._shared.close()
 
+    def _kill_all(self) -> None:
+        for child_ in self._children.values():
+            if not child_.ended.is_set():
+                child_.process.kill()
+
     async def start(self, job: Job, seat: Seat, *arguments: object) -> Child:
         """Start `job` in a child with a pipe of its own."""
         reading, writing = self._context.Pipe(duplex=False)
         self._listen(reading)
-        child_ = await self._start(job, seat, writing, arguments)
-        writing.close()
-        return child_
+        process = self._process(job, seat, writing, arguments)
+
+        def start() -> None:
+            with writing:  # the child has its own; nobody else may keep it open
+                self._start(process)
+
+        await self._aside(start)
+        return self._children[seat.who]
 
     async def start_many(
         self, job: Job, seats: list[tuple[Seat, tuple[object, ...]]]
@@ -113,22 +133,27 @@ class Supervisor:
             self._process(job, seat, self._shared, arguments)
             for seat, arguments in seats
         ]
-        await asyncio.to_thread(self._start_all, processes)
 
-    def _start_all(self, processes: list[ForkServerProcess]) -> None:
-        """Start one after the other; one thread for all is cheaper than one each."""
-        for process in processes:
-            if self.failed.is_set():
-                return
-            _start_bare(process)
-            self._loop.call_soon_threadsafe(self._adopt, process)
+        def start() -> None:  # one thread for all is cheaper than one each
+            for process in processes:
+                if self._closing or self.failed.is_set():
+                    return
+                self._start(process)
 
-    async def _start(
-        self, job: Job, seat: Seat, line: Connection, arguments: tuple[object, ...]
-    ) -> Child:
-        process = self._process(job, seat, line, arguments)
-        await asyncio.to_thread(_start_bare, process)
-        return self._adopt(process)
+        await self._aside(start)
+
+    async def _aside(self, start: Callable[[], None]) -> None:
+        """Start children in a thread, which goes on if the caller is cancelled."""
+        starting = self._loop.run_in_executor(None, start)
+        self._starting.add(starting)
+        starting.add_done_callback(self._starting.discard)
+        await asyncio.shield(starting)
+
+    def _start(self, process: ForkServerProcess) -> None:
+        """Start a child. Called in a thread, which has not ended before `_adopt`."""
+        with _without_main():
+            process.start()
+        self._loop.call_soon_threadsafe(self._adopt, process)
 
     def _process(
         self, job: Job, seat: Seat, line: Connection, arguments: tuple[object, ...]
@@ -137,11 +162,10 @@ class Supervisor:
             target=child, args=(job, seat, line, arguments), name=seat.who
         )
 
-    def _adopt(self, process: ForkServerProcess) -> Child:
+    def _adopt(self, process: ForkServerProcess) -> None:
         """Watch over a child that has started."""
-        child_ = self._children[process.name] = Child(process)
+        self._children[process.name] = Child(process)
         self._loop.add_reader(process.sentinel, self._ended, process.name)
-        return child_
 
     def _listen(self, line: Connection) -> None:
         self._lines.append(line)
@@ -163,6 +187,7 @@ class Supervisor:
                     child_.ready.set()
             case Progress(tick=tick):
                 self.tick = tick
+                self.progressed.set()
             case Done(result=result):
                 self._expected.add(report.who)
                 if child_ is not None:
@@ -186,12 +211,12 @@ class Supervisor:
         reason = self._reasons.get(who)
         if reason is None:
             rule = "must not end before it is asked to"
-            self._blame(PartDiedError(f"{who}: {rule}, ended with {how}"))
+            self.blame(PartDiedError(f"{who}: {rule}, ended with {how}"))
         else:
             kind = PartDiedError if reason.died else SwarmError
-            self._blame(kind(f"{who}: {reason.what}"))
+            self.blame(kind(f"{who}: {reason.what}"))
 
-    def _blame(self, error: SwarmError) -> None:
+    def blame(self, error: Exception) -> None:
         """Let the first error be the run's, but for a death.
 
         Who cannot go on may suffer from another's death, which shows a moment later.
@@ -200,6 +225,16 @@ class Supervisor:
         if self.error is None or (died and not isinstance(self.error, PartDiedError)):
             self.error = error
             self.failed.set()
+
+    async def wait(self, *events: asyncio.Event) -> None:
+        """Return once one of `events` is set.
+
+        Raises:
+            Exception: A child failed, now or before, or something else was blamed.
+        """
+        await wait_any(self.failed, *events)
+        if self.error is not None:
+            raise self.error
 
     def has_ended(self, who: str) -> bool:
         """Return whether a part was started and is no more."""
@@ -244,17 +279,13 @@ def _without_main() -> Iterator[None]:
     No child needs it, and where it is a test runner or a notebook, a thousand cells
     would import that a thousand times.
     """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = types.ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-def _start_bare(process: ForkServerProcess) -> None:
-    with _without_main():
-        process.start()
+    with _hiding:  # two at once could put each other's blank one back
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = types.ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 def allow_files(children: int) -> None:

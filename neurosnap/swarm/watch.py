@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
-from neurosnap.fabric.lookout import Lookout, Sighting
-from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.lookout import Sighting
 from neurosnap.fabric.waiting import wait_any
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from neurosnap.swarm.brief import read_brief
 from neurosnap.swarm.network import Network
+from neurosnap.swarm.seats import Seats
 from neurosnap.swarm.watching import Told, told
 
 
@@ -53,12 +53,8 @@ async def watch(
         SwarmError: There is no such swarm.
     """
     seen_one = False
-    async with Lookout(
-        swarm,
-        network.connect,
-        credentials=network.credentials("watcher"),
-        insecure=network.insecure,
-    ) as lookout:
+    seats = Seats(network)
+    async with seats.lookout(swarm) as lookout:
         while True:
             try:
                 seen = await lookout.next(stop, patience)
@@ -67,13 +63,13 @@ async def watch(
                     return
                 rule = f"must have a coordinator within {patience:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
-            if seen is None or await _look_on(network, seen, stop, on_anomaly):
+            if seen is None or await _look_on(seats, seen, stop, on_anomaly):
                 return
             seen_one = True
 
 
 async def _look_on(
-    network: Network,
+    seats: Seats,
     seen: Sighting,
     stop: asyncio.Event,
     on_anomaly: Callable[[Told], None],
@@ -83,12 +79,16 @@ async def _look_on(
     over = asyncio.Event()
     early: list[wire.Anomaly] = []  # before it is known what the sensors are called
 
+    def tell(anomaly: wire.Anomaly) -> None:
+        with contextlib.suppress(MessageError):  # it is none of such a run
+            on_anomaly(told(anomaly, sensors))
+
     def handle(deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
             with contextlib.suppress(MessageError):
                 match wire.decode(delivery.key, delivery.payload):
                     case wire.Anomaly() as anomaly if sensors:
-                        on_anomaly(told(anomaly, sensors))
+                        tell(anomaly)
                     case wire.Anomaly() as anomaly:
                         early.append(anomaly)
                     case wire.Leave(who="coordinator"):
@@ -96,13 +96,7 @@ async def _look_on(
                     case _:
                         pass
 
-    async with ZenohFabric(
-        "watcher",
-        seen.name,
-        network.connect,
-        credentials=network.credentials("watcher"),
-        insecure=network.insecure,
-    ) as fabric:
+    async with seats.seat("watcher", seen.name).fabric() as fabric:
         await fabric.subscribe(("anomaly", "leave"), handle)
         content = await fabric.ask()
         if content is None:
@@ -112,6 +106,6 @@ async def _look_on(
             raise InvalidValueError("swarm", "must be run with --anomalies", seen.name)
         sensors = options.sensors
         for anomaly in early:
-            on_anomaly(told(anomaly, sensors))
+            tell(anomaly)
         await wait_any(seen.gone, over, stop)
         return over.is_set() or stop.is_set()

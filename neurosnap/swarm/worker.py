@@ -13,7 +13,7 @@ the invariants are those of `neurosnap.swarm.cell`, with a few differences in ho
 """
 
 import asyncio
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import msgspec
 import numpy as np
@@ -22,18 +22,15 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.swarm.bounds import AHEAD, Latch, wrong_number, wrong_room, wrong_start
 from neurosnap.swarm.mesh import Mesh
 from neurosnap.swarm.part import decoded, take_part, wrong_readings
 from neurosnap.swarm.process import Reporter, Seat
 from neurosnap.swarm.shares import shares
 from neurosnap.swarm.spread import Ints, Pulses, carried, outgoing, spread, warm
-from neurosnap.swarm.wave import DEEPEST
 
-_READINGS = 8  # ticks a worker remembers; a wave is never further behind, or ahead
-_AHEAD = 1 << 12  # waves in flight reach no further than that beyond the last announced
-_WAVES = 2 * _AHEAD  # a worker knows of at once
 _HELD = 1 << 24  # pulses that may wait for what their waves take
-_BURSTS = 1 << 17  # a worker remembers of all these together
+_BURSTS = 1 << 17  # a worker remembers of all waves together
 
 
 class _Wave:
@@ -77,12 +74,13 @@ class Worker:
         self._mesh = Mesh(hosted, worker)
         self._epoch = 0
         self._wired = True
-        # tick -> the literals that were on, of the cells whose reading is known
-        self._readings: dict[int, Ints] = {}
-        self._tick = 0  # the last it took part in
+        # The literals that were on, of the cells whose reading is known.
+        self._readings = Latch[Ints]()
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
         self._announced = 0  # the last wave that was
+        self._held = 0  # pulses that came and wait, in all waves
+        self._remembered = 0  # bursts, in all waves
 
     def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
         """Take in `burst` and return what the worker sends for it, in order.
@@ -112,7 +110,8 @@ class Worker:
                 self._check_observation(message)
                 self._latch(message)
             case wire.Loom():
-                self._check_epoch(message)
+                # One far ahead would make the true ones all come too late.
+                _refuse(wrong_number("loom: epoch", message.epoch, self._epoch))
                 self._mesh.check(message)
                 # What came before it was meant for the wiring before it.
                 self._advance(out)
@@ -125,22 +124,23 @@ class Worker:
     def _hold(self, burst: wire.Burst) -> None:
         """Keep what another worker sent, once."""
         pulses = self._mesh.pulses(burst)
-        self._check_wave("burst", burst.wave)
+        _refuse(wrong_number("burst: wave", burst.wave, self._announced))
         if burst.wave < self._settled_below:
             return
-        held = sum(wave.held for wave in self._waves.values())
-        if held + len(pulses.hops) > _HELD:
+        if self._held + len(pulses.hops) > _HELD:
             raise MessageError(f"burst: must leave up to {_HELD} pulses waiting")
-        if sum(len(wave.seen) for wave in self._waves.values()) >= _BURSTS:
+        if self._remembered >= _BURSTS:
             rule = f"must be one of {_BURSTS} in flight"
             raise MessageError(f"burst: {rule}, got one more")
-        self._check_room("burst", burst.wave, self._waves)
+        _refuse(wrong_room("burst", burst.wave, self._waves))
         wave = self._wave(burst.wave)
         way = (burst.worker, burst.part)
         if way not in wave.seen:
             wave.seen.add(way)
             wave.waiting.append(pulses)
             wave.held += len(pulses.hops)
+            self._held += len(pulses.hops)
+            self._remembered += 1
 
     def _wave(self, number: int) -> _Wave:
         """Return what is known of a wave, which may be nothing yet."""
@@ -149,45 +149,25 @@ class Worker:
             wave = self._waves[number] = _Wave(number)
         return wave
 
-    def _check_wave(self, name: str, number: int) -> None:
-        """Refuse a wave too far ahead to have come about.
-
-        Before the first there is no telling: a run that is resumed goes on with the
-        numbers it had.
-        """
-        if 0 < self._announced < number - _AHEAD:
-            rule = f"must be at most {_AHEAD} beyond {self._announced}"
-            raise MessageError(f"{name}: wave {rule}, got {number}")
-
-    def _check_room(self, name: str, number: int, waves: Collection[int]) -> None:
-        """Refuse a wave that would be one too many."""
-        if number not in waves and len(waves) >= _WAVES:
-            rule = f"must be of {_WAVES} waves in all"
-            raise MessageError(f"{name}: {rule}, got wave {number} too")
-
     def _check_start(self, start: wire.WaveStart) -> None:
         if start.cell >= 0:
             raise MessageError(f"wave: must be for all, got one for cell {start.cell}")
-        if start.credit > DEEPEST:
-            got = f"got {start.credit}"
-            raise MessageError(f"wave: must have credit up to {DEEPEST}, {got}")
-        # Waves that begin after this one cannot have settled before it.
-        if start.settled_below > start.wave + 1:
-            rule = f"must settle nothing after wave {start.wave}"
-            raise MessageError(f"wave: {rule}, got all below {start.settled_below}")
-        self._check_wave("wave", start.wave)
-        self._check_tick("wave", start.tick)
+        _refuse(wrong_start(start))
+        _refuse(wrong_number("wave: wave", start.wave, self._announced))
+        _refuse(self._readings.wrong_tick("wave", start.tick))
         # What it settles makes room for it.
-        self._check_room("wave", start.wave, self._left(start))
+        _refuse(wrong_room("wave", start.wave, self._left(start)))
 
     def _left(self, start: wire.WaveStart) -> dict[int, _Wave]:
         """Return the waves known that may still come about after `start`."""
         below = max(self._settled_below, start.settled_below)
-        beyond = max(self._announced, start.wave) + _AHEAD
+        beyond = max(self._announced, start.wave) + AHEAD
         return {n: w for n, w in self._waves.items() if below <= n <= beyond}
 
     def _start(self, start: wire.WaveStart) -> None:
         self._waves = self._left(start)
+        self._held = sum(wave.held for wave in self._waves.values())
+        self._remembered = sum(len(wave.seen) for wave in self._waves.values())
         self._announced = max(self._announced, start.wave)
         self._settled_below = max(self._settled_below, start.settled_below)
         if start.wave >= self._settled_below:
@@ -225,7 +205,7 @@ class Worker:
             return
         wave.start = None
         wave.reached = np.full(2 * len(self._cells), -1, np.int32)
-        self._join(start.tick)
+        self._readings.join(start.tick)
         if len(asked):
             credit = np.full_like(asked, start.credit)
             wave.waiting.append(Pulses(asked, asked, np.zeros_like(asked), credit))
@@ -234,12 +214,15 @@ class Worker:
         """Pass on what waits in a wave, and report."""
         net = self._mesh.net
         _, targets, hops, credit = map(np.concatenate, zip(*wave.waiting, strict=True))
+        self._held -= wave.held
         wave.waiting, wave.held = [], 0
         order = np.argsort(hops, kind="stable")
         fired = spread(net, reached, targets[order], hops[order], credit[order])
         for to in range(len(self._hosted)):
+            if to == self.worker:
+                continue
             leaving = outgoing(net, reached, fired, to)
-            if to != self.worker and len(leaving.targets):
+            if len(leaving.targets):
                 part = wave.parts.get(to, 0)
                 wave.parts[to] = part + 1
                 fields = (field.tobytes() for field in leaving)
@@ -265,14 +248,8 @@ class Worker:
         if len(observation.bits) != size:
             got = f"got {len(observation.bits)}"
             raise MessageError(f"observe: must hold {size} bytes, {got}")
-        if (wrong := wrong_readings(observation)) is not None:
-            raise MessageError(wrong)
-        self._check_tick("observe", observation.tick)
-
-    def _check_tick(self, name: str, tick: int) -> None:
-        if self._tick and tick > self._tick + _READINGS:
-            rule = f"must be at most {_READINGS} ticks after {self._tick}"
-            raise MessageError(f"{name}: {rule}, got {tick}")
+        _refuse(wrong_readings(observation))
+        _refuse(self._readings.wrong_tick("observe", observation.tick))
 
     def _latch(self, observation: wire.Observation) -> None:
         if observation.tick in self._readings:
@@ -281,25 +258,7 @@ class Worker:
         if observation.known:
             cells = cells[_unpacked(observation.known)[cells] > 0]
         bits = _unpacked(observation.bits)
-        self._readings[observation.tick] = 2 * cells + (1 - bits[cells])
-        if len(self._readings) > _READINGS:
-            del self._readings[min(self._readings)]
-
-    def _join(self, tick: int) -> None:
-        """Take note of the tick, and forget readings that were too far ahead of it."""
-        if tick > self._tick:
-            self._tick = tick
-            self._readings = {
-                read: literals
-                for read, literals in self._readings.items()
-                if read <= tick + _READINGS
-            }
-
-    def _check_epoch(self, loom: wire.Loom) -> None:
-        """Refuse a frame so far ahead that the true ones would all come too late."""
-        if 0 < self._epoch < loom.epoch - _AHEAD:
-            rule = f"must be at most {_AHEAD} beyond {self._epoch}"
-            raise MessageError(f"loom: epoch {rule}, got {loom.epoch}")
+        self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
 
     def _rewire(self, loom: wire.Loom) -> None:
         if loom.epoch <= self._epoch:
@@ -313,6 +272,12 @@ class Worker:
         self._mesh.change(loom)
         self._epoch = loom.epoch
         self._wired = True
+
+
+def _refuse(wrong: str | None) -> None:
+    """Raise what is wrong, if anything is."""
+    if wrong is not None:
+        raise MessageError(wrong)
 
 
 def _unpacked(data: bytes) -> NDArray[np.uint8]:

@@ -18,11 +18,12 @@ import psutil
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import FabricError
+from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.hub import open_hub
 from neurosnap.fabric.memory import MemoryHub
 from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.place import Place
+from neurosnap.fabric.protocol import Fabric, PlaceHandler
 
 PATIENCE = 20.0  # seconds until a test that waits has failed
 
@@ -430,6 +431,53 @@ async def test_a_part_that_returns_is_seen_again(network: Network) -> None:
         assert seen.changes == [("world", True), ("world", False)] * 2
 
 
+@pytest.mark.zenoh
+async def test_a_part_that_is_located_is_placed_before_it_is_there(hub: Hub) -> None:
+    swarm, first, late = secrets.token_hex(4), Seen(), Seen()
+
+    def end(who: str, *, located: bool = False) -> ZenohFabric:
+        return ZenohFabric(who, swarm, hub.endpoint, located=located)
+
+    def noting(seen: Seen) -> PlaceHandler:
+        return lambda who, place: seen(f"{who} at {place}", True)
+
+    async with (
+        end("recorder") as recorder,
+        end("cell/1", located=True) as cell,
+        end("world") as world,
+    ):
+        await recorder.locate(noting(first))
+        await recorder.watch(first)
+        await cell.announce()
+        await first.wait(("cell/1", True))
+        await world.announce()
+        await first.wait(("world", True))
+        placed = f"cell/1 at {Place.here()}"
+        assert first.changes == [(placed, True), ("cell/1", True), ("world", True)]
+        await recorder.locate(noting(late))
+        await recorder.watch(late)
+        await late.wait(("world", True), ("cell/1", True))
+        assert late.changes[0] == (placed, True)
+        assert sorted(late.changes) == sorted(first.changes)
+
+
+@pytest.mark.zenoh
+async def test_a_place_that_cannot_be_is_nobodys(hub: Hub) -> None:
+    swarm, placed, seen = secrets.token_hex(4), list[tuple[str, Place]](), Seen()
+    async with (
+        ZenohFabric("recorder", swarm, hub.endpoint) as recorder,
+        ZenohFabric("cell/1", swarm, hub.endpoint) as cell,
+    ):
+        await recorder.locate(lambda who, place: placed.append((who, place)))
+        await recorder.watch(seen)
+        for wrong in ("cell/1/oak/x", "cell/1", "oak/7", "cell/1/" + "o" * 65 + "/7"):
+            key = f"{wire.ROOT}/{swarm}/place/{wrong}"
+            cell._declared.append(cell._session.liveliness().declare_token(key))
+        await cell.announce()
+        await seen.wait(("cell/1", True))
+        assert placed == []
+
+
 # Errors -------------------------------------------------------------------------------
 
 
@@ -509,6 +557,12 @@ async def test_what_fails_a_part_comes_out_of_serve_once_first(
         end.fail(TroubleError("second"))
         with pytest.raises(TroubleError, match=r"^first$"):
             await end.serve(asyncio.Event())
+
+
+async def test_only_one_key_can_be_polled(network: Network) -> None:
+    async with network.end("part") as end:
+        with pytest.raises(InvalidValueError, match=r"^keys: must be one where it is"):
+            await end.subscribe(("state", "decide"), Heard(), poll=0.01)
 
 
 # The hub ------------------------------------------------------------------------------

@@ -518,6 +518,51 @@ def test_verifying_and_resuming_at_once_is_refused(log: Path) -> None:
     assert "must verify or resume" in refused("replay", log, "--verify", "--resume")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--from", 3), "from: must come with --verify, got 3"),
+        (("--from", 3, "--resume"), "from: must come with --verify, got 3"),
+        (("--ticks", 40), "ticks: must come with --resume, got 40"),
+        (("--out", "x.mcap", "--verify"), "out: must come with --resume, got"),
+        (("--rate", 2, "--verify"), "rate: must come without --verify and --resume"),
+        (("--start", 2, "--resume"), "start: must come without --verify and"),
+        (("--step", "--verify"), "step: must come without --verify and --resume"),
+        (("--listen", "tcp/127.0.0.1:1", "--verify"), "listen: must come without"),
+    ],
+    ids=lambda given: given if isinstance(given, str) else " ".join(map(str, given)),
+)
+def test_a_flag_that_replay_would_not_heed_is_refused(
+    log: Path, arguments: tuple[object, ...], said: str
+) -> None:
+    assert said in refused("replay", log, *arguments)
+
+
+def test_a_recording_plays_beyond_this_machine_only_where_that_is_asked_for(
+    log: Path, tmp_path: Path
+) -> None:
+    everywhere = ("replay", log, "--listen", "tcp/0.0.0.0:0")
+    assert "without TLS (--insecure)" in refused(*everywhere)
+    none = tmp_path / "none.mcap"
+    assert "log: must exist" in failed("replay", none, *everywhere[2:], "--insecure")
+    keys = ("replay", log, "--listen", "tls/localhost:1", "--tls", tmp_path)
+    assert str(tmp_path) in refused(*keys)
+
+
+@pytest.mark.zenoh
+def test_the_id_a_stranger_recorded_is_shown_as_it_is(
+    tmp_path: Path, endpoint: str
+) -> None:
+    log = tmp_path / "log.mcap"
+    with Writer(log) as writer:
+        writer.start({"swarm": "[/red]\x1b"})
+        writer.finish({}, {})
+    result = call("replay", log, "--listen", endpoint)
+    assert f"playing on {endpoint} under neurosnap/'[/red]\\x1b'/**" in flat(
+        result.stderr
+    )
+
+
 @pytest.fixture
 def endpoint() -> Iterator[str]:
     with tempfile.TemporaryDirectory(prefix="ns-") as folder:

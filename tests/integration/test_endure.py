@@ -51,8 +51,12 @@ def no_process_is_left() -> Iterator[None]:
 def parts() -> list[psutil.Process]:
     """The parts of swarms of this process; the fork server stays for the next one."""
     kinds = ("hub", "recorder", "coordinator", "world", "cell")
-    family = psutil.Process().children(recursive=True)
-    return [one for one in family if one.name().partition("/")[0] in kinds]
+    found = []
+    for one in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):  # it has ended meanwhile
+            if one.name().partition("/")[0] in kinds:
+                found.append(one)
+    return found
 
 
 def options_for(ticks: int) -> RunOptions:
@@ -448,7 +452,15 @@ def test_a_world_that_is_held_is_named(tmp_path: Path) -> None:
             held[0].send_signal(signal.SIGSTOP)
 
     log = tmp_path / "log"
-    running = run_on(options, log, asyncio.Event(), Supervision(), on_progress=hold)
+    running = run_on(
+        options,
+        log,
+        asyncio.Event(),
+        Supervision(),
+        on_progress=hold,
+        # Nobody would hold the next one's world.
+        on_restart=lambda event: pytest.fail(event.why),
+    )
     said = r"^coordinator: world: must answer the decision of tick \d+ within 1\.5 s"
     with pytest.raises(SwarmError, match=said):
         asyncio.run(running)

@@ -269,7 +269,7 @@ async def test_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     class Tapped(launch._Launch):
         def __init__(self, *arguments: object) -> None:
             super().__init__(*arguments)  # type: ignore[arg-type]
-            found.set_result((self.swarm, self._endpoint))
+            found.set_result((self.swarm, self._seats._own))
 
     monkeypatch.setattr(launch, "_Launch", Tapped)
 

@@ -178,7 +178,7 @@ def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
         ),
         (
             ("--elsewhere", "x", "--swarm", "a", "--listen", "tcp/127.0.0.1:7447"),
-            "elsewhere: must be like 0-499 or 3,7,9-12, got 'x'",
+            "elsewhere: must be like 0-499 or 3,7,9-12, of at most six digits, got 'x'",
         ),
         (("--swarm", "a/b"), "swarm: must be letters and digits, got 'a/b'"),
         (

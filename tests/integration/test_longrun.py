@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from neurosnap.record.layout import SMALLEST
 from neurosnap.source import open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import CellKind, RunOptions
+from tools import soak
 from tools.longrun import Gauge, long_run, main, write_readings
 
 pytestmark = pytest.mark.slow
@@ -64,3 +66,13 @@ def test_it_can_be_ended_early_and_says_what_it_found(
     assert 0 < found["ticks"] < 5000
     assert found["verified"]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("tool", [main, soak.main])
+def test_a_size_that_is_none_is_refused(
+    tool: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        tool(["--split", "foo"])
+    assert ended.value.code == 2
+    assert "--split: must be like 256MiB, got 'foo'" in capsys.readouterr().err

@@ -101,12 +101,85 @@ def test_a_note_is_there_while_its_swarm_is(runtime: Path) -> None:
     assert list((runtime / "neurosnap").iterdir()) == []
 
 
+def test_two_launchers_of_one_id_keep_a_note_each(runtime: Path) -> None:
+    code = (
+        "from neurosnap.swarm.registry import noted\n"
+        "with noted('abcd', 'other.csv', '', None):\n"
+        "    print(flush=True); input()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as other:
+        assert other.stdout is not None
+        with registry.noted("abcd", "own.csv", "", None):
+            other.stdout.readline()
+            pids = {note.source: note.pid for note in registry.swarms()}
+            assert pids == {"own.csv": os.getpid(), "other.csv": other.pid}
+            with pytest.raises(
+                InvalidValueError, match=r"^swarm: must be of one launcher, is of proc"
+            ):
+                registry.find("abcd")
+        assert registry.find("abcd").source == "other.csv"
+        other.communicate("over", timeout=PATIENCE)
+    assert registry.swarms() == []
+
+
+def test_whoever_ends_before_being_asked_has_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with registry.noted("abcd", "x.csv", "", None):
+        note = registry.find("abcd")
+
+    def ended(process: psutil.Process) -> None:
+        raise psutil.NoSuchProcess(process.pid)
+
+    monkeypatch.setattr(psutil.Process, "terminate", ended)
+    registry.stop(note, 0.0)  # must not end this process
+
+
+BE_PARTS = r"""
+import ctypes, os, sys
+for name in sys.argv[1:]:
+    if os.fork() == 0:
+        ctypes.CDLL(None).prctl(15, name.encode()[:15])
+        os.write(1, name.encode() + b"\n")
+        sys.stdin.read()
+        os._exit(0)
+sys.stdin.read()
+"""
+
+
+def test_every_part_is_shown_and_no_name_is_too_much() -> None:
+    names = ["cell/1", "cell/x", "watcher/outlet", "world", "cell/0", "stranger"]
+    with subprocess.Popen(
+        [sys.executable, "-c", BE_PARTS, *names],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as launcher:
+        assert launcher.stdout is not None
+        said = {launcher.stdout.readline().strip() for _ in names}
+        assert said == set(names)
+        born = psutil.Process(launcher.pid).create_time()
+        note = registry.Note(
+            swarm="abcd", pid=launcher.pid, born=born, source="", endpoint="", log=""
+        )
+        shown = [part.who for part in registry.parts(note)]
+        launcher.communicate("", timeout=PATIENCE)
+    assert shown[:2] == ["world", "watcher/outlet"]
+    assert set(shown[2:4]) == {"cell/0", "cell/x"}
+    assert shown[4:] == ["cell/1"]
+
+
 def test_a_note_of_a_launcher_that_is_gone_counts_for_nothing(runtime: Path) -> None:
     with registry.noted("abcd", "x.csv", "unixsock-stream//hub", None):
         (note,) = registry.swarms()
         # Another process has that number now.
         other = msgspec.structs.replace(note, born=note.born - 1)
-        path = runtime / "neurosnap" / "abcd.json"
+        path = runtime / "neurosnap" / f"abcd-{os.getpid()}.json"
         path.write_bytes(msgspec.json.encode(other))
         assert registry.swarms() == []
         assert not path.exists()

@@ -26,7 +26,7 @@ from neurosnap.errors import (
     WaveLostError,
 )
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
-from neurosnap.fabric.protocol import Handler, PresenceHandler
+from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
 from neurosnap.record.reader import Recording
 from neurosnap.sensorium import complete, unpack
 from neurosnap.source import open_source
@@ -312,6 +312,9 @@ class Meddled:
 
     async def watch(self, handler: PresenceHandler) -> None:
         await self._inner.watch(handler)
+
+    async def locate(self, handler: PlaceHandler) -> None:
+        await self._inner.locate(handler)
 
     async def serve(self, stop: asyncio.Event) -> None:
         await self._inner.serve(stop)

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -15,13 +16,18 @@ from typing import Any
 import pytest
 
 from neurosnap import wire
+from neurosnap.fabric.access import Role
 from neurosnap.fabric.over_zenoh import ZenohFabric
+from neurosnap.fabric.place import Place
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
+from neurosnap.record.whole import part_paths
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
+from neurosnap.view.film import Film
+from neurosnap.view.members import members
 from tests.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow, pytest.mark.timeout(150)]
@@ -131,6 +137,18 @@ def facts(said: str) -> dict[str, Any]:
     return told
 
 
+def placed(log: Path) -> set[str]:
+    """Return whose machine is recorded, and shown: for all of those, it is this one."""
+    places = Recording.open(log).places
+    assert len({place.pid for place in places.values()}) == len(places)
+    shown = {part.who: part.host for part in members(Film(log)).cells if part.host}
+    assert shown == {
+        who: f"host {Place.here().host}, process {place.pid}"
+        for who, place in places.items()
+    }
+    return set(places)
+
+
 def in_one_piece(ticks: int, log: Path) -> Path:
     """Record the same run in one process."""
     arguments: dict[str, Argument] = {"places": 7}
@@ -155,12 +173,34 @@ SHARES = {
 HOW = {"cells": (), "workers": ("--cells", "worker", "--workers", 2)}
 
 
-def play(kind: str, log: Path, *at: object) -> tuple[dict[str, Any], dict[str, Any]]:
+ROLES: dict[object, Role] = {
+    "record": "recorder",
+    "join": "worker",
+    "world": "world",
+    "coordinate": "coordinator",
+}
+
+
+def host_with(keys: Path, role: Role) -> Path:
+    """Return the keys of a host that has one role's, and the watcher's."""
+    folder = keys.with_name(f"keys of {role}")
+    folder.mkdir(exist_ok=True)
+    shutil.copy(keys / "ca.pem", folder)
+    for each in (role, "watcher"):
+        shutil.copy(keys / f"{each}.pem", folder)
+        shutil.copy(keys / f"{each}.key", folder)
+    return folder
+
+
+def play(
+    kind: str, log: Path, *at: object, keys: Path | None = None
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Make a run of services; return what the coordinator says, and the recorder."""
     with ExitStack() as stack:
 
         def start(*line: object) -> "subprocess.Popen[str]":
-            return stack.enter_context(going(*line, *at))
+            tls = () if keys is None else ("--tls", host_with(keys, ROLES[line[0]]))
+            return stack.enter_context(going(*line, *at, *tls))
 
         recorder = start("record", SWARM, "--out", log, "--json")
         first = start("join", SWARM, *SHARES[kind][0])
@@ -190,21 +230,24 @@ def test_services_make_the_run_that_one_process_makes(
     hosts = cells if kind == "cells" else ["worker/0", "worker/1"]
     assert set(recording.noted().expected) == {"coordinator", "world", *hosts}
     assert recording.swarm == SWARM
+    assert placed(log) == {"coordinator", "world", *hosts}
     assert course(log) == course(in_one_piece(40, tmp_path / "inline"))
 
 
-def stopped_at(endpoint: str, log: Path) -> int:
-    """Make a run of services, and stop all of it; return its last whole tick."""
+def stopped_at(
+    endpoint: str, log: Path, what: tuple[object, ...] = (PATH, *ENDLESS), tick: int = 5
+) -> int:
+    """Make a run of services, stop it after `tick`; return its last whole one."""
     at = ("--connect", endpoint)
     lines: tuple[tuple[object, ...], ...] = (
         ("record", SWARM, "--out", log),
         ("join", SWARM, "--cells", "0-5"),
         ("world", SWARM, PATH),
-        ("coordinate", PATH, "--swarm", SWARM, *ENDLESS),
+        ("coordinate", *what, "--swarm", SWARM),
     )
     with ExitStack() as stack:
         services = [stack.enter_context(going(*line, *at)) for line in lines]
-        begun(endpoint, 5)
+        begun(endpoint, tick)
         services[-1].send_signal(signal.SIGINT)
         for service in services:
             ended(service)
@@ -231,9 +274,47 @@ def test_services_go_on_with_a_run_that_was_stopped(
     assert (came["ticks"], came["resumed_at"]) == (tick + 20, tick)
     assert facts(recorder)["complete"]
     assert log.read_bytes() == content
+    cells = [f"cell/{number}" for number in range(CELLS)]
+    assert placed(new) == placed(log) == {"coordinator", "world", *cells}
+    assert Recording.open(new).places != Recording.open(log).places
     verdict = verify(new)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, tick + 20)
     assert course(new) == course(in_one_piece(tick + 20, tmp_path / "inline"))
+
+
+SPLIT = """
+[source]
+kind = "world"
+id = "neurosnap/Path-v0"
+arguments = { places = 7 }
+
+[recording]
+keyframe_every = 50
+split = 65536
+"""
+
+
+def test_a_recorder_names_the_file_in_which_a_split_run_goes_on(
+    endpoint: str, tmp_path: Path
+) -> None:
+    described, log, new = (tmp_path / name for name in ("s.toml", "a.mcap", "b.mcap"))
+    described.write_text(SPLIT)
+    tick = stopped_at(endpoint, log, (described, "--ticks", 1_000_000), 600)
+    at, again = ("--connect", endpoint), ("--resume", log)
+    lines: tuple[tuple[object, ...], ...] = (
+        ("record", SWARM, "--out", new, *again, "--json"),
+        ("join", SWARM, "--cells", "0-5"),
+        ("world", SWARM, PATH),
+        ("coordinate", described, "--swarm", SWARM, "--ticks", tick + 5, *again),
+    )
+    with ExitStack() as stack:
+        going_on = [stack.enter_context(going(*line, *at)) for line in lines]
+        recorder, *_ = [ended(one) for one in going_on]
+    written = log.with_name(f"b_{len(part_paths(log)) - 1:04d}.mcap")
+    assert len(part_paths(log)) > 1
+    assert facts(recorder)["logs"] == [str(written)]
+    verdict = verify(written)
+    assert (verdict.same, verdict.complete) == (True, True)
 
 
 def test_only_the_same_run_goes_on_and_if_there_is_more_to_come(
@@ -283,6 +364,17 @@ def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) ->
         ended(rest)
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 20)
+    assert placed(log) == {"coordinator", "world", "worker/0", "worker/1"}
+
+
+def test_a_run_with_all_parts_here_says_nothing_of_places(
+    endpoint: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    whole = ("run", PATH, "--connect", endpoint, *SMALL, "--ticks", 20, "--out", log)
+    with going(*whole) as run_here:
+        ended(run_here)
+    assert placed(log) == set()
 
 
 def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:
@@ -291,10 +383,11 @@ def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:
         ended(making)
     where = f"tls/127.0.0.1:{free_port()}"
     with hub_at(where, "--tls", keys):
-        _, told = play("workers", log, "--connect", where, "--tls", keys)
+        _, told = play("workers", log, "--connect", where, keys=keys)
     assert told["complete"]
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 40)
+    assert placed(log) == {"coordinator", "world", "worker/0", "worker/1"}
 
 
 def test_services_serve_one_swarm_after_the_other(

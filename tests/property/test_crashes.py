@@ -100,7 +100,7 @@ def whole(tmp_path: Path) -> Path:
     )
     tally = live_on(options, Weather(), random.Random(7), tmp_path)
     assert (tally.restarts, tally.losses, tally.repeats) == (0, 0, 0)
-    return tmp_path / "0.mcap"
+    return tmp_path / "run.mcap"
 
 
 def test_another_run_is_told_from_the_right_one(whole: Path) -> None:

@@ -199,3 +199,8 @@ def test_a_source_needs_no_file(file: Path) -> None:
         InvalidValueError, match=r"^out: must be in a folder that exists"
     ):
         made("neurosnap/Path-v0", "--out", "no/a.mcap")
+
+
+def test_an_argument_that_is_no_text_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"^set: must be text in UTF-8, got"):
+        made("neurosnap/Path-v0", "--set", "places=\udcff")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from neurosnap import wire
@@ -18,6 +19,7 @@ from neurosnap.record.layout import RUN
 from neurosnap.record.reader import Recording
 from neurosnap.record.writer import Writer
 from neurosnap.sensorium import pack
+from neurosnap.swarm import bounds
 from neurosnap.swarm import cell as cells
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.conductor import Conductor
@@ -123,6 +125,7 @@ WRONG: list[wire.Message] = [
     start(LARGEST),
     start(FAR),
     start(8, fence=FAR),
+    start(8, settled_below=9),
     start(8, settled_below=LARGEST),
     start(8, tick=14),
     start(8, credit=DEEPEST + 1),
@@ -161,8 +164,14 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
 
 @pytest.mark.parametrize(
     "right",
-    [start(FAR - 1), pulse(FAR - 1), start(8, tick=13), wire.Wiring(1, FAR - 1, 0)],
-    ids=["wave", "pulse", "tick", "epoch"],
+    [
+        start(FAR - 1),
+        pulse(FAR - 1),
+        start(8, tick=13),
+        wire.Wiring(1, FAR - 1, 0),
+        start(8, settled_below=8),
+    ],
+    ids=["wave", "pulse", "tick", "epoch", "settled"],
 )
 def test_what_is_only_just_right_is_taken(right: wire.Message) -> None:
     said = under_way().receive([right])
@@ -215,7 +224,7 @@ def test_waves_that_never_come_are_kept_to_a_number_and_then_forgotten(
     said = flood(cell, messages, 10_000)
     assert len(said) == 3
     assert all("must be of 8192 waves in all" in what for what in said)
-    assert len(cell._waves) == cells._WAVES
+    assert len(cell._waves) == bounds.WAVES
     cell.receive([start(1)])
     # Only what may yet come about is left, and there is room for more.
     assert set(cell._waves) == {1, *range(1000, 4098, 1000)}
@@ -385,21 +394,14 @@ def test_a_message_nested_too_deep_is_an_error_of_ours(tmp_path: Path) -> None:
 
 
 def _resealed(whole: bytes) -> bytes:
-    """Return a recording of one unpacked chunk with all its checksums right, or 0."""
-    records = fuzz_bytes._records(whole[8:-8])
+    """Return a recording of one unpacked chunk with all its checksums right."""
+    records = fuzz_bytes.records(whole[8:-8])
     for at, (kind, body) in enumerate(records):
-        match kind:
-            case 6:
-                (size,) = struct.unpack_from("<Q", body, 16)
-                checksum = zlib.crc32(body[-size:])
-                records[at] = kind, body[:24] + struct.pack("<I", checksum) + body[28:]
-            case 15:
-                records[at] = kind, bytes(4)
-            case 2:
-                records[at] = kind, body[:-4] + bytes(4)
-            case _:
-                pass
-    return whole[:8] + fuzz_bytes._joined(records) + whole[:8]
+        if kind == Opcode.CHUNK:
+            (size,) = struct.unpack_from("<Q", body, 16)
+            checksum = struct.pack("<I", zlib.crc32(body[-size:]))
+            records[at] = kind, body[:24] + checksum + body[28:]
+    return fuzz_bytes.resealed(records)
 
 
 @pytest.mark.parametrize("schema", ["9" * 5000, "0", "01", "\u0661", "", "-1"])

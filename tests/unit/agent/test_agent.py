@@ -157,7 +157,11 @@ class TestActing:
     @pytest.mark.parametrize(
         ("known", "error", "says"),
         [
-            (np.ones(3, np.bool_), ShapeError, "known: must be (2,), got (3,)"),
+            (
+                np.ones(3, np.bool_),
+                ShapeError,
+                "known: must hold 2 flags, one a sensor, got (3,)",
+            ),
             (
                 np.ones(2),
                 InvalidValueError,

@@ -10,6 +10,7 @@ from neurosnap.fabric.access import (
     ALL,
     BRIEF,
     FLUSHED,
+    PLACE,
     READING,
     RIGHTS,
     ROLES,
@@ -126,16 +127,18 @@ def test_a_role_shows_as_alive_under_its_own_names_alone(role: str, who: str) ->
         "cell": {"cell/3"},
         "worker": {"worker/3"},
     }
-    may = allows(role, "liveliness_token", "ingress", f"alive/{who}")
-    assert may == (who in own.get(role, set()))
+    for key in (f"alive/{who}", f"{PLACE}/{who}/oak.lan/4711"):
+        may = allows(role, "liveliness_token", "ingress", key)
+        assert may == (who in own.get(role, set()))
 
 
 @pytest.mark.parametrize("role", ROLES)
 def test_presence_is_for_those_who_need_it(role: str) -> None:
     watches = role in ("coordinator", "recorder", "watcher")
-    asks = allows(role, "declare_liveliness_subscriber", "ingress", "alive/**")
-    gets = allows(role, "liveliness_token", "egress", "alive/cell/3")
-    assert (asks, gets) == (watches, watches)
+    for below in ("alive", PLACE):
+        asks = allows(role, "declare_liveliness_subscriber", "ingress", f"{below}/**")
+        gets = allows(role, "liveliness_token", "egress", f"{below}/cell/3")
+        assert (asks, gets) == (watches, watches)
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -208,8 +211,8 @@ def test_a_sensor_is_told_of_who_listens_to_readings_and_to_nothing_else() -> No
     )
 
 
-def test_a_reading_is_no_message_of_ours() -> None:
-    assert READING not in wire.TOPICS
+def test_what_is_no_message_of_ours_has_keys_of_its_own() -> None:
+    assert {READING, PLACE, BRIEF, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
 
 
 @pytest.mark.parametrize("role", ROLES)

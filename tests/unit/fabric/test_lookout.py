@@ -1,8 +1,10 @@
 """Which swarm is there, of all the incarnations of an id."""
 
 import asyncio
+from typing import Any
 
 import pytest
+import zenoh
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.lookout import Lookout, incarnation, is_of
@@ -72,6 +74,30 @@ async def test_a_wait_ends_when_asked_to() -> None:
     await asyncio.sleep(0)
     stop.set()
     assert await waiting is None
+
+
+class Refusing:
+    """A session that declares nothing."""
+
+    def __init__(self) -> None:
+        self.closed = False
+
+    def liveliness(self) -> Any:
+        raise zenoh.ZError("the session is closed")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+async def test_a_session_is_closed_where_nothing_can_be_looked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    session = Refusing()
+    monkeypatch.setattr(zenoh, "open", lambda _: session)
+    with pytest.raises(zenoh.ZError, match="the session is closed"):
+        async with looking():
+            pytest.fail("there is nothing to look at")
+    assert session.closed
 
 
 def test_it_looks_on_this_machine_alone_without_keys() -> None:

@@ -131,6 +131,20 @@ def test_who_listens_later_hears_what_comes_later() -> None:
     assert (first, second) == ([("sender", 0), ("sender", 1)], [("sender", 1)])
 
 
+def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None:
+    hub = MemoryHub()
+    stays, leaves = listener(hub, "stays"), listener(hub, "leaves")
+    end = hub.fabric("sender")
+    end.publish(wire.Leave("sender"))
+    hub.leave("leaves")
+    assert hub.pending == 1
+    again = listener(hub, "leaves")
+    end.publish(wire.Leave("sender"))
+    hub.run()
+    assert (leaves, again) == ([], [("sender", 1)])
+    assert stays == [("sender", 0), ("sender", 1)]
+
+
 def test_an_answer_that_never_ends_is_noticed() -> None:
     hub = MemoryHub()
     end = hub.fabric("echo")

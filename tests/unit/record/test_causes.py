@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from neurosnap import wire
 from neurosnap.record.causes import Causes, Heard
 
+PATIENCE = 10
+
 
 def heard(messages: Iterable[wire.Message]) -> list[Heard]:
     """Number the messages of each sender."""
@@ -55,7 +57,7 @@ def test_whoever_overtakes_whom_causes_come_first(
         who = one.message.sender
         due[who] = max(due.get(who, 0.0), place + chance.random() * reach)
         keyed.append((due[who], place, one))
-    causes, came = Causes(), list[Heard]()
+    causes, came = Causes(PATIENCE), list[Heard]()
     for _, _, one in sorted(keyed, key=lambda entry: entry[:2]):
         came += causes.take(one)
     assert causes.rest() == []
@@ -83,13 +85,13 @@ def test_whoever_overtakes_whom_causes_come_first(
 
 
 def test_what_is_in_order_does_not_wait() -> None:
-    causes = Causes()
+    causes = Causes(PATIENCE)
     for one in run(3):
         assert list(causes.take(one)) == [one]
 
 
 def test_a_lost_word_is_not_waited_for_behind_the_next() -> None:
-    causes = Causes()
+    causes = Causes(PATIENCE)
     early, next_start = heard([settled(1), start(2)])
     assert list(causes.take(early)) == []
     assert (causes.upcoming("cell/0"), causes.upcoming("cell/1")) == (1, 0)
@@ -98,10 +100,31 @@ def test_a_lost_word_is_not_waited_for_behind_the_next() -> None:
 
 
 def test_what_is_behind_one_that_waits_waits_as_well() -> None:
-    causes = Causes()
+    causes = Causes(PATIENCE)
     waiting = heard([settled(1), wire.Fault("cell/0", "odd")])
     for one in waiting:
         assert list(causes.take(one)) == []
     assert causes.upcoming("cell/0") == 2
     assert causes.rest() == waiting
     assert causes.rest() == []
+
+
+def test_a_word_that_does_not_come_is_not_waited_for_for_ever() -> None:
+    causes = Causes(PATIENCE)
+    far, behind, other = heard([settled(9), wire.Fault("cell/0", "odd"), settled(9, 1)])
+    for one in (far, behind, other):
+        assert list(causes.take(one)) == []
+    assert list(causes.due(far.log_time + PATIENCE)) == []
+    assert list(causes.due(far.log_time + PATIENCE + 1)) == [far, behind]
+    assert list(causes.due(other.log_time + PATIENCE + 1)) == [other]
+    assert causes.rest() == []
+
+
+def test_a_clock_that_was_set_back_lets_nobody_overtake_himself() -> None:
+    causes = Causes(PATIENCE)
+    first, second = heard([settled(9), settled(9)])
+    later = first._replace(log_time=1000)
+    assert list(causes.take(later)) == []
+    assert list(causes.take(second)) == []
+    assert list(causes.due(500)) == []
+    assert list(causes.due(1000 + PATIENCE + 1)) == [later, second]

@@ -1,18 +1,21 @@
 """A glance finds what a whole walk finds, wherever the file ends."""
 
+import struct
 from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 import pytest
+from mcap.opcode import Opcode
 
 from neurosnap.errors import RecordingError
 from neurosnap.record.chunks import unpack
 from neurosnap.record.glance import glance, go_on, sealed
-from neurosnap.record.layout import Layout, opened
+from neurosnap.record.layout import MAGIC, Layout, opened
 from neurosnap.record.scan import scan
 from neurosnap.record.writer import Writer
 from tests.unit.record.samples import traffic
+from tools import fuzz_bytes
 
 
 @pytest.fixture
@@ -38,7 +41,7 @@ def test_a_finished_file_is_known_by_its_summary(log: Path) -> None:
     assert seen.trouble is None
     found = whole(log, seen.layout)
     assert len(found.chunks) > 5
-    for name in ("size", "library", "metadata", "attachments", "chunks", "channels"):
+    for name in ("size", "library", "metadata", "chunks", "channels"):
         assert getattr(found, name) == getattr(scanned, name)
     assert found.cut is None
 
@@ -82,6 +85,42 @@ def test_no_byte_can_be_wrong_unnoticed_in_what_is_shown(log: Path) -> None:
             assert contents(log) <= intact
         except RecordingError:
             assert place < 100  # the start: it is no recording of ours then
+
+
+FAR = [1 << 20, 2**62, 2**63 - 1, 2**63, 2**64 - 1]
+
+
+@pytest.mark.parametrize("kind", [Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX])
+@pytest.mark.parametrize("place", FAR)
+def test_a_summary_that_points_beyond_the_file_is_not_followed(
+    log: Path, kind: Opcode, place: int
+) -> None:
+    scanned = scan(log)
+    before = 16 if kind == Opcode.CHUNK_INDEX else 0  # its times
+    records = fuzz_bytes.records(log.read_bytes()[len(MAGIC) : -len(MAGIC)])
+    at = [one for one, _ in records].index(kind)
+    body = bytearray(records[at][1])
+    struct.pack_into("<Q", body, before, place)
+    records[at] = kind, bytes(body)
+    log.write_bytes(fuzz_bytes.resealed(records))
+    seen = glance(log)
+    assert "the summary must be well-formed" in str(seen.trouble)
+    assert whole(log, seen.layout).chunks == scanned.chunks
+
+
+@pytest.mark.parametrize("packed", [0, 1, 2**64 - 1])
+def test_a_chunk_that_is_as_long_as_it_does_not_say_ends_what_can_be_read(
+    log: Path, packed: int
+) -> None:
+    scanned, data = scan(log), bytearray(log.read_bytes())
+    second = scanned.chunks[1]
+    struct.pack_into("<Q", data, second.offset - 8, packed)
+    log.write_bytes(data[: second.offset + second.packed + 100])
+    seen = glance(log)
+    assert "notes" in str(seen.trouble)
+    assert whole(log, seen.layout).chunks == scanned.chunks[:1]
+    with pytest.raises(RecordingError, match=r"a chunk must have \d+ bytes, got"):
+        scan(log)
 
 
 def contents(log: Path) -> set[bytes]:

@@ -2,13 +2,18 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from mcap.opcode import Opcode
 
 from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.record.info import Info, describe, render
+from neurosnap.record.layout import MAGIC
 from neurosnap.record.reader import Recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.writer import Writer
 from tests.unit.record.samples import EACH, NOW, delivered, record, traffic
+from tools import fuzz_bytes
 
 SECOND = 10**9
 
@@ -90,6 +95,25 @@ def test_it_is_laid_out_as_mcap_info_is(path: Path) -> None:
     ]
 
 
+def test_it_says_where_the_parts_of_a_swarm_on_several_machines_were(
+    path: Path,
+) -> None:
+    with Writer(path) as writer:
+        writer.start({"seed": "7"})
+        writer.note_places({"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)})
+        writer.finish({"ticks": "4"}, {})
+    lines = render(describe(Recording.open(path))).split("\n")
+    at = lines.index("metadata: 3")
+    assert lines[at + 1 : at + 7] == [
+        "run:",
+        "\tseed:    7",
+        "\tschema:  2",
+        "places:",
+        "\tworld:   oak.lan/4711",
+        "\tcell/0:  elm/2",
+    ]
+
+
 def test_one_that_was_cut_short_says_where(path: Path) -> None:
     write_small(path, {"seed": "7"}, finish=False)
     info = describe(Recording.open(path))
@@ -166,3 +190,20 @@ def test_times_of_other_clocks_are_shown_in_seconds(path: Path) -> None:
         shown = render(msgspec.structs.replace(info, start=start, end=start))
         text = f"{start // 10**9}.{start % 10**9:09}"
         assert f"start:     {text}" in shown.split("\n")
+
+
+@pytest.mark.parametrize("channel", [0, 1033])
+def test_an_index_of_a_channel_that_is_not_there_is_damage(
+    path: Path, channel: int
+) -> None:
+    record(path, traffic(50))
+    records = fuzz_bytes.records(path.read_bytes()[len(MAGIC) : -len(MAGIC)])
+    at = [kind for kind, _ in records].index(Opcode.MESSAGE_INDEX)
+    index = channel.to_bytes(2, "little") + records[at][1][2:]
+    records[at] = Opcode.MESSAGE_INDEX, index
+    path.write_bytes(fuzz_bytes.resealed(records))
+    recording = Recording.open(path)
+    assert recording.layout.sealed
+    rule = rf"chunk 1: an index must be of a topic, got channel {channel}$"
+    with pytest.raises(RecordingError, match=rule):
+        describe(recording)

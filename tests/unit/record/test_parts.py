@@ -13,13 +13,14 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.context import Body
 from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.record import parts
 from neurosnap.record.info import describe, render
 from neurosnap.record.parts import LATE, Parts, Split, split_of
 from neurosnap.record.past import Past
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.replay import verify
-from neurosnap.record.resume import look_back, whole_ticks
+from neurosnap.record.resume import look_back, restore, whole_ticks
 from neurosnap.record.whole import first_path, open_whole, part_path, part_paths
 from neurosnap.record.writer import Writer
 from neurosnap.swarm.inline import run_inline
@@ -102,8 +103,9 @@ def write(
     old = Recording.open(whole)
     with Parts(log, old.metadata) as writer:
         for count, one in enumerate(recorded):
-            writer.add(one.delivery, 10**18 + count * step)
-            writer.flush()
+            now = 10**18 + count * step
+            writer.add(one.delivery, now)
+            writer.flush(now)
         writer.finish({}, old.noted().expected)
     return part_paths(log)
 
@@ -145,6 +147,22 @@ def test_every_file_is_a_run_by_itself(
                 0 if last else EVERY,
             )
     assert content(open_whole(paths[0]).messages()) == content(recorded)
+
+
+@pytest.mark.usefixtures("small")
+def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
+    old, places = Recording.open(whole), {"world": Place("oak", 4711)}
+    log = tmp_path / "log.mcap"
+    with Parts(log, old.metadata) as writer:
+        writer.note_places(places)
+        for count, one in enumerate(old.messages()):
+            writer.add(one.delivery, 10**18 + count)
+        writer.finish({}, old.noted().expected)
+    paths = part_paths(log)
+    assert len(paths) > 1
+    assert all(Recording.open(path).places == places for path in paths.values())
+    assert open_whole(log).places == places
+    assert verify(log).same
 
 
 @pytest.mark.usefixtures("small")
@@ -288,7 +306,7 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
         for count, one in enumerate(shares):
             writer.add(one.delivery, 10**18 + count)
         assert disk.asked.wait(10)
-        writer.flush()
+        writer.flush(10**18 + len(shares))
         # Whoever is killed now has lost nothing: the file that is over has its end, and
         # so the run goes on from the next one.
         assert Recording.open(log).finished
@@ -404,6 +422,156 @@ def test_a_file_does_not_wait_for_whoever_is_silent(
     paths = write(whole, tmp_path / "log.mcap", order, step=LATE)
     assert all(Recording.open(path).completeness().whole for path in paths.values())
     assert (verify(paths[0]).same, verify(paths[0]).complete) == (True, True)
+
+
+NOW = 10**18
+
+
+def said(*messages: wire.Message) -> list[wire.Delivery]:
+    return [
+        wire.Delivery(message.key, number, NOW, wire.encode(message))
+        for number, message in enumerate(messages)
+    ]
+
+
+def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
+    """What a cell says of a wave that nobody has heard of, and then."""
+    settled = wire.Settled(wave, 0, 0, (), (), (0,), 0)
+    return said(settled, wire.Fault("cell/0", "odd"))
+
+
+@pytest.mark.usefixtures("small")
+def test_what_answers_nothing_is_on_disk_after_a_while(tmp_path: Path) -> None:
+    log, deliveries = tmp_path / "log.mcap", never_started()
+    with Parts(log, {}) as writer:
+        for delivery in deliveries:
+            writer.add(delivery, NOW)
+        writer.flush(NOW + LATE)
+        assert list(Recording.open(log).messages()) == []
+        writer.flush(NOW + LATE + 1)
+        assert [one.delivery for one in Recording.open(log).messages()] == deliveries
+
+
+@pytest.mark.usefixtures("small")
+def test_what_waits_is_written_when_a_recording_is_given_up(tmp_path: Path) -> None:
+    log, deliveries = tmp_path / "log.mcap", never_started()
+    with Parts(log, {}) as writer:
+        for delivery in deliveries:
+            writer.add(delivery, NOW)
+    recording = Recording.open(log)
+    assert not recording.finished
+    assert [one.delivery for one in recording.messages()] == deliveries
+
+
+@pytest.mark.usefixtures("small")
+def test_what_waits_does_not_hide_why_a_recording_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    rule = r"must take what is recorded, got No space"
+    with (
+        pytest.raises(RecordingError, match=rule),
+        Parts(tmp_path / "log.mcap", {}) as writer,
+    ):
+        for delivery in never_started():
+            writer.add(delivery, NOW)
+        monkeypatch.setattr(writer._newest._mcap, "flush", full)
+        writer.flush(NOW)
+
+
+@pytest.mark.usefixtures("small")
+def test_what_is_lost_where_files_meet_is_missing_in_the_older(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Nobody who goes on from the newer one would find out."""
+    recorded = list(Recording.open(whole).messages())
+    heard = upto(recorded, 3 * EVERY)
+    lost = heard.pop(last_of(recorded, 2 * EVERY))
+    log = tmp_path / "log.mcap"
+    with Parts(log, Recording.open(whole).metadata) as writer:
+        for one in heard:
+            writer.add(one.delivery, NOW)
+        senders = {one.message.sender for one in heard}
+        writer.finish({}, {who: writer.upcoming(who) for who in senders})
+    assert list(part_paths(log)) == [0, 1, 2]
+    missing = [
+        Recording.open(path).noted().completeness.missing
+        for path in part_paths(log).values()
+    ]
+    assert missing == [{}, {lost.message.sender: 1}, {}]
+    _, past = look_back(log)
+    assert (past.part, past.tick) == (1, 2 * EVERY - 1)
+
+
+def frame(tick: int) -> wire.KeyFrame:
+    return wire.KeyFrame(tick, b"", waves=tick)
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(
+    ("messages", "files"),
+    [
+        ([wire.Decision(8, -1, ""), frame(9), wire.Decision(9, -1, "")], 2),
+        ([wire.Decision(9, -1, ""), frame(9)], 1),
+        ([wire.Decision(8, -1, ""), frame(9), frame(9)], 2),
+    ],
+    ids=["before its decision", "behind it", "again"],
+)
+def test_a_key_frame_begins_a_file_with_what_follows_it(
+    tmp_path: Path, messages: list[wire.Message], files: int
+) -> None:
+    log = tmp_path / "log.mcap"
+    with Parts(log, {}) as writer:
+        for delivery in said(*messages):
+            writer.add(delivery, NOW)
+        writer.finish({}, {"coordinator": len(messages)})
+    assert len(part_paths(log)) == files
+
+
+@pytest.mark.usefixtures("small")
+def test_a_run_that_goes_on_where_a_file_begins_says_so_in_that_file(
+    whole: Path, tmp_path: Path
+) -> None:
+    """The head alone is larger than a file should be."""
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    _, past = look_back(paths[0], 2 * EVERY)
+    assert (past.tick, past.part) == (2 * EVERY, 2)
+    new = tmp_path / "new.mcap"
+    made(new, options_workers(whole), past)
+    verdict = verify(part_path(new, 2))
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert (verdict.start, verdict.ticks) == (2 * EVERY, EVERY)
+
+
+@pytest.mark.usefixtures("small")
+def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Its last report was on the way when all ended, and it never said another word."""
+    recorded = list(Recording.open(whole).messages())
+    lost = recorded[last_of(recorded, 20)]
+    who = lost.message.sender
+    heard = [
+        one
+        for one in recorded[: len(upto(recorded, 2 * EVERY)) + 1]
+        if one.message.sender != who or one.sequence < lost.sequence
+    ]
+    log, old = tmp_path / "log.mcap", Recording.open(whole)
+    with Parts(log, old.metadata) as writer:
+        for one in heard:
+            writer.add(one.delivery, NOW)
+        begun = set(part_paths(log))
+        parts_there = {one.message.sender for one in recorded}
+        upcoming = {each: writer.upcoming(each) + 1 for each in parts_there}
+        balance = writer.finish({}, upcoming)
+    assert begun == {0, 1, 2}
+    assert balance.missing == dict.fromkeys(parts_there, 1)
+    assert Recording.open(part_path(log, 1)).noted().completeness.missing[who] == 1
+    assert not verify(log).complete
+    _, past = look_back(log)
+    assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
 def test_faults_go_where_their_sender_is(whole: Path, tmp_path: Path) -> None:
@@ -530,6 +698,25 @@ def test_a_run_goes_on_in_its_last_file(
     assert (again.difference, again.complete, again.ticks) == (None, True, TICKS)
     assert verify(paths[4]).same
     assert course(paths[0]) == course(whole)
+
+
+def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Somebody's messages are lost from before a key-frame on, and nobody else's."""
+    recorded = list(Recording.open(whole).messages())
+    lost = recorded[last_of(recorded, 2 * EVERY)]
+    log, who = tmp_path / "log.mcap", lost.message.sender
+    with Writer(log) as writer:
+        writer.start(Recording.open(whole).metadata)
+        for one in recorded[: len(upto(recorded, 3 * EVERY)) + 1]:
+            if one.message.sender != who or one.sequence < lost.sequence:
+                writer.add(one.delivery, one.log_time)
+    _, past = look_back(log)
+    assert past.tick == 2 * EVERY - 1
+    core = restore(past, TICKS)
+    assert (core.tick, core.in_flight) == (past.tick, ())
+    assert whole_ticks(log) == past.tick
 
 
 def options_workers(log: Path) -> int:

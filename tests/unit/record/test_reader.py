@@ -8,10 +8,13 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.fabric.place import Place
 from neurosnap.record.chunks import unpack
-from neurosnap.record.layout import Chunk
+from neurosnap.record.glance import glance
+from neurosnap.record.layout import PLACES, PROFILE, RUN, Chunk
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.sequences import Completeness
+from neurosnap.record.writer import Writer
 from tests.unit.record.samples import EACH, NOW, delivered, record, traffic
 
 
@@ -59,6 +62,40 @@ def test_an_empty_recording_is_one(path: Path) -> None:
     recording = Recording.open(path)
     assert list(recording.messages()) == []
     assert recording.completeness() == Completeness(0)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
+    places = {"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)}
+    with Writer(path) as writer:
+        writer.start({})
+        writer.note_places({"world": Place("ash", 1)})
+        writer.add(next(delivered([EACH["observe"]])), NOW)
+        writer.note_places(places)
+        if whole:
+            writer.finish({}, {})
+    assert Recording.open(path).places == places
+    assert Recording.seen(path, glance(path).layout).places == places
+
+
+@pytest.mark.parametrize("text", ["", "oak", "oak/\x1b", "oak/" + "1" * 11])
+def test_a_place_that_cannot_be_is_refused(path: Path, text: str) -> None:
+    writer = McapWriter(str(path))
+    writer.start(PROFILE)
+    writer.add_metadata(RUN, {"schema": "2"})
+    writer.add_metadata(PLACES, {"world": text})
+    writer.finish()
+    recording = Recording.open(path)
+    rule = r": neurosnap\.places: must hold a place for each part, got '"
+    with pytest.raises(RecordingError, match=rule):
+        assert recording.places
+
+
+def test_a_recording_of_one_machine_says_nothing_of_places(path: Path) -> None:
+    record(path, traffic(20))
+    recording = Recording.open(path)
+    assert recording.places == {}
+    assert PLACES not in recording.layout.metadata
 
 
 @pytest.mark.parametrize("whole", [True, False])

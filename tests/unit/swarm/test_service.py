@@ -1,5 +1,6 @@
 """What a coordinator tells of a run, and how a service knows the way a run ended."""
 
+import asyncio
 from pathlib import Path
 
 import msgspec
@@ -78,22 +79,34 @@ class Meeting(ZenohFabric):
 
 async def test_a_coordinator_waits_until_nobody_is_left_of_another_run() -> None:
     meeting = Meeting({"world", "cell/0"}, {"world", "cell/7"}, {"cell/7"})
-    await jobs._wait_alone(meeting, "demo", ["world", "cell/0"])
+    await jobs._wait_alone(meeting, "demo", ["world", "cell/0"], asyncio.Event())
     assert meeting.groups == [{"cell/7"}]  # which is its own
 
 
 async def test_a_second_coordinator_gives_up_at_once() -> None:
     with pytest.raises(SwarmError, match=r"^swarm demo: must have one coordinator"):
-        await jobs._wait_alone(Meeting({"coordinator", "world"}), "demo", [])
+        meeting = Meeting({"coordinator", "world"})
+        await jobs._wait_alone(meeting, "demo", [], asyncio.Event())
+
+
+async def test_a_coordinator_that_waits_for_others_to_leave_can_be_stopped() -> None:
+    stop = asyncio.Event()
+    waiting = asyncio.create_task(
+        jobs._wait_alone(Meeting({"world"}), "demo", ["world"], stop)
+    )
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    stop.set()
+    async with asyncio.timeout(5):
+        await waiting
 
 
 async def test_who_does_not_leave_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jobs, "_LEFTOVER", 0.01)
     rule = r"^swarm demo: must have nobody left of .* has cell/0, world$"
     with pytest.raises(SwarmError, match=rule):
-        await jobs._wait_alone(
-            Meeting({"world", "cell/0"}), "demo", ["cell/0", "world"]
-        )
+        meeting = Meeting({"world", "cell/0"})
+        await jobs._wait_alone(meeting, "demo", ["cell/0", "world"], asyncio.Event())
 
 
 def said(sequence: int, message: wire.Message) -> wire.Delivery:

@@ -20,7 +20,15 @@ from neurosnap.sensorium import pack
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.credit import split_evenly
 from neurosnap.swarm.shares import shares
-from neurosnap.swarm.spread import carried, split
+from neurosnap.swarm.spread import (
+    Fired,
+    Ints,
+    Net,
+    Pulses,
+    carried,
+    outgoing,
+    split,
+)
 from neurosnap.swarm.wave import DEEPEST
 from neurosnap.swarm.worker import Worker
 
@@ -311,10 +319,10 @@ WRONG: list[tuple[wire.Message, str]] = [
         "wave: must be for all, got one for cell 3",
     ),
     (start(2, 6, credit=DEEPEST + 1), "wave: must have credit up to"),
-    (start(2, 6, below=4), "wave: must settle nothing after wave 2, got all below 4"),
+    (start(2, 6, below=3), "wave: must settle only what is before wave 2, got all"),
     (start(10_000, 6), "wave: wave must be at most 4096 beyond 1, got 10000"),
-    (state_wave(2, 50), "wave: must be at most 8 ticks after 1, got 50"),
-    (observation(50), "observe: must be at most 8 ticks after 1, got 50"),
+    (state_wave(2, 50), "wave: tick must be at most 8 ticks after 1, got 50"),
+    (observation(50), "observe: tick must be at most 8 ticks after 1, got 50"),
     (wire.Observation(2, b"\0"), "observe: must hold 2 bytes, got 1"),
     (
         msgspec.structs.replace(burst((0, 6, 1, 1)), to=2),
@@ -376,6 +384,26 @@ def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) 
     assert fault == wire.Fault("worker/1", "burst: must leave up to 3 pulses waiting")
     (tally,) = worker.receive([start()])
     assert isinstance(tally, wire.Tally)
+    # Those wait no more, and those of a wave that is forgotten do not either.
+    assert worker.receive([more]) == []
+    (tally,) = worker.receive([start(3, 6, below=3)])
+    assert isinstance(tally, wire.Tally)
+    assert worker.receive([burst((0, 6, 1, 1), (0, 8, 1, 1), wave=4)]) == []
+
+
+def test_what_stays_here_is_gathered_for_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gathered: list[int] = []
+
+    def noting(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
+        gathered.append(to)
+        return outgoing(net, reached, fired, to)
+
+    monkeypatch.setattr("neurosnap.swarm.worker.outgoing", noting)
+    worker = wired((6, 8), (6, 12))
+    assert len(worker.receive([start(1, 6)])) == 2
+    assert gathered == [0, 2]
 
 
 def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
@@ -397,7 +425,7 @@ def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
 def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.swarm.worker._WAVES", 3)
+    monkeypatch.setattr("neurosnap.swarm.bounds.WAVES", 3)
     worker = wired()
     waiting = [burst((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
     (fault,) = worker.receive(waiting)

@@ -1,0 +1,65 @@
+"""The places of parts on one network; the keys of a role are read once."""
+
+from neurosnap.fabric.access import Role, role_of
+from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.lookout import Lookout
+from neurosnap.swarm.network import Network
+from neurosnap.swarm.process import Seat
+
+
+class Seats:
+    """Gives parts their places.
+
+    Args:
+        network: Where the hub is.
+        own: The swarm's own socket, where it has one.
+        located: The swarm is on several machines, and its parts say where they are.
+    """
+
+    def __init__(
+        self, network: Network, own: str = "", *, located: bool = False
+    ) -> None:
+        self._network = network
+        self._own = own
+        self._located = located
+        self._known: dict[Role, Credentials | None] = {}
+
+    def seat(self, who: str, swarm: str, first: int = 0) -> Seat:
+        """Return the place of a part.
+
+        Args:
+            who: Its name.
+            swarm: What its swarm is called on the wire.
+            first: The number of its first message.
+
+        Raises:
+            InvalidValueError: Its role's keys are not there, or not fit for use.
+        """
+        role = role_of(who)
+        return Seat(
+            who,
+            swarm,
+            self._network.endpoint(role, self._own),
+            first,
+            self._credentials(role),
+            self._network.insecure,
+            self._located,
+        )
+
+    def lookout(self, swarm: str) -> Lookout:
+        """Return a lookout for the swarms of an id, to be entered.
+
+        Raises:
+            InvalidValueError: As from `seat`.
+        """
+        return Lookout(
+            swarm,
+            self._network.endpoint("watcher", self._own),
+            credentials=self._credentials("watcher"),
+            insecure=self._network.insecure,
+        )
+
+    def _credentials(self, role: Role) -> Credentials | None:
+        if role not in self._known:  # and not read for every cell
+            self._known[role] = self._network.credentials(role)
+        return self._known[role]

@@ -1,0 +1,19 @@
+"""Arguments that the command line has, too, as `argparse` takes them."""
+
+import argparse
+
+import typer
+
+from neurosnap.cli import shared
+
+
+def in_bytes(text: str) -> int:
+    """Return a size in bytes; see `neurosnap.cli.shared.in_bytes`.
+
+    Raises:
+        argparse.ArgumentTypeError: It is none.
+    """
+    try:
+        return shared.in_bytes(text)
+    except typer.BadParameter as error:
+        raise argparse.ArgumentTypeError(error.message) from error

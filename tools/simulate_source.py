@@ -1,0 +1,66 @@
+"""The source of a simulated run: of some runs, not all readings are known."""
+
+import random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.source import Source, open_source
+from neurosnap.swarm.options import RunOptions
+
+_SHARES = (0.0, 0.0, 0.1, 0.4)  # of the readings that are unknown
+
+
+def source_of(options: RunOptions) -> Source:
+    """Open the source of a run; its seed says how much of it is unknown."""
+    source = open_source(options.source, options.seed, options.arguments)
+    share = _SHARES[options.seed % len(_SHARES)]
+    return Partial(source, share, options.seed) if share else source
+
+
+class Partial:
+    """Hides some readings of a source, the same ones whenever it starts over.
+
+    Args:
+        source: Where they come from.
+        share: How many of them are hidden; in each observation one is left.
+        seed: Draws which.
+    """
+
+    known: NDArray[np.bool_] | None = None
+    begins: bool = False
+
+    def __init__(self, source: Source, share: float, seed: int) -> None:
+        self._source = source
+        self._share = share
+        self._seed = seed
+        self._chance = random.Random(seed)
+        self.sensors = source.sensors
+        self.orders = source.orders
+        self.actions = source.actions
+        self.exclusive = source.exclusive
+        self.length = source.length
+        self.live = source.live
+
+    def first(self) -> NDArray[np.bool_] | None:
+        """Start over."""
+        self._chance = random.Random(self._seed)
+        return self._partly(self._source.first())
+
+    def step(self, action: int) -> NDArray[np.bool_] | None:
+        """Go on."""
+        return self._partly(self._source.step(action))
+
+    def close(self) -> None:
+        """Close the source."""
+        self._source.close()
+
+    def _partly(self, bits: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+        self.begins = self._source.begins
+        if bits is None:
+            return None
+        draws = [self._chance.random() >= self._share for _ in bits]
+        draws[self._chance.randrange(len(draws))] = True
+        known = np.array(draws)
+        self.known = None if known.all() else known
+        return np.where(known, bits, True)  # what is unknown means nothing
