@@ -28,9 +28,11 @@ from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.endure import Restart, _whole_part, keep_furthest, run_on
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.process import Seat
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.service import Served, serve
 from neurosnap.swarm.supervision import Supervision
+from neurosnap.swarm.supervisor import Child, Supervisor
 from tests.course import course
 from tools.soak import VICTIMS, soak
 
@@ -274,13 +276,23 @@ def test_a_run_is_not_continued_unless_wanted(tmp_path: Path) -> None:
 
 
 def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = tmp_path / "log"
     disturbed = Disturbed(options_for(5000), log, max_restarts=2)
-    # Once it goes on, its hub dies at the first sight of it: nothing is recorded.
+    start = Supervisor.start
+
+    # Once it goes on, its hub dies before there is a coordinator: nothing is recorded.
+    async def started(self: Supervisor, job: Any, seat: Seat, *given: object) -> Child:
+        child = await start(self, job, seat, *given)
+        if seat.who == "recorder" and disturbed.restarts:
+            (hub,) = [one for one in parts() if one.name() == "hub"]
+            hub.send_signal(signal.SIGKILL)
+        return child
+
+    monkeypatch.setattr(Supervisor, "start", started)
     with pytest.raises(PartDiedError, match=r"^hub: must not end before"):
-        disturbed.run((20, ("world",)), (0, ("hub",)), (0, ("hub",)))
+        disturbed.run((20, ("world",)))
     first, second = disturbed.restarts
     assert first.tick == second.tick > 0
     assert verify(log).ticks == first.tick
