@@ -4,9 +4,9 @@ import asyncio
 import tempfile
 from pathlib import Path
 
-from neurosnap.agent.context import Body
 from neurosnap.record.replay import verify as replay
 from neurosnap.source import open_source
+from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
 from tools.bench_report import Line, Sizes, ratio_of_pairs
@@ -17,13 +17,13 @@ _RECORDING, _VERIFY = 1.15, 10.0
 
 def recording(sizes: Sizes) -> list[Line]:
     """Time a tick with the recorder on and off, in turns."""
-    options = _options(sizes.ticks)
+    options = path_options(sizes.ticks)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-        _run(_options(5), None)
+        run_once(path_options(5), None)
         off, on, whole, messages = [], [], True, 0
         for turn in range(sizes.pairs):
-            off.append(_run(options, None).seconds)
-            recorded = _run(options, Path(folder) / f"{turn}.mcap")
+            off.append(run_once(options, None).seconds)
+            recorded = run_once(options, Path(folder) / f"{turn}.mcap")
             on.append(recorded.seconds)
             if recorded.completeness is None:
                 raise RuntimeError("recording: must have a balance")
@@ -55,7 +55,7 @@ def verify(sizes: Sizes) -> list[Line]:
     """Time `replay --verify` against the run whose recording it checks."""
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         log = Path(folder) / "run.mcap"
-        made = _run(_options(sizes.ticks), log)
+        made = run_once(path_options(sizes.ticks), log)
         verdicts = [replay(log) for _ in range(sizes.pairs + 1)][1:]
     best = min(verdict.seconds for verdict in verdicts)
     ticks, same = verdicts[0].ticks, all(verdict.same for verdict in verdicts)
@@ -79,19 +79,16 @@ def verify(sizes: Sizes) -> list[Line]:
     ]
 
 
-def _options(ticks: int) -> RunOptions:
+def path_options(ticks: int) -> RunOptions:
+    """Return the run of a walker on the path."""
     source = open_source(_SOURCE, 0)
-    try:
-        return RunOptions(
-            source=_SOURCE,
-            body=Body(own=source.sensors, actions=source.actions),
-            ticks=ticks,
-        )
-    finally:
-        source.close()
+    source.close()
+    return RunOptions(source=_SOURCE, body=body_of(source, "walker"), ticks=ticks)
 
 
-def _run(options: RunOptions, log: Path | None) -> Outcome:
+def run_once(options: RunOptions, log: Path | None = None) -> Outcome:
+    """Make a run; None: not recorded."""
+
     async def once() -> Outcome:
         return await run(options, log, asyncio.Event())
 

@@ -1,21 +1,22 @@
 """Rows on cells in workers: how many come up, how fast waves are, what a tick takes."""
 
-import asyncio
 import multiprocessing
 import os
 import statistics
+from typing import TYPE_CHECKING
 
-from neurosnap.agent.context import Body
-from neurosnap.source import open_source
-from neurosnap.swarm.options import CellKind, RunOptions
+from msgspec.structs import replace
+
 from neurosnap.swarm.probe import ProbePlan
-from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.supervisor import allow_files
 from tools.bench_bare import mean_pss
 from tools.bench_probe import probe, rows_of, weighed_while_up
 from tools.bench_report import Line, Sizes
+from tools.bench_run import path_options, run_once
 
-_SOURCE = "neurosnap/Path-v0"
+if TYPE_CHECKING:
+    from neurosnap.swarm.options import CellKind
+
 _WORKERS, _HEIGHT = 2, 20
 _SPAWN, _MEMORY, _WAVE = 30.0, 4.0, 2.0
 _GB = 1e9
@@ -72,10 +73,7 @@ def _processes(sizes: Sizes) -> Line:
     return Line(
         f"{cells:,} cells, a process each, up and passed a wave",
         f"{seconds:.1f} s",
-        "",
-        "come up",
-        True,
-        {"seconds": seconds},
+        figures={"seconds": seconds},
     )
 
 
@@ -85,9 +83,10 @@ def _run(sizes: Sizes) -> Line:
     theirs: list[float] = []
     found: set[tuple[int, int]] = set()
     kinds: list[tuple[CellKind, list[float]]] = [("worker", ours), ("process", theirs)]
+    options = replace(path_options(sizes.ticks), workers=_WORKERS)
     for _ in range(sizes.pairs):
         for cells, spent in kinds:
-            outcome = _tick_by_tick(cells, sizes.ticks)
+            outcome = run_once(replace(options, cells=cells))
             spent.append(outcome.seconds / outcome.totals.ticks)
             found.add((outcome.totals.pulses, outcome.totals.edges))
     ratio = min(theirs) / min(ours)
@@ -101,16 +100,3 @@ def _run(sizes: Sizes) -> Line:
         same,
         {"seconds": min(ours), "process_seconds": min(theirs), "ratio": ratio},
     )
-
-
-def _tick_by_tick(cells: CellKind, ticks: int) -> Outcome:
-    opened = open_source(_SOURCE, 0)
-    opened.close()
-    options = RunOptions(
-        source=_SOURCE,
-        body=Body(own=opened.sensors, actions=opened.actions),
-        ticks=ticks,
-        cells=cells,
-        workers=_WORKERS,
-    )
-    return asyncio.run(run(options, None, asyncio.Event()))

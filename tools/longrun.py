@@ -14,6 +14,7 @@ import random
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 # Run as a file, the folder of this file is on the path and the project's is not.
@@ -29,10 +30,10 @@ from neurosnap.record.whole import part_paths
 from neurosnap.source import open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.registry import parts_of
 from neurosnap.swarm.run import run
 from tools.arguments import in_bytes
 
-KINDS = ("hub", "recorder", "coordinator", "world", "cell", "worker")
 _WARM = 0.1  # share of the run whose memory does not count
 
 
@@ -127,13 +128,10 @@ def _resident() -> dict[str, int]:
     """Return the bytes in memory by kind of process."""
     me = psutil.Process()
     found = {"launcher": me.memory_info().rss}
-    for child in me.children(recursive=True):
-        try:
-            kind, size = child.name().partition("/")[0], child.memory_info().rss
-        except psutil.NoSuchProcess:
-            continue
-        if kind in KINDS:
-            found[kind] = found.get(kind, 0) + size
+    for who, process in parts_of(me):
+        kind = who.partition("/")[0]
+        with suppress(psutil.NoSuchProcess):
+            found[kind] = found.get(kind, 0) + process.memory_info().rss
     return found
 
 

@@ -113,10 +113,12 @@ class Life:
             raise
         finally:
             self._tally.losses += self._hub.lost.total()
+            deaf = any(receiver == "recorder" for _, receiver in self._hub.lost)
+            self._tally.deaf += deaf
             source.close()
             self._recorder.close()
-        deaf = any(receiver == "recorder" for _, receiver in self._hub.lost)
-        if completeness.missing and not deaf:
+        # What was lost in another life stays missing.
+        if completeness.missing and not self._tally.deaf:
             raise WrongError(f"recording: must be whole, lacks {completeness.missing}")
         return completeness, {who: end.sent for who, end in self._ends.items()}
 

@@ -37,6 +37,8 @@ class Tally(msgspec.Struct):
     cuts: int = 0
     healed: int = 0
     losses: int = 0
+    deaf: int = 0
+    """Lives in which some of them were the recorder's."""
     repeats: int = 0
     given_up: int = 0
     """Lives that ended because a wave was lost for good."""

@@ -34,6 +34,7 @@ from neurosnap.source import open_source
 from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.endure import Restart, run_on
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.registry import parts_of
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.supervision import Supervision
 from tools.arguments import in_bytes
@@ -145,12 +146,8 @@ class _Killer:
 
     def _kill(self, victim: str) -> bool:
         parts: dict[str, list[psutil.Process]] = {}
-        for process in psutil.Process().children(recursive=True):
-            try:
-                kind = process.name().partition("/")[0]
-            except psutil.NoSuchProcess:
-                continue
-            parts.setdefault(kind, []).append(process)
+        for who, process in parts_of(psutil.Process()):
+            parts.setdefault(who.partition("/")[0], []).append(process)
         if not {*SERVICES, self._host} <= parts.keys():
             return False  # it is coming up, or going down
         for kind in victim.split("+"):

@@ -15,7 +15,9 @@ Others overtake the key-frame instead. So what answers a word of the coordinator
 has not come yet, the start of its wave or the decision before its tick, waits for that.
 
 A sender that says nothing for `LATE` after the key-frame is taken to have had nothing
-left to say; if it had, that goes to the newer file.
+left to say; if it had, that goes to the newer file. If all ends before that, the file
+before gets no end, unless that sender has said a last word. What is missing between the
+last message of a sender in the one file and the first in the other, the older lacks.
 
 The decision of a file's last tick follows the key-frame, so it is in the next file. The
 key-frame says it, too, and it is noted among the totals of the file before, which can
@@ -277,22 +279,31 @@ class Parts:
         """Finish the older file, if one is open, and let it be saved.
 
         Args:
-            expected: How many messages senders say they sent in all. Who has not said
-                anything since the newer file began may lack some in this one.
+            expected: How many messages senders must have sent in all. Who has not said
+                anything since the newer file began may lack some in this one: then it
+                gets no end, and nobody goes on from the newer.
         """
         if self._older is None:
             return
         self._saving.wait()  # what is in here cannot be lost by an error yet
         older, self._older = self._older, None
-        known = {**expected, **self._newest.sequences.first}
+        begun = self._newest.sequences.first
         ends = {
-            sender: max(older.sequences.upcoming(sender), known.get(sender, 0))
+            sender: begun.get(sender, older.sequences.upcoming(sender))
             for sender in older.sequences.first.keys() | self._passed
         }
+        silent = ends.keys() - self._passed
+        is_whole = all(expected.get(sender, 0) <= ends[sender] for sender in silent)
         for sender, end in ends.items():
             self._newest.sequences.begin(sender, end)
         # First of all: who goes on from the newest file has to know.
         self._newest.note_share()
+        if not is_whole:
+            older.abandon()
+            self._closed.append(
+                older.sequences.completeness(ends, foreign=older.foreign)
+            )
+            return
         closing = self._boundary.decision
         totals = {
             "ticks": str(closing.tick),

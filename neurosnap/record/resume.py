@@ -29,7 +29,7 @@ from neurosnap.record.replay import (
 )
 from neurosnap.record.sequences import Sequences
 from neurosnap.record.starts import Start, starts
-from neurosnap.record.whole import first_path, part_paths
+from neurosnap.record.whole import first_path, part_path, part_paths
 from neurosnap.sensorium import pack
 from neurosnap.swarm.coordinator import Coordinator
 from neurosnap.swarm.options import RunOptions
@@ -254,9 +254,15 @@ def _counts(recording: Recording, tick: int, waves: int) -> dict[str, int]:
         dated = isinstance(message, _DATED) and message.wave <= waves
         if dated or (isinstance(message, wire.Observation) and message.tick <= tick):
             counts[sender] = max(counts.get(sender, 0), recorded.sequence + 1)
+    gaps = kept.gaps(_begun_after(recording))
+    for sender, ranges in gaps.items():
+        if recording.begins and ranges[0][0] == share.get(sender, 0):
+            # That may be from before the file. Its numbers are not given again, so that
+            # they stay missing.
+            counts[sender] = max(counts.get(sender, 0), ranges.pop(0)[1])
     lacking = {
         sender: count
-        for sender, ranges in kept.gaps(counts).items()
+        for sender, ranges in gaps.items()
         if (count := _below(ranges, counts.get(sender, 0)))
     }
     if lacking:
@@ -264,6 +270,20 @@ def _counts(recording: Recording, tick: int, waves: int) -> dict[str, int]:
             f"{recording.path}: must be whole up to tick {tick}, lacks {lacking}"
         )
     return counts
+
+
+def _begun_after(recording: Recording) -> dict[str, int]:
+    """Return the numbers that shares of the next file begin with, if there is one.
+
+    They show what is missing at the end of a file behind which nothing counts.
+    """
+    if (number := recording.part) is None:
+        return {}
+    log = first_path(recording.path, number) if number else recording.path
+    try:
+        return Recording.open(part_path(log, number + 1)).share or {}
+    except RecordingError:  # there is none, or it was cut at its very beginning
+        return {}
 
 
 def _below(ranges: list[tuple[int, int]], end: int) -> int:

@@ -129,19 +129,26 @@ def parts(note: Note) -> list[Part]:
     if launcher is None:
         return []
     found = []
+    for name, process in parts_of(launcher):
+        with suppress(psutil.NoSuchProcess, psutil.AccessDenied):
+            times = process.cpu_times()
+            part = Part(
+                who=name,
+                pid=process.pid,
+                memory=process.memory_info().rss,
+                seconds=times.user + times.system,
+            )
+            found.append(part)
+    return sorted(found, key=_place)
+
+
+def parts_of(launcher: psutil.Process) -> Iterator[tuple[str, psutil.Process]]:
+    """Yield the parts that a process has started, by name; who is gone is left out."""
     for process in launcher.children(recursive=True):
         with suppress(psutil.NoSuchProcess, psutil.AccessDenied):
             name = process.name()
             if name.partition("/")[0] in _KINDS:
-                times = process.cpu_times()
-                part = Part(
-                    who=name,
-                    pid=process.pid,
-                    memory=process.memory_info().rss,
-                    seconds=times.user + times.system,
-                )
-                found.append(part)
-    return sorted(found, key=_place)
+                yield name, process
 
 
 def stop(note: Note, patience: float) -> None:

@@ -96,7 +96,8 @@ class Throttle:
                 return
             self._process = recorder()
         self._reports += 1
-        works = self._reports % 4 == 0 or tick >= OPTIONS.ticks
+        # Near its end the run may report no more: nobody would wake the recorder up.
+        works = self._reports % 4 == 0 or tick >= OPTIONS.ticks - 100
         if works and self._stopped:
             self._process.send_signal(signal.SIGCONT)
             self._stopped = False

@@ -505,6 +505,37 @@ def test_what_is_lost_where_files_meet_is_missing_in_the_older(
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
+@pytest.mark.usefixtures("small")
+def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
+    whole: Path, tmp_path: Path
+) -> None:
+    """A sender is lost from before one key-frame until after the next."""
+    recorded = list(Recording.open(whole).messages())
+    lost = recorded[last_of(recorded, 2 * EVERY)]
+    who, until = lost.message.sender, len(upto(recorded, 3 * EVERY)) + 1
+    heard = [
+        one
+        for place, one in enumerate(recorded[: len(upto(recorded, 4 * EVERY))])
+        if place > until or one.message.sender != who or one.sequence < lost.sequence
+    ]
+    log = tmp_path / "log.mcap"
+    with Parts(log, Recording.open(whole).metadata) as writer:
+        for one in heard:
+            writer.add(one.delivery, NOW)
+        senders = {one.message.sender for one in heard}
+        writer.finish({}, {each: writer.upcoming(each) for each in senders})
+    assert list(part_paths(log)) == [0, 1, 2, 3]
+    lacking = Recording.open(part_path(log, 2)).noted().completeness.missing
+    assert lacking.keys() == {who}
+    _, past = look_back(log)
+    assert (past.part, past.tick) == (2, 2 * EVERY)
+    # The numbers of what is lost are not given again.
+    assert past.counts[who] == lost.sequence + lacking[who]
+    new = tmp_path / "new.mcap"
+    made(new, options_workers(whole), past)
+    assert Recording.open(part_path(new, 2)).noted().completeness.missing == lacking
+
+
 def frame(tick: int) -> wire.KeyFrame:
     return wire.KeyFrame(tick, b"", waves=tick)
 
@@ -568,7 +599,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
         balance = writer.finish({}, upcoming)
     assert begun == {0, 1, 2}
     assert balance.missing == dict.fromkeys(parts_there, 1)
-    assert Recording.open(part_path(log, 1)).noted().completeness.missing[who] == 1
+    assert not Recording.open(part_path(log, 1)).finished
     assert not verify(log).complete
     _, past = look_back(log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
@@ -717,6 +748,22 @@ def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
     core = restore(past, TICKS)
     assert (core.tick, core.in_flight) == (past.tick, ())
     assert whole_ticks(log) == past.tick
+
+
+def test_what_is_restored_is_derived_from_the_last_key_frame_alone(
+    whole: Path, tmp_path: Path
+) -> None:
+    """What was looked back on goes no further back: there it may lack something."""
+    recorded = list(Recording.open(whole).messages())
+    _, past = look_back(whole, 3 * EVERY + 5)
+    del recorded[last_of(recorded, 3 * EVERY)]
+    log = tmp_path / "log.mcap"
+    with Writer(log) as writer:
+        writer.start(Recording.open(whole).metadata)
+        for one in recorded:
+            writer.add(one.delivery, one.log_time)
+    core = restore(msgspec.structs.replace(past, log=str(log)), TICKS)
+    assert (core.tick, core.in_flight) == (3 * EVERY + 5, ())
 
 
 def options_workers(log: Path) -> int:
