@@ -18,7 +18,7 @@ from neurosnap.record.past import Past
 from neurosnap.record.resume import look_back
 from neurosnap.record.whole import open_whole, part_paths
 from neurosnap.source import Argument, open_source
-from neurosnap.swarm.endure import _make_room
+from neurosnap.swarm.endure import make_room
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe
 from tools.simulate_check import check
@@ -61,7 +61,7 @@ def live_on(
         try:
             completeness, sent = life.live()
         except SwarmError:
-            _, past = _make_room(log, broken, _reached(log, options), past)
+            _, past = make_room(log, broken, _reached(log, options), past)
             tally.restarts += 1
             continue
         if past is not None and past.part:

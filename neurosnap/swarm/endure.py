@@ -113,7 +113,7 @@ async def run_on(
                 if given_up or stop.is_set() or not _mends(supervision, error):
                     raise
                 found = await asyncio.to_thread(_whole_part, log, past, options)
-                gained, past = _make_room(log, broken, found, past)
+                gained, past = make_room(log, broken, found, past)
                 delay = supervision.backoff if gained else min(2 * delay, _LONGEST)
                 restarts += 1
                 tick = 0 if past is None else past.tick
@@ -151,7 +151,7 @@ def _whole_part(log: Path, before: Past | None, options: RunOptions) -> Past | N
         return None
 
 
-def _make_room(
+def make_room(
     log: Path, broken: Path, found: Past | None, before: Past | None
 ) -> tuple[bool, Past | None]:
     """Return whether a run got further than it had, and where it goes on.

@@ -5,10 +5,12 @@ import contextlib
 import re
 import signal
 import socket
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import msgspec
 import psutil
 import pytest
@@ -354,40 +356,48 @@ def test_what_an_earlier_run_left_is_not_overwritten(tmp_path: Path) -> None:
     assert left.read_bytes() == b"all there is"
 
 
-FAILING = """
+def ending_world(folder: Path, monkeypatch: pytest.MonkeyPatch, end: str) -> RunOptions:
+    """Return a run whose world does as `end` says, a statement, after tick 6."""
+    (folder / "ending.py").write_text(f"""
+import threading
+
 import gymnasium
 import numpy as np
 
 
-class Failing(gymnasium.Env):
+class Ending(gymnasium.Env):
     observation_space = gymnasium.spaces.MultiBinary(3)
     action_space = gymnasium.spaces.Discrete(2)
 
     def reset(self, *, seed=None, options=None):
         self.steps = 0
-        return np.zeros(3, np.int8), {}
+        return np.zeros(3, np.int8), {{}}
 
     def step(self, action):
         self.steps += 1
         if self.steps > 5:
-            raise RuntimeError("the sensors are off")
-        return np.array([self.steps % 2, 0, 1], np.int8), 0.0, False, False, {}
+            {end}
+        return np.array([self.steps % 2, 0, 1], np.int8), 0.0, False, False, {{}}
 
 
-gymnasium.register("test/Failing-v0", Failing, disable_env_checker=True)
-"""
+gymnasium.register("test/Ending-v0", Ending, disable_env_checker=True)
+""")
+    monkeypatch.syspath_prepend(folder)
+    # Another test's may be known by that name.
+    monkeypatch.delitem(sys.modules, "ending", raising=False)
+    gymnasium.registry.pop("test/Ending-v0", None)
+    name = "ending:test/Ending-v0"
+    source = open_source(name, 1)
+    source.close()
+    return RunOptions(source=name, body=body_of(source, "walker"), ticks=50)
 
 
 @pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 2)])
 def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
     restart: str, times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "failing.py").write_text(FAILING)
-    monkeypatch.syspath_prepend(tmp_path)
-    name = "failing:test/Failing-v0"
-    source = open_source(name, 1)
-    source.close()
-    options = RunOptions(source=name, body=body_of(source, "walker"), ticks=50)
+    fail = 'raise RuntimeError("the sensors are off")'
+    options = ending_world(tmp_path, monkeypatch, fail)
     log = tmp_path / "log"
     disturbed = Disturbed(options, log, restart=restart, max_restarts=2)
     with pytest.raises(SwarmError, match="the sensors are off") as raised:
@@ -397,31 +407,6 @@ def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
     assert verify(log).ticks == 6
 
 
-HANGING = """
-import threading
-
-import gymnasium
-import numpy as np
-
-
-class Hanging(gymnasium.Env):
-    observation_space = gymnasium.spaces.MultiBinary(3)
-    action_space = gymnasium.spaces.Discrete(2)
-
-    def reset(self, *, seed=None, options=None):
-        self.steps = 0
-        return np.zeros(3, np.int8), {}
-
-    def step(self, action):
-        self.steps += 1
-        if self.steps > 5:
-            threading.Event().wait()
-        return np.array([self.steps % 2, 0, 1], np.int8), 0.0, False, False, {}
-
-
-gymnasium.register("test/Hanging-v0", Hanging, disable_env_checker=True)
-"""
-
 SILENT = (
     r"^coordinator: world: must answer the decision of tick 6 within 1\.5 s, got no"
 )
@@ -430,13 +415,8 @@ SILENT = (
 @pytest.fixture
 def hanging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunOptions:
     """A run whose world is there and says no more after tick 6."""
-    (tmp_path / "hanging.py").write_text(HANGING)
-    monkeypatch.syspath_prepend(tmp_path)
-    name = "hanging:test/Hanging-v0"
-    source = open_source(name, 1)
-    source.close()
-    body = body_of(source, "walker")
-    return RunOptions(source=name, body=body, ticks=50, deadline=0.5)
+    options = ending_world(tmp_path, monkeypatch, "threading.Event().wait()")
+    return msgspec.structs.replace(options, deadline=0.5)
 
 
 @pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 1)])
