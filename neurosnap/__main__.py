@@ -8,7 +8,9 @@ child, and a cell must not pay for the command line.
 def main() -> None:
     """Run the command line."""
     from neurosnap.cli import app
+    from neurosnap.cli.terminal import write_ascii_where_needed
 
+    write_ascii_where_needed()
     app()
 
 

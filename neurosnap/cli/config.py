@@ -85,7 +85,7 @@ def schema() -> None:
 
     with errors():
         text = msgspec.json.format(msgspec.json.encode(schema_of_config()), indent=2)
-        typer.echo(text.decode())
+        typer.echo(text)
 
 
 def described(

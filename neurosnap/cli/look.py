@@ -44,7 +44,8 @@ def graph(
         if as_json:
             print_json(msgspec.to_builtins(drawn))
         else:
-            typer.echo(render(drawn, wanted))
+            # For programs, which take it for UTF-8 whatever a terminal is.
+            typer.echo(render(drawn, wanted).encode())
 
 
 @app.command()

@@ -56,6 +56,8 @@ def errors() -> Iterator[None]:
         fail(str(error), 2)
     except NeurosnapError as error:
         fail(str(error), 1)
+    except BrokenPipeError:
+        raise  # by `| head`, which has read enough: click ends without a word
     except OSError as error:
         fail(f"{error.filename or 'system'}: {error.strerror or error}", 1)
 
@@ -138,7 +140,7 @@ def say(as_json: bool) -> Console:
 
 def print_json(facts: object) -> None:
     """Print an object for programs, on a line of its own."""
-    typer.echo(msgspec.json.encode(facts).decode())
+    typer.echo(msgspec.json.encode(facts))  # JSON is UTF-8, whatever a terminal is
 
 
 def run_async(work: Callable[[asyncio.Event], Awaitable[T]]) -> T:
