@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from neurosnap.swarm.watching import Told
 
 _MOST = 24  # implications shown; all of them are in `neurosnap graph`
+_NAMES = 8  # names in one line about an anomaly; all of them are in `watch --json`
 
 
 @contextmanager
@@ -113,22 +115,26 @@ def restart(console: Console, event: Restart) -> None:
 
 
 def anomaly(told: Told) -> str:
-    """Return an anomaly as one line."""
+    """Return an anomaly as one line that names a few of what it is about."""
     long = f", since tick {told.since}" if told.since < told.tick else ""
     exact = "" if told.exact else " (at least)"
-    likely = ", ".join(told.culprits) or "nobody"
+    likely = _few(told.culprits) or "nobody"
     others = [name for name in told.candidates if name not in told.culprits]
-    perhaps = f" or {', '.join(others)}" if others else ""
-    broken = "; ".join(
+    perhaps = f" or {_few(others)}" if others else ""
+    links = [
         f"{link.implication} ({link.support:g} for, {link.against:g} against,"
         f" since tick {link.since})"
         for link in told.broken
-    )
-    more = f" and {told.more} more" if told.more else ""
-    return (
-        f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
-        f" breaks {broken}{more}"
-    )
+    ]
+    broken = _few(links, "; ", told.more)
+    return f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong: breaks {broken}"
+
+
+def _few(names: Sequence[str], comma: str = ", ", more: int = 0) -> str:
+    """Return the first names, and how many others there are, `more` among them."""
+    more += max(0, len(names) - _NAMES)
+    rest = f" and {more} more" if more else ""
+    return comma.join(names[:_NAMES]) + rest
 
 
 def swarms(console: Console, notes: Sequence[Note]) -> None:
@@ -182,21 +188,32 @@ def outcome(
     for name, value in rows.items():
         table.add_row(f"[bold]{name}[/bold]", value)
     console.print(table)
-    _implications(console, outcome_.implications)
+    _implications(console, outcome_.implications, log)
     if outcome_.stopped:
         console.print(f"stopped after tick {totals.ticks}, as asked")
     if log is not None:
         console.print(f"recording: {escape(str(log))}", soft_wrap=True)
     balance = outcome_.completeness
     if balance is not None and not balance.whole:
-        console.print(f"[red]the recording lacks messages[/red]: {balance.missing}")
+        lost = [f"{count} of {who}" for who, count in balance.missing.items()]
+        console.print(
+            f"[red]the recording lacks {sum(balance.missing.values())} messages[/red]:"
+            f" {escape(_few(lost))}",
+            soft_wrap=True,
+        )
 
 
-def _implications(console: Console, pairs: Sequence[tuple[str, str]]) -> None:
+def _implications(
+    console: Console, pairs: Sequence[tuple[str, str]], log: Path | None
+) -> None:
     shown = ", ".join(f"{below} → {above}" for below, above in pairs[:_MOST])
-    more = f" and {len(pairs) - _MOST} more" if len(pairs) > _MOST else ""
     if pairs:
-        console.print(f"  {escape(shown)}{more}")
+        console.print(f"  {escape(shown)}")
+    if len(pairs) > _MOST:
+        # Without a recording nobody can be asked later.
+        every = "--json" if log is None else f"neurosnap graph {shlex.quote(str(log))}"
+        more = f"  and {len(pairs) - _MOST} more; all: {every}"
+        console.print(more, markup=False, soft_wrap=True)
 
 
 def verdict(console: Console, found: Verdict) -> None:
@@ -206,10 +223,13 @@ def verdict(console: Console, found: Verdict) -> None:
         return
     since = f" after tick {found.start}" if found.start else ""
     where = f" in {found.files} files" if found.files > 1 else ""
+    # The last tick's is left out, unless the run was only asked to end after it.
+    one_more = found.decisions > found.states
+    before = ", since a start makes one, too" if one_more else ""
     console.print(
         f"same: every state and decision of {found.ticks} ticks{since}{where} came out"
-        f" the same ({found.states} states, {found.decisions} decisions, {found.wirings} wirings,"
-        f" {found.waves} waves; {found.seconds:.2f} s)"
+        f" the same ({found.states} states, {found.decisions} decisions{before},"
+        f" {found.wirings} wirings, {found.waves} waves; {found.seconds:.2f} s)"
     )
     if not found.complete:
         console.print("[yellow]the recording is incomplete[/yellow]")
