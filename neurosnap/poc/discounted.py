@@ -1,6 +1,6 @@
 """Snapshots that forget, at a steady rate."""
 
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,11 +47,16 @@ class DiscountedSnapshot(Snapshot):
         (0.5625, 0.0)
     """
 
+    THRESHOLD: ClassVar[float] = 1 / 8000
+    """Where none is given."""
+    DECAY: ClassVar[float] = 1 - 2**-6
+    """Where none is given."""
+
     def __init__(
         self,
         sensors: int | Sensorium,
-        threshold: ArrayLike = 1 / 8000,
-        decay: float = 1 - 2**-6,
+        threshold: ArrayLike = THRESHOLD,
+        decay: float = DECAY,
     ) -> None:
         super().__init__(sensors, threshold)
         if isinstance(decay, bool) or not isinstance(decay, float | int | np.number):

@@ -1,6 +1,6 @@
 """Snapshots that count, and forget nothing."""
 
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,7 +42,12 @@ class EmpiricalSnapshot(Snapshot):
         (1, 0)
     """
 
-    def __init__(self, sensors: int | Sensorium, threshold: ArrayLike = 0.01) -> None:
+    THRESHOLD: ClassVar[float] = 0.01
+    """Where none is given."""
+
+    def __init__(
+        self, sensors: int | Sensorium, threshold: ArrayLike = THRESHOLD
+    ) -> None:
         super().__init__(sensors, threshold)
         self._weights = Weights.starting(
             len(self.sensorium), np.uint32(0), np.uint32(0)

@@ -16,6 +16,7 @@ from neurosnap.record.layout import PROFILE, Attached, Cut, damaged
 from neurosnap.record.reader import Recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.whole import first_path, part_paths
+from neurosnap.swarm.options import RunOptions
 
 _SECOND = 10**9
 _CLOCKS_BEGIN = 946_684_800 * _SECOND
@@ -76,6 +77,8 @@ class Info(msgspec.Struct, frozen=True):
     """The files there are of the run, where there may be several."""
     places: dict[str, str] = {}
     """Where parts are, as in `Place.text`, of a swarm on several machines."""
+    in_force: dict[str, float] = {}
+    """The threshold, and of a discounted snapshot the decay, given or not."""
 
 
 def describe(recording: Recording) -> Info:
@@ -111,7 +114,34 @@ def describe(recording: Recording) -> Info:
         cut=recording.cut,
         files=_files(recording),
         places={who: place.text for who, place in recording.places.items()},
+        in_force={} if (run := _options(recording.metadata)) is None else run.in_force,
     )
+
+
+def _options(metadata: dict[str, str]) -> RunOptions | None:
+    """Return what a run was made of; None: it says nothing of it, or nothing valid."""
+    try:
+        return msgspec.json.decode(metadata["options"], type=RunOptions)
+    except (KeyError, msgspec.MsgspecError):
+        return None
+
+
+def _run(info: Info) -> dict[str, str]:
+    """Return what is shown of a run: names once, and values as they were in force."""
+    run, texts = _options(info.metadata), dict(info.metadata)
+    if run is None:
+        return texts
+    del texts["options"]  # says all of the others again
+    body = msgspec.to_builtins(run.body)
+    del body["own"]  # the first of the sensors
+    if not any(run.body.orders):
+        del body["orders"]
+    texts["body"] = msgspec.json.encode(body).decode()
+    for name in ("threshold", "decay"):
+        if texts.get(name) == "null":
+            value = info.in_force.get(name)
+            texts[name] = "none" if value is None else f"{value:g} (the default)"
+    return texts
 
 
 def _files(recording: Recording) -> tuple[str, ...]:
@@ -226,7 +256,7 @@ def _lines(info: Info) -> Iterator[str]:
     )
     written = (bool(info.metadata), bool(info.places), info.totals is not None)
     yield f"metadata: {sum(written)}"
-    yield from _texts("run:", info.metadata)
+    yield from _texts("run:", _run(info))
     yield from _texts("places:", info.places)
     yield from _texts("totals:", info.totals or {})
     yield from _balance(info)

@@ -121,14 +121,23 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
                 given for a snapshot that has none.
         """
         sensorium = Sensorium(self.sensors)
-        given: dict[str, float] = {}
-        if self.threshold is not None:
-            given["threshold"] = self.threshold
-        if self.snapshot == "empirical":
-            if self.decay is not None:
-                rule = "must go with a discounted snapshot only"
-                raise InvalidValueError("decay", rule, self.decay)
-            return EmpiricalSnapshot(sensorium, **given)
+        if self.snapshot == "discounted":
+            return DiscountedSnapshot(sensorium, **self.in_force)
         if self.decay is not None:
-            given["decay"] = self.decay
-        return DiscountedSnapshot(sensorium, **given)
+            rule = "must go with a discounted snapshot only"
+            raise InvalidValueError("decay", rule, self.decay)
+        return EmpiricalSnapshot(sensorium, **self.in_force)
+
+    @property
+    def in_force(self) -> dict[str, float]:
+        """The threshold, and of a discounted snapshot the decay, given or not."""
+        threshold, decay = self.threshold, self.decay
+        if self.snapshot == "empirical":
+            default = EmpiricalSnapshot.THRESHOLD
+            return {"threshold": default if threshold is None else threshold}
+        return {
+            "threshold": (
+                DiscountedSnapshot.THRESHOLD if threshold is None else threshold
+            ),
+            "decay": DiscountedSnapshot.DECAY if decay is None else decay,
+        }

@@ -1,10 +1,12 @@
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 from mcap.opcode import Opcode
 
 from neurosnap import wire
+from neurosnap.agent.context import Body
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.place import Place
 from neurosnap.record.info import Info, describe, render
@@ -12,6 +14,8 @@ from neurosnap.record.layout import MAGIC
 from neurosnap.record.reader import Recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.writer import Writer
+from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.run import describe as facts_of
 from tests.unit.record.samples import EACH, NOW, delivered, record, traffic
 from tools import fuzz_bytes
 
@@ -207,3 +211,44 @@ def test_an_index_of_a_channel_that_is_not_there_is_damage(
     rule = rf"chunk 1: an index must be of a topic, got channel {channel}$"
     with pytest.raises(RecordingError, match=rule):
         describe(recording)
+
+
+# What was in force --------------------------------------------------------------------
+
+
+def shown_of(path: Path, options: RunOptions) -> dict[str, str]:
+    """Return what is shown of a run, by name."""
+    write_small(path, facts_of(options))
+    lines = render(describe(Recording.open(path))).split("\n")
+    rows = (line.strip().partition(":") for line in lines if line.startswith("\t"))
+    return {name: text.strip() for name, _, text in rows}
+
+
+@pytest.mark.parametrize(
+    ("changes", "threshold", "decay"),
+    [
+        ({}, "0.01 (the default)", "none"),
+        ({"threshold": 0.05}, "0.05", "none"),
+        (
+            {"snapshot": "discounted"},
+            "0.000125 (the default)",
+            "0.984375 (the default)",
+        ),
+        ({"snapshot": "discounted", "decay": 0.5}, "0.000125 (the default)", "0.5"),
+    ],
+)
+def test_values_are_shown_as_they_were_in_force(
+    path: Path, changes: dict[str, Any], threshold: str, decay: str
+) -> None:
+    options = RunOptions(source="a.csv", body=Body(own=("a", "b")), **changes)
+    shown = shown_of(path, options)
+    assert (shown["threshold"], shown["decay"]) == (threshold, decay)
+
+
+def test_a_sensor_is_named_once(path: Path) -> None:
+    names = [f"sensor{number}" for number in range(200)]
+    body = Body(own=tuple(names), orders=(0,) * 200)
+    write_small(path, facts_of(RunOptions(source="", body=body)))
+    text = render(describe(Recording.open(path)))
+    assert all(text.count(f'"{name}"') == 1 for name in names)
+    assert "0,0" not in text
