@@ -80,6 +80,10 @@ class RecordingError(NeurosnapError):
     """A recording cannot be read, is not one of ours, or cannot be written."""
 
 
+class NoRecordingError(RecordingError):
+    """What was named as a recording is no file that can be opened."""
+
+
 def within(place: str, error: InvalidValueError) -> InvalidValueError:
     """Return `error` with the place it happened at before its name."""
     return type(error)(f"{place}: {error.name}", error.rule, error.value)

@@ -283,6 +283,8 @@ def _unknown(name: str, identifier: str) -> InvalidValueError:
     )
     likely = difflib.get_close_matches(identifier, ours) or ours
     rule = "must be a registered environment id or a CSV file"
-    if likely:
+    if Path(name).is_dir():
+        rule = f"{rule}, not a folder"
+    elif likely:
         rule = f"{rule} (did you mean {' or '.join(likely)}?)"
     return InvalidValueError("source", rule, name)

@@ -32,7 +32,9 @@ def new_policy(
     """
     target = tuple(target)
     if kind != "planner" and target:
-        raise InvalidValueError("target", "must go with a planner only", target)
+        # An excited agent's is a place, and its world's to know.
+        who = "a planner or an excited agent" if kind == "walker" else "a planner only"
+        raise InvalidValueError("target", f"must go with {who}", target)
     match kind:
         case "walker":
             return Walker(len(body.choices), seed)

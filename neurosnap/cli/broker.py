@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from neurosnap.cli.shared import screen
 from neurosnap.errors import InvalidValueError
@@ -10,7 +11,7 @@ EMBEDDED = "embedded"
 
 
 @contextmanager
-def brokered(broker: str) -> Iterator[dict[str, object]]:
+def brokered(broker: str, source: str) -> Iterator[dict[str, object]]:
     """Return what goes before a file that describes an MQTT source.
 
     Args:
@@ -18,10 +19,15 @@ def brokered(broker: str) -> Iterator[dict[str, object]]:
             as HOST or HOST:PORT. Empty: as the file has it. What the file says of its
             own broker, name, password and TLS among it, is not for another: one that
             needs any of it is described in a file.
+        source: The file.
 
     Raises:
-        InvalidValueError: It is neither, or there is no broker to embed.
+        InvalidValueError: It is neither, there is no broker to embed, or `source` is
+            no file that describes an MQTT source.
     """
+    if broker and not _is_mqtt(source):
+        rule = 'must go with a TOML file that says kind = "mqtt" under [source]'
+        raise InvalidValueError("broker", rule, broker)
     if broker != EMBEDDED:
         yield _elsewhere(broker) if broker else {}
         return
@@ -33,6 +39,12 @@ def brokered(broker: str) -> Iterator[dict[str, object]]:
     with EmbeddedBroker() as here:
         screen.print(f"a broker listens on {HOST}:{here.port}", markup=False)
         yield {"source.broker": {"host": HOST, "port": here.port}}
+
+
+def _is_mqtt(source: str) -> bool:
+    from neurosnap.config.load import source_kind
+
+    return source.lower().endswith(".toml") and source_kind(Path(source)) == "mqtt"
 
 
 def _elsewhere(broker: str) -> dict[str, object]:

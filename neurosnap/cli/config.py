@@ -45,6 +45,8 @@ FLAGS = {
 }
 """The keys that the flags of a run stand for."""
 _PATHS = {"out", "tls"}
+_RECORDING = {"out", "split", "keep"}
+"""Flags of no use where nothing is recorded."""
 
 config = typer.Typer(help="Check files that describe a run.", no_args_is_help=True)
 app.add_typer(config, name="config")
@@ -125,7 +127,12 @@ def described(
         names["source.id"] = "source"
     for key, value in _arguments(context.params["given"] or []).items():
         overrides[f"source.arguments.{key}"] = value
-    return prepare(load(file, overrides, names))
+    loaded = load(file, overrides, names)
+    for flag in _RECORDING & keys.keys():
+        if context.params[flag] and not loaded.config.recording.record:
+            rule = "must go with a recording, and nothing is recorded"
+            raise InvalidValueError(flag, rule, str(context.params[flag]))
+    return prepare(loaded)
 
 
 def _arguments(given: list[str]) -> dict[str, Argument]:

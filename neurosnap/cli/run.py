@@ -141,7 +141,7 @@ def run(
     from neurosnap.swarm.run import Outcome
     from neurosnap.swarm.run import run as run_swarm
 
-    with errors(), brokered(broker) as before, ServiceManager() as service:
+    with errors(), brokered(broker, source) as before, ServiceManager() as service:
         # The rest of the arguments is read from the context, which knows which of
         # them were given and so go before a file.
         prepared = described(context, before)

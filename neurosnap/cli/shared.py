@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from neurosnap.config.recordings import free_path, new_path
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError, NeurosnapError, NoRecordingError
 
 T = TypeVar("T")
 
@@ -52,7 +52,7 @@ def errors() -> Iterator[None]:
     """Turn our errors into one line and an exit code."""
     try:
         yield
-    except InvalidValueError as error:
+    except (InvalidValueError, NoRecordingError) as error:
         fail(str(error), 2)
     except NeurosnapError as error:
         fail(str(error), 1)

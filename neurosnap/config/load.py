@@ -118,6 +118,16 @@ def load(
     return Loaded(msgspec.convert(whole, Config), origin)
 
 
+def source_kind(path: Path) -> object:
+    """Return what kind of source a file says it describes; None: it does not say.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no TOML.
+    """
+    source = _parsed(path, _text(path)).get("source")
+    return source.get("kind") if isinstance(source, dict) else None
+
+
 def _text(path: Path) -> str:
     try:
         # As tomllib reads files: in UTF-8, whatever the system writes otherwise.

@@ -1,9 +1,13 @@
 """Where a run is recorded."""
 
+import re
 from datetime import datetime
 from pathlib import Path
 
 from neurosnap.errors import InvalidValueError
+
+_UNFIT = re.compile(r"[^\w.-]+")
+_LONGEST = 60  # letters of a source in a name, each up to 4 of the 255 bytes there are
 
 LOGS = Path("logs")
 """Where recordings go unless told otherwise."""
@@ -15,6 +19,9 @@ def free_path(path: Path) -> Path:
     Raises:
         InvalidValueError: There is something already, or no folder for it.
     """
+    if path.is_dir():
+        rule = "must name a file that does not exist yet, not a folder"
+        raise InvalidValueError("out", rule, str(path))
     if path.exists():
         raise InvalidValueError("out", "must not exist yet", str(path))
     if not path.absolute().parent.is_dir():
@@ -37,6 +44,9 @@ def new_path(source: str, folder: Path = LOGS) -> Path:
     ):
         rule = "must be a folder, or be in one that exists"
         raise InvalidValueError("folder", rule, str(folder))
-    name = Path(source).stem.removesuffix("-v0").lower() or "run"
+    # With letters, digits and few signs that every file system takes; scp and rsync
+    # would take what is before a colon for a host.
+    stem = _UNFIT.sub("-", Path(source).stem.removesuffix("-v0").lower())
+    name = stem[:_LONGEST].strip("-.") or ("stdin" if source == "-" else "run")
     now = datetime.now().astimezone()
     return folder / f"{name}-{now:%Y%m%d-%H%M%S-%f}.mcap"

@@ -14,7 +14,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header
 
-from neurosnap.errors import RecordingError
+from neurosnap.errors import NoRecordingError, RecordingError
 
 PROFILE = "neurosnap"
 RUN = "neurosnap.run"
@@ -128,12 +128,13 @@ def opened(path: Path) -> Iterator[BinaryIO]:
     try:
         # A pipe or a device could be read for ever.
         if not stat.S_ISREG(path.stat().st_mode):
-            raise RecordingError(f"log: must be a file, got {shown}")
+            raise NoRecordingError(f"log: must be a file, got {shown}")
         file = path.open("rb")
     except FileNotFoundError as error:
-        raise RecordingError(f"log: must exist, got {shown}") from error
+        raise NoRecordingError(f"log: must exist, got {shown}") from error
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
-        raise RecordingError(f"log: must be readable, got {shown} ({error})") from error
+        rule = f"must be readable, got {shown} ({error})"
+        raise NoRecordingError(f"log: {rule}") from error
     try:
         with file:
             yield file

@@ -385,7 +385,9 @@ def _create(path: Path) -> int:
     except FileExistsError as error:
         raise RecordingError(f"log: must not exist yet, got {str(path)!r}") from error
     except FileNotFoundError as error:
-        rule = "must be in a folder that exists"
+        # /proc is there, and yet no file can be made in it.
+        there = path.parent.is_dir()
+        rule = f"must be in a folder that {'takes files' if there else 'exists'}"
         raise RecordingError(f"log: {rule}, got {str(path)!r}") from error
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise RecordingError(

@@ -396,7 +396,7 @@ def refused(*arguments: str) -> tuple[int, str]:
 def test_wrong_usage_is_one_line(tmp_path: Path, log: Path) -> None:
     assert refused() == (2, "error: log: must be given, or --live, got 'nothing'")
     code, text = refused(str(tmp_path / "none.mcap"))
-    assert (code, text[:22]) == (1, "error: log: must exist")
+    assert (code, text[:22]) == (2, "error: log: must exist")
     (tmp_path / "text.mcap").write_text("tick,a\n", encoding="utf-8")
     code, text = refused(str(tmp_path / "text.mcap"))
     assert (code, text[:36]) == (1, "error: log: must be an MCAP recordin")

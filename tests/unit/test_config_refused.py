@@ -119,7 +119,7 @@ TOGETHER = {
         "6: snapshot.decay: must go with a discounted snapshot only, got 0.5"
     ),
     "[agent]\ntarget = 'below_1'": (
-        "6: agent.target: must go with a planner only, got ('below_1',)"
+        "6: agent.target: must go with a planner or an excited agent, got ('below_1',)"
     ),
     "[agent]\nkind = 'planner'": "5: agent.target: must name a sensation to achieve",
     "[agent]\nkind = 'planner'\ntarget = [\n'below_1',\n'below_9']": (

@@ -25,7 +25,7 @@ def test_each_is_had_by_its_name() -> None:
 def test_only_a_planner_has_a_target(kind: AgentKind) -> None:
     with pytest.raises(
         InvalidValueError,
-        match=r"^target: must go with a planner only, got \('a',\)",
+        match=r"^target: must go with a planner (only|or an excited agent), got \('a',\)",
     ):
         new_policy(kind, BODY, 0, target=["a"])
 
