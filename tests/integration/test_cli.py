@@ -459,11 +459,11 @@ def test_what_is_no_recording_is_an_error_that_names_it(
     tmp_path: Path, arguments: tuple[str, ...]
 ) -> None:
     strange, none = foreign(tmp_path / "strange.zip"), tmp_path / "none.mcap"
-    for path in (strange, none, tmp_path):
+    for path, told in ((strange, failed), (none, refused), (tmp_path, refused)):
         given = [path if argument == "LOG" else argument for argument in arguments]
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(tmp_path)
-            assert str(path) in failed(*given)
+            assert str(path) in told(*given)
     assert list(tmp_path.iterdir()) == [strange]
 
 
@@ -544,7 +544,7 @@ def test_a_recording_plays_beyond_this_machine_only_where_that_is_asked_for(
     everywhere = ("replay", log, "--listen", "tcp/0.0.0.0:0")
     assert "without TLS (--insecure)" in refused(*everywhere)
     none = tmp_path / "none.mcap"
-    assert "log: must exist" in failed("replay", none, *everywhere[2:], "--insecure")
+    assert "log: must exist" in refused("replay", none, *everywhere[2:], "--insecure")
     keys = ("replay", log, "--listen", "tls/localhost:1", "--tls", tmp_path)
     assert str(tmp_path) in refused(*keys)
 

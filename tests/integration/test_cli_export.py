@@ -106,7 +106,7 @@ def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) ->
         assert (result.exit_code, result.stdout) == (2, "")
         assert result.stderr.startswith("error: ")
     assert [path.name for path in tmp_path.iterdir()] == ["taken.csv"]
-    assert call("export", tmp_path / "none.mcap").exit_code == 1
+    assert call("export", tmp_path / "none.mcap").exit_code == 2
     assert call("export", taken).exit_code == 1
 
 

@@ -114,7 +114,7 @@ def test_a_dual_too_large_is_left_out_of_a_recordings_picture(log: Path) -> None
         (["simple", "--at", "3"], 2, "tick: must be of a recording"),
         (["simple", "--out", "a.jpg"], 2, "out: must end in .png, got 'a.jpg'"),
         (["simple", "--out", "no/a.png"], 2, "out: must be in a folder that exists"),
-        (["missing.mcap"], 1, "missing.mcap"),
+        (["missing.mcap"], 2, "missing.mcap"),
         (["foreign.mcap"], 1, "foreign.mcap"),
         (["LOG", "--at", "99"], 2, "tick: must be in [0, 8], got 99"),
     ],
