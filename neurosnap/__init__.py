@@ -4,8 +4,11 @@ The names below are the public interface. They are loaded when first used: a cel
 process imports this package and must stay free of numpy and numba.
 """
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING
+
+from neurosnap.distribution import namesake
 
 if TYPE_CHECKING:
     from neurosnap.agent.agent import Agent
@@ -49,6 +52,9 @@ _HOMES = {
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
 }
+
+if _NAMESAKE := namesake():
+    warnings.warn(_NAMESAKE, RuntimeWarning, stacklevel=2)
 
 
 def __getattr__(name: str) -> object:

@@ -7,6 +7,17 @@ child, and a cell must not pay for the command line.
 
 def main() -> None:
     """Run the command line."""
+    import neurosnap
+
+    if not hasattr(neurosnap, "__all__"):
+        # PyPI's project of the same name came later and put its own file in the place
+        # of ours, and with it the warning that ours gives.
+        import sys
+
+        from neurosnap.distribution import namesake
+
+        sys.exit(f"error: {namesake()}")
+
     from neurosnap.cli import app
     from neurosnap.cli.terminal import write_ascii_where_needed
 

@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
+from neurosnap.distribution import must_have
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
@@ -208,9 +209,8 @@ def draw(rows: Sequence[Measured], path: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise NeurosnapError(
-            "depth.png: must have matplotlib, got none (pip install 'neurosnap[plot]')"
-        ) from error
+        rule = must_have("matplotlib", "plot")
+        raise NeurosnapError(f"depth.png: {rule}") from error
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     signals = [row for row in rows if row.kind == "signal"]

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from neurosnap.distribution import NAME
+
 if TYPE_CHECKING:
     import zenoh
 
@@ -94,7 +96,7 @@ def check_packages() -> list[Finding]:
     """Import every required package and compare its version; optional ones too."""
     return [
         _package(name, oldest, optional)
-        for name, oldest, optional in _requirements("neurosnap")
+        for name, oldest, optional in _requirements(NAME)
     ]
 
 

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from neurosnap.cli.shared import screen
+from neurosnap.distribution import must_have
 from neurosnap.errors import InvalidValueError
 
 EMBEDDED = "embedded"
@@ -34,7 +35,7 @@ def brokered(broker: str, source: str) -> Iterator[dict[str, object]]:
     try:
         from neurosnap.outside.embedded import HOST, EmbeddedBroker
     except ImportError as error:  # an extra
-        rule = f"must come with the packages of neurosnap[mqtt] ({error})"
+        rule = must_have(error.name or "amqtt", "mqtt")
         raise InvalidValueError("broker", rule, broker) from error
     with EmbeddedBroker() as here:
         screen.print(f"a broker listens on {HOST}:{here.port}", markup=False)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import typer
 
 from neurosnap.cli.shared import print_json
+from neurosnap.distribution import must_have
 from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.fabric.waiting import wait_at_most
 
@@ -18,7 +19,6 @@ T = TypeVar("T")
 _POLL = 0.1
 """Seconds between two looks for a recording that is to begin."""
 _NEEDED = ("starlette", "uvicorn")
-_EXTRA = "must be installed with the extra [view]: pip install 'neurosnap[view]'"
 
 
 async def look(
@@ -52,7 +52,7 @@ async def look(
     except ModuleNotFoundError as error:
         if error.name not in _NEEDED:
             raise
-        raise NeurosnapError(f"{error.name}: {_EXTRA}") from error
+        raise NeurosnapError(f"view: {must_have(error.name, 'view')}") from error
     writes = grows or (lambda: bool(recorded_in(log)))
     desk = await _begun(lambda: Desk(log, writes), writes, stop)
     async with serving(desk, port) as address:

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from neurosnap.config.recordings import free_path, new_path
+from neurosnap.distribution import version
 from neurosnap.errors import InvalidValueError, NeurosnapError, NoRecordingError
 
 T = TypeVar("T")
@@ -24,12 +25,33 @@ _RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
 
 app = typer.Typer(
     name="neurosnap",
-    help="A snapshot memory whose sensors are processes that compute by messages.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 screen = Console(stderr=True, highlight=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"neurosnap {version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Print the version.",
+        ),
+    ] = False,
+) -> None:
+    """A snapshot memory whose sensors are processes that compute by messages."""
+
 
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object last.")]

@@ -8,12 +8,13 @@ import csv
 import io
 import platform
 from collections.abc import Callable
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from neurosnap.distribution import must_have, version
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.experiment import (
     anomalies,
@@ -178,9 +179,8 @@ def _canvas() -> "CanvasType":
     try:
         from matplotlib.figure import Figure as Canvas
     except ImportError as error:
-        raise NeurosnapError(
-            "figures: must have matplotlib, got none (pip install 'neurosnap[plot]')"
-        ) from error
+        rule = must_have("matplotlib", "plot")
+        raise NeurosnapError(f"figures: {rule}") from error
     return Canvas(layout="constrained")
 
 
@@ -209,13 +209,13 @@ def _facts(figure: Figure, options: FigureOptions, report: Report, said: str) ->
         name: getattr(options, name)
         for name in ("seed", "runs", "steps", "truth", "equivalences")
     }
-    packages = ("neurosnap", "numpy", "numba")
+    packages = ("numpy", "numba")
     facts = {
         "name": figure.name,
         "title": figure.title,
         "options": made,
-        "versions": {"python": platform.python_version()}
-        | {name: version(name) for name in packages},
+        "versions": {"python": platform.python_version(), "neurosnap": version()}
+        | {name: metadata.version(name) for name in packages},
         "agreement": said,
         "claims": report.claims,
         **report.facts,

@@ -1,7 +1,6 @@
 """The MCAP file that viewers draw: its channels, and how messages get into it."""
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -10,6 +9,7 @@ import msgspec
 from mcap.writer import Writer
 
 from neurosnap import wire
+from neurosnap.distribution import version
 from neurosnap.export import shapes
 from neurosnap.export.panels import BELIEVED, GRAPH, LOG, READINGS, STATE
 from neurosnap.record import schemas
@@ -34,7 +34,7 @@ class Sink:
         self._file = path.open("wb")
         self._mcap = Writer(self._file)
         # No profile: that of a recording promises that nothing in it is derived.
-        self._mcap.start("", f"neurosnap {version('neurosnap')}")
+        self._mcap.start("", f"neurosnap {version()}")
         self._channels: dict[str, int] = {}
         for topic in COPIED:
             message = wire.TOPICS[topic]

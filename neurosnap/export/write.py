@@ -7,6 +7,7 @@ from typing import Literal, Protocol, TypeAlias
 import msgspec
 
 from neurosnap.diagram import diagram, render
+from neurosnap.distribution import must_have
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.export.as_csv import write_csv
 from neurosnap.export.columns import Cell, Column, Table
@@ -152,8 +153,6 @@ def _parquet() -> _WriteTable:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "pyarrow":
             raise
-        rule = "must be installed with the extra [export]"
-        raise NeurosnapError(
-            f"pyarrow: {rule}: pip install 'neurosnap[export]'"
-        ) from error
+        rule = must_have("pyarrow", "export")
+        raise NeurosnapError(f"format: {rule}") from error
     return write_parquet

@@ -8,12 +8,12 @@ References:
     https://www.home-assistant.io/integrations/mqtt/#device-discovery-payload
 """
 
-import importlib.metadata
 from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 
+from neurosnap.distribution import version
 from neurosnap.outside.mqtt_options import MqttPublish
 from neurosnap.outside.mqtt_topics import Topics, slugs
 
@@ -45,7 +45,6 @@ def discovery(
         names: The sensors' names, as shown to people.
         acts: Whether it decides anything.
     """
-    version = importlib.metadata.version("neurosnap")
     unique = node(publish)
     components: dict[str, dict[str, Any]] = {
         f"sensor_{slug}": {
@@ -91,9 +90,9 @@ def discovery(
                 "name": publish.device,
                 "manufacturer": "neurosnap",
                 "model": "Universal Memory Architecture",
-                "sw_version": version,
+                "sw_version": version(),
             },
-            "origin": {"name": "neurosnap", "sw_version": version},
+            "origin": {"name": "neurosnap", "sw_version": version()},
             "availability": [{"topic": topics.status}],
             "qos": 1,
             "components": components,

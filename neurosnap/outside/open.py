@@ -10,6 +10,7 @@ from typing import Annotated, TypeAlias
 
 import msgspec
 
+from neurosnap.distribution import must_have
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.outside.board import Board
 from neurosnap.outside.mqtt_options import MqttOptions
@@ -153,7 +154,7 @@ def _open_mqtt(options: MqttOptions) -> OutsideSource:
     try:
         from neurosnap.outside.mqtt_source import mqtt_source
     except ImportError as error:  # an extra
-        rule = f"must come with the packages of neurosnap[mqtt] ({error})"
+        rule = must_have(error.name or "aiomqtt", "mqtt")
         raise InvalidValueError("source", rule, MQTT) from error
     return mqtt_source(options)
 

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from neurosnap.distribution import must_have
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.picture.dual import dual_panel, unit_of
 from neurosnap.picture.hasse import hasse_panel
@@ -62,9 +63,8 @@ def figure_of(model: Model, numbers: Numbers) -> "Figure":
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise NeurosnapError(
-            "picture: must have matplotlib, got none (pip install 'neurosnap[plot]')"
-        ) from error
+        rule = must_have("matplotlib", "plot")
+        raise NeurosnapError(f"picture: {rule}") from error
     page = stacked([_heading(model, numbers), *_rows(model)], 0.32)
     width, height = page.width + 2 * _MARGIN, page.height + 2 * _MARGIN
     figure = Figure(figsize=(width, height))

@@ -13,7 +13,6 @@ decode afterwards.
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self, TypeAlias
@@ -23,6 +22,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
+from neurosnap.distribution import version
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.fabric.place import Place
 from neurosnap.record import schemas
@@ -91,7 +91,7 @@ class Writer:
             compression=_COMPRESSION[compression],
             enable_data_crcs=True,
         )
-        self._mcap.start(PROFILE, f"neurosnap {version('neurosnap')}")
+        self._mcap.start(PROFILE, f"neurosnap {version()}")
         self._channels = self._register()
 
     def _register(self) -> dict[str, int]:

@@ -3,11 +3,12 @@
 import asyncio
 import sys
 from collections.abc import Callable
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 
 import msgspec
 
+from neurosnap.distribution import version
 from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm import jobs
@@ -20,7 +21,7 @@ from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.outlet import be_outlet, publishes
 from neurosnap.swarm.world import be_world
 
-_PACKAGES = ("neurosnap", "eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
+_PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
 
 
 class Outcome(msgspec.Struct, kw_only=True):
@@ -118,7 +119,8 @@ def describe(options: RunOptions) -> dict[str, str]:
         name: value if isinstance(value, str) else msgspec.json.encode(value).decode()
         for name, value in msgspec.structs.asdict(options).items()
     }
-    versions = {name: version(name) for name in _PACKAGES}
+    versions = {"neurosnap": version()}
+    versions |= {name: metadata.version(name) for name in _PACKAGES}
     versions["python"] = ".".join(map(str, sys.version_info[:3]))
     return {
         **facts,

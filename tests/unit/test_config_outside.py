@@ -132,4 +132,5 @@ def test_packages_that_are_missing_are_missed_by_the_kind_of_the_source(
     with pytest.raises(ConfigError) as refused:
         options(tmp_path, MQTT)
     said = str(refused.value).removeprefix(f"{tmp_path}/")
-    assert said.startswith("swarm.toml:3: source.kind: must come with the packages of")
+    assert said.startswith("swarm.toml:3: source.kind: must have ")
+    assert "pip install 'neurosnap-uma[mqtt]'" in said
