@@ -4,6 +4,9 @@ Importing this package registers them; an id that is registered already is left 
 so that importing twice is the same as importing once. `gymnasium.make` takes a world's
 own arguments and ``target``: a place, or ``"drawn"`` (see `world.making`).
 
+A wheel has this package under the name ``neurosnap_world``. Imports in it are relative,
+so that it works under both names, and an editable install knows it by both.
+
 A world is a finite set of places, what each action does to the place, and for every
 sensor its field: the places at which it is on. All of it is known here, so what an
 agent has learned can be compared with what is true (`World.implications`).
@@ -18,17 +21,17 @@ References:
 import gymnasium
 
 _WORLDS = {
-    "neurosnap/Path-v0": "world.making:path",
-    "neurosnap/Cycle-v0": "world.making:cycle",
-    "neurosnap/Grid-v0": "world.making:grid",
-    "neurosnap/RandomFields-v0": "world.making:random_fields",
-    "neurosnap/PuncturedGrid-v0": "world.making:punctured_grid",
-    "neurosnap/Rail-v0": "world.making:rail",
-    "neurosnap/FrozenLake-v0": "world.toy_text:frozen_lake",
-    "neurosnap/CliffWalking-v0": "world.toy_text:cliff_walking",
-    "neurosnap/Taxi-v0": "world.toy_text:taxi",
+    "neurosnap/Path-v0": "making:path",
+    "neurosnap/Cycle-v0": "making:cycle",
+    "neurosnap/Grid-v0": "making:grid",
+    "neurosnap/RandomFields-v0": "making:random_fields",
+    "neurosnap/PuncturedGrid-v0": "making:punctured_grid",
+    "neurosnap/Rail-v0": "making:rail",
+    "neurosnap/FrozenLake-v0": "toy_text:frozen_lake",
+    "neurosnap/CliffWalking-v0": "toy_text:cliff_walking",
+    "neurosnap/Taxi-v0": "toy_text:taxi",
 }
 
 for _name, _home in _WORLDS.items():
     if _name not in gymnasium.registry:
-        gymnasium.register(id=_name, entry_point=_home)
+        gymnasium.register(id=_name, entry_point=f"{__name__}.{_home}")

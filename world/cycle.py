@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from world.places import World, check_at_least
+from .places import World, check_at_least
 
 
 class CycleWorld(World):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from world.places import check_at_least
-from world.plane import PlaneWorld
+from .places import check_at_least
+from .plane import PlaneWorld
 
 
 class GridWorld(PlaneWorld):

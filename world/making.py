@@ -11,13 +11,13 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from world.cycle import CycleWorld
-from world.grid import GridWorld
-from world.path import PathWorld
-from world.places import World
-from world.punctured_grid import PuncturedGridWorld
-from world.random_fields import RandomFieldsWorld
-from world.target import Target
+from .cycle import CycleWorld
+from .grid import GridWorld
+from .path import PathWorld
+from .places import World
+from .punctured_grid import PuncturedGridWorld
+from .random_fields import RandomFieldsWorld
+from .target import Target
 
 Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]
 """A world, or one with a target."""

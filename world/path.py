@@ -1,7 +1,7 @@
 """A path: every sensor a threshold, all of them one chain of implications."""
 
-from world.line import steps, thresholds
-from world.places import World, check_at_least
+from .line import steps, thresholds
+from .places import World, check_at_least
 
 
 class PathWorld(World):

@@ -14,7 +14,8 @@ from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from world.implications import implications
+
+from .implications import implications
 
 
 class World(gymnasium.Env[NDArray[np.int8], np.int64]):

@@ -3,8 +3,9 @@
 import numpy as np
 
 from neurosnap.errors import InvalidValueError
-from world.places import check_at_least, is_whole
-from world.plane import PlaneWorld
+
+from .places import check_at_least, is_whole
+from .plane import PlaneWorld
 
 
 class PuncturedGridWorld(PlaneWorld):

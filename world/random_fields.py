@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from world.line import steps
-from world.places import World, check_at_least, frozen
+from .line import steps
+from .places import World, check_at_least, frozen
 
 
 class RandomFieldsWorld(World):

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.moves import distances_to
-from world.places import World, frozen, is_whole
+
+from .places import World, frozen, is_whole
 
 
 class Target(
