@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from neurosnap.agent.context import Body
 from neurosnap.agent.draws import Draws
 from neurosnap.agent.policy import EXPLORE, checked_share
 from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.compiled import njit
 from neurosnap.errors import InvalidValueError
 
 SEEKS: Final = 0
@@ -96,7 +96,7 @@ def drives(body: Body) -> tuple[int, int]:
     return 2 * body.own.index("better"), 2 * body.own.index("worse") + 1
 
 
-@njit(cache=True)
+@njit()
 def choose(
     possible: NDArray[np.bool_],
     better: NDArray[np.bool_],

@@ -6,16 +6,16 @@ that millions of steps can be looked at.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from neurosnap.agent.excited import choose
+from neurosnap.compiled import njit
 from neurosnap.poc.kernels import learn_counts, learn_discounted, project, spread
 
 _ONE = np.uint64(1)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def drive(
     moves: NDArray[np.intp],
     fields: NDArray[np.uint8],
@@ -112,11 +112,11 @@ def drive(
     return distance, decided, reason
 
 
-@njit(cache=True)
+@njit()
 def _switch_on(literals: NDArray[np.uint64], literal: int) -> None:
     literals[literal >> 6] |= _ONE << np.uint64(literal & 63)
 
 
-@njit(cache=True)
+@njit()
 def _is_on(literals: NDArray[np.uint64], literal: int) -> bool:
     return bool((literals[literal >> 6] >> np.uint64(literal & 63)) & _ONE)

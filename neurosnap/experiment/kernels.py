@@ -6,13 +6,13 @@ give up the interpreter's lock, so threads run them side by side.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from neurosnap.compiled import njit
 from neurosnap.poc.kernels import learn_counts, learn_discounted
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def follow(
     moves: NDArray[np.intp], start: int, actions: NDArray[np.int64]
 ) -> NDArray[np.intp]:
@@ -30,7 +30,7 @@ def follow(
     return places
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def empirical_errors(
     views: NDArray[np.uint8],
     places: NDArray[np.intp],
@@ -67,7 +67,7 @@ def empirical_errors(
     return errors
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def discounted_errors(
     views: NDArray[np.uint8],
     places: NDArray[np.intp],
@@ -105,7 +105,7 @@ def discounted_errors(
     return errors
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _distance(
     codes: NDArray[np.uint8], truth: NDArray[np.uint8], equivalences: bool
 ) -> int:

@@ -5,13 +5,14 @@ set: the loops that set them stay as they are, and most observations change none
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from neurosnap.compiled import njit
 
 _BLOCK = 64
 
 
-@njit(cache=True)
+@njit()
 def date_changes(
     codes: NDArray[np.uint8],
     noted: NDArray[np.uint8],

@@ -11,9 +11,9 @@ of them.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from neurosnap.compiled import njit
 from neurosnap.poc.literals import Words
 
 SLACK = 1e-12
@@ -22,7 +22,7 @@ SLACK = 1e-12
 _ONE = np.uint64(1)
 
 
-@njit(cache=True)
+@njit()
 def learn_counts(
     bits: NDArray[np.uint8],
     joints: NDArray[np.uint32],
@@ -87,7 +87,7 @@ def learn_counts(
     return changed
 
 
-@njit(cache=True)
+@njit()
 def learn_discounted(
     bits: NDArray[np.uint8],
     joints: NDArray[np.float64],
@@ -161,7 +161,7 @@ def learn_discounted(
     return changed
 
 
-@njit(cache=True)
+@njit()
 def rewire(
     i: int, fresh: NDArray[np.uint8], codes: NDArray[np.uint8], rows: Words
 ) -> bool:
@@ -196,7 +196,7 @@ def rewire(
     return True
 
 
-@njit(cache=True)
+@njit()
 def spread(rows: Words, reached: Words) -> int:
     """Grow `reached` by everything above it; return the hops the last of it took.
 
@@ -234,7 +234,7 @@ def spread(rows: Words, reached: Words) -> int:
         hops += 1
 
 
-@njit(cache=True)
+@njit()
 def project(bits: NDArray[np.uint8], rows: Words, state: NDArray[np.bool_]) -> None:
     """Write the coherent projection of an observation ([GK] coherent projection).
 

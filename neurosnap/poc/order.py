@@ -11,9 +11,9 @@ The relation is closed under contraposition: with ``a -> b`` it has ``b* -> a*``
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from neurosnap.compiled import njit
 from neurosnap.poc.literals import Words
 
 _ONE = np.uint64(1)
@@ -57,7 +57,7 @@ def order_of(rows: Words) -> Order:
     return order
 
 
-@njit(cache=True)
+@njit()
 def _condense(
     rows: Words,
     closed: Words,
@@ -104,7 +104,7 @@ def _condense(
             closed[a] = above
 
 
-@njit(cache=True)
+@njit()
 def wired(rows: Words, representative: NDArray[np.int64]) -> Words:
     """Return the edges between representatives, and those inside the classes.
 
@@ -152,7 +152,7 @@ def wired(rows: Words, representative: NDArray[np.int64]) -> Words:
     return wires
 
 
-@njit(cache=True)
+@njit()
 def _strip(words: Words, known: Words) -> np.uint64:
     """Take `known` from a set; return 0 iff nothing is left."""
     left = np.uint64(0)
@@ -162,7 +162,7 @@ def _strip(words: Words, known: Words) -> np.uint64:
     return left
 
 
-@njit(cache=True)
+@njit()
 def _classes(rows: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the literals class by class, each after all that is above it.
 
@@ -205,7 +205,7 @@ def _classes(rows: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return sequence, starts[: count + 1]
 
 
-@njit(cache=True)
+@njit()
 def _left(rows: Words) -> NDArray[np.int64]:
     """Return the literals in the order in which a depth-first walk leaves them."""
     total, width = rows.shape
@@ -242,7 +242,7 @@ def _left(rows: Words) -> NDArray[np.int64]:
     return left
 
 
-@njit(cache=True)
+@njit()
 def _all(total: int, width: int) -> Words:
     """Return the set of all literals."""
     words = np.zeros(width, np.uint64)

@@ -9,9 +9,9 @@ The loops over a row are written for vector instructions, as those in the other 
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from neurosnap.compiled import njit
 from neurosnap.poc.kernels import SLACK, rewire
 from neurosnap.poc.literals import Words
 
@@ -20,7 +20,7 @@ from neurosnap.poc.literals import Words
 _TINY = 1e-300
 
 
-@njit(cache=True)
+@njit()
 def count_squares(
     bits: NDArray[np.uint8],
     known: NDArray[np.uint8],
@@ -90,7 +90,7 @@ def count_squares(
     return changed
 
 
-@njit(cache=True)
+@njit()
 def discount_squares(
     bits: NDArray[np.uint8],
     known: NDArray[np.uint8],
@@ -168,7 +168,7 @@ def discount_squares(
     return changed
 
 
-@njit(cache=True)
+@njit()
 def _fade(
     weights: NDArray[np.float64],
     keep: NDArray[np.float64],

@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from neurosnap.compiled import njit
 
 Ints = NDArray[np.int32]
 
@@ -46,7 +47,7 @@ class Fired(NamedTuple):
     """Pulses sent along edges, to whomever."""
 
 
-@njit(cache=True)
+@njit()
 def spread(net: Net, reached: Ints, targets: Ints, hops: Ints, credit: Ints) -> Fired:
     """Pass pulses on among the cells, until all that remain are for others.
 
@@ -104,7 +105,7 @@ def spread(net: Net, reached: Ints, targets: Ints, hops: Ints, credit: Ints) -> 
     return Fired(literals[:tail], given[:tail], back, least, pulses)
 
 
-@njit(cache=True)
+@njit()
 def outgoing(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
     """Return the pulses of what fired to the cells that `to` hosts, by hops."""
     count = 0
@@ -129,7 +130,7 @@ def outgoing(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
     return Pulses(out[0], out[1], out[2], out[3])
 
 
-@njit(cache=True)
+@njit()
 def split(credit: int, parts: int) -> tuple[int, int]:
     """Return what `neurosnap.swarm.credit.split_evenly` does, in two numbers.
 
@@ -143,7 +144,7 @@ def split(credit: int, parts: int) -> tuple[int, int]:
     return (1 << depth) - parts, credit + depth
 
 
-@njit(cache=True)
+@njit()
 def _count(counts: NDArray[np.int64], place: int) -> NDArray[np.int64]:
     """Count one more at `place`; return the counts, with room for it."""
     if place >= counts.shape[0]:
@@ -175,7 +176,7 @@ def carried(back: NDArray[np.int64], least: int) -> tuple[int, ...]:
     return (*larger, *(least + 1 + np.flatnonzero(back[1:])).tolist())
 
 
-@njit(cache=True)
+@njit()
 def _carry(counts: NDArray[np.int64]) -> None:
     for place in range(counts.shape[0] - 1, 0, -1):
         counts[place - 1] += counts[place] >> 1

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel
-from numba import njit
 from numpy.typing import NDArray
 
+from neurosnap.compiled import njit
 from neurosnap.record.layout import parse
 
 _MESSAGE = int(Opcode.MESSAGE)
@@ -71,7 +71,7 @@ def sieve(data: bytes) -> Sieve:
     return Sieve(data, channels, starts, stops, registered)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
     """Note opcode, channel, start and stop of each record, as far as there is room.
 
