@@ -7,6 +7,7 @@ file with a bad row 900 is refused before anything is started, not at tick 900.
 """
 
 import difflib
+import os
 import importlib
 import logging
 import warnings
@@ -283,7 +284,7 @@ def _unknown(name: str, identifier: str) -> InvalidValueError:
     )
     likely = difflib.get_close_matches(identifier, ours) or ours
     rule = "must be a registered environment id or a CSV file"
-    if Path(name).is_dir():
+    if os.path.isdir(name):  # noqa: PTH112 - the path's own raises for a long name
         rule = f"{rule}, not a folder"
     elif likely:
         rule = f"{rule} (did you mean {' or '.join(likely)}?)"
