@@ -62,14 +62,15 @@ def check(
 ) -> None:
     """Find all that would keep a run from starting, with the lines it stands in."""
     from neurosnap.config.faults import ConfigError
-    from neurosnap.config.load import load
+    from neurosnap.config.load import load, look
     from neurosnap.config.prepare import prepare
 
     with errors():
         try:
-            loaded = load(file)
-            if not static:
-                prepare(loaded)
+            if static:
+                load(file)
+            else:
+                prepare(look(file))
         except ConfigError as error:
             if as_json:
                 faults = {"faults": error.faults, "more": error.more}
@@ -105,7 +106,7 @@ def described(
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
     """
-    from neurosnap.config.load import load
+    from neurosnap.config.load import look
     from neurosnap.config.prepare import prepare
 
     name = str(context.params["source"])
@@ -127,9 +128,10 @@ def described(
         names["source.id"] = "source"
     for key, value in _arguments(context.params["given"] or []).items():
         overrides[f"source.arguments.{key}"] = value
-    loaded = load(file, overrides, names)
+    loaded = look(file, overrides, names)
     for flag in _RECORDING & keys.keys():
-        if context.params[flag] and not loaded.config.recording.record:
+        recorded = loaded.config.recording.record or "recording" in loaded.wrong
+        if context.params[flag] and not recorded:
             rule = "must go with a recording, and nothing is recorded"
             raise InvalidValueError(flag, rule, str(context.params[flag]))
     return prepare(loaded)

@@ -15,6 +15,7 @@ from neurosnap.config.lines import Keys, Lines
 from neurosnap.config.tables import Config
 
 _MOST = 100
+_NO_SOURCE = {"kind": "world", "id": "-"}  # stands where none can be read; never opened
 _PLACE = re.compile(r" \((?:at line (\d+), (column \d+)|at end of document)\)$")
 
 
@@ -72,12 +73,19 @@ class Origin:
 
 
 class Loaded(msgspec.Struct, frozen=True):
-    """A description in which every value alone is right."""
+    """A description, every value of which was judged alone."""
 
     config: Config
-    """What it says."""
+    """What it says; a table with a wrong value is left out, and has its defaults."""
     origin: Origin
     """Where it says so."""
+    found: tuple[Problem, ...] = ()
+    """What is wrong with values alone."""
+
+    @property
+    def wrong(self) -> set[str | int]:
+        """The tables that are left out."""
+        return {problem.keys[0] for problem in self.found}
 
 
 def load(
@@ -103,6 +111,22 @@ def load(
         >>> load(None, {"source": {"kind": "csv", "path": "a.csv"}}).config.source
         CsvTable(path='a.csv')
     """
+    loaded = look(path, overrides, names)
+    if loaded.found:
+        raise loaded.origin.error(loaded.found)
+    return loaded
+
+
+def look(
+    path: Path | None,
+    overrides: Mapping[str, object] | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Loaded:
+    """Read a description of a run as `load` does, and note what is wrong with values.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no TOML.
+    """
     overrides = {} if overrides is None else overrides
     names = {} if names is None else names
     text = "" if path is None else _text(path)
@@ -112,10 +136,12 @@ def load(
     }
     origin = Origin(path, text, given)
     whole = _merged(table, overrides)
-    found = problems(whole, Config)
-    if found:
-        raise origin.error(found)
-    return Loaded(msgspec.convert(whole, Config), origin)
+    found = tuple(problems(whole, Config))
+    left_out = {problem.keys[0] for problem in found}
+    right = {key: value for key, value in whole.items() if key not in left_out}
+    if "source" in left_out:
+        right["source"] = _NO_SOURCE
+    return Loaded(msgspec.convert(right, Config), origin, found)
 
 
 def source_kind(path: Path) -> object:

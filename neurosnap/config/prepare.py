@@ -8,18 +8,19 @@ at. Nothing is started, made or written.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from neurosnap.agent.context import Body
 from neurosnap.config.check import Problem, known_keys
 from neurosnap.config.lines import Keys
 from neurosnap.config.load import Loaded
 from neurosnap.config.recordings import LOGS, free_path, new_path
-from neurosnap.config.tables import Config
+from neurosnap.config.tables import Config, RecordingTable
 from neurosnap.errors import InvalidValueError
-from neurosnap.outside.open import settle
+from neurosnap.outside.open import ZENOH, settle
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm.embody import body_of, drawn_to
 from neurosnap.swarm.network import Network
@@ -55,7 +56,7 @@ def prepare(loaded: Loaded) -> Prepared:
     Raises:
         ConfigError: What is described cannot be run: everything that was found is
             named, each with its line. What needs the source is not looked for where
-            that cannot be opened.
+            that cannot be opened, nor what needs a table with a wrong value.
     """
     config, folder = loaded.config, loaded.origin.folder
     judge = _Judge(config)
@@ -64,27 +65,61 @@ def prepare(loaded: Loaded) -> Prepared:
     if network.tls:
         network = msgspec.structs.replace(network, tls=str(folder / network.tls))
     log: Path | None = None
+    fitted: _Fitted | None = None
     options: RunOptions | None = None
-    with judge.of("source", "agent"):
-        options = _options(config, name, given)
-    if options is not None:
-        with judge.of("snapshot"):
-            options.new_snapshot()
-        with judge.of("agent"):
-            options.new_policy()
-        with judge.of("cells"):
-            options.host_names()
+    if "source" not in loaded.wrong:
+        with judge.of("source", "agent"):
+            fitted = _fit(config, name, given)
     with judge.of("recording"):
-        log = _log(config, folder, name)
+        options = _options(config, name, fitted or _NOTHING)
+        if "recording" not in loaded.wrong:
+            log = _log(config, folder, name)
+    # What is wrong with the recording hides nothing of the rest.
+    plain = msgspec.structs.replace(config, recording=RecordingTable())
+    rest = _options(plain, name, fitted or _NOTHING)
+    with judge.of("snapshot"):
+        rest.new_snapshot()
+    if fitted is not None:
+        with judge.of("agent"):
+            rest.new_policy()
+        with judge.of("cells"):
+            rest.host_names()
+            _check_cells(rest)
     with judge.of("network"):
         network.check()
-    if judge.found or options is None:
-        raise loaded.origin.error(judge.found)
+    found = [*loaded.found, *judge.found]
+    if found or options is None:
+        raise loaded.origin.error(found)
     return Prepared(options, log, config.supervision, network)
 
 
-def _options(config: Config, name: str, given: dict[str, Argument]) -> RunOptions:
-    """Return the options; the source is opened for the names of its sensors.
+def _check_cells(options: RunOptions) -> None:
+    """Refuse cells that their source cannot reach.
+
+    Raises:
+        InvalidValueError: It reads from a hub, and cells in this process have none.
+    """
+    if options.source == ZENOH and options.cells == "inline":
+        rule = "must be 'process' or 'worker' for a source of kind zenoh"
+        raise InvalidValueError("kind", rule, options.cells)
+
+
+class _Fitted(NamedTuple):
+    """An agent fitted to a source."""
+
+    body: Body
+    arguments: dict[str, Argument]
+    target: tuple[str, ...]
+    length: int | None
+    """Observations there will be at most; None: no end is known."""
+
+
+_NOTHING = _Fitted(Body(own=()), {}, (), None)
+"""Stands where there is no source, for what can be judged without."""
+
+
+def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
+    """Open the source, for the names of its sensors, and fit the agent to it.
 
     Raises:
         InvalidValueError: The source cannot be opened, or the agent does not fit it.
@@ -98,19 +133,29 @@ def _options(config: Config, name: str, given: dict[str, Argument]) -> RunOption
         target = ()
     opened = open_source(name, seed, arguments)
     opened.close()
+    length = FOREVER if opened.live else opened.length
+    return _Fitted(body_of(opened, agent.kind), arguments, target, length)
+
+
+def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
+    """Return the options.
+
+    Raises:
+        InvalidValueError: Some of them do not go together.
+    """
     optional: dict[str, Any] = {
-        "ticks": _at_most(config.run.ticks, FOREVER if opened.live else opened.length),
+        "ticks": _at_most(config.run.ticks, fitted.length),
         "threshold": config.snapshot.threshold,
         "decay": config.snapshot.decay,
     }
     return RunOptions(
         source=name,
-        arguments=arguments,
-        body=body_of(opened, agent.kind),
-        agent=agent.kind,
-        target=target,
-        explore=agent.explore,
-        seed=seed,
+        arguments=fitted.arguments,
+        body=fitted.body,
+        agent=config.agent.kind,
+        target=fitted.target,
+        explore=config.agent.explore,
+        seed=config.run.seed,
         snapshot=config.snapshot.kind,
         wiring=config.cells.wiring,
         cells=config.cells.kind,

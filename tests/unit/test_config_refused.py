@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.config.faults import ConfigError
-from neurosnap.config.load import load
+from neurosnap.config.load import load, look
 from neurosnap.config.prepare import prepare
 from neurosnap.errors import InvalidValueError
 
@@ -21,7 +21,7 @@ def said(file: Path, text: str | bytes) -> list[str]:
     """Return what is said of a file, a line a fault, without its folder."""
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ConfigError) as caught:
-        prepare(load(file))
+        prepare(look(file))
     assert len(caught.value.faults) == str(caught.value).count("\n") + 1
     return str(caught.value).replace(f"{file.parent}/", "").splitlines()
 
@@ -212,6 +212,60 @@ def test_all_faults_are_told_in_the_order_of_their_lines(file: Path) -> None:
         "recording.folder",
         "agent.target",
     ]
+
+
+def test_faults_of_every_kind_are_told_at_once(file: Path) -> None:
+    """What is wrong with one table does not hide what is wrong with another."""
+    text = (
+        "[run]\nticks = 0\n[snapshot]\ndecay = 0.5\n[cells]\nworkers = 0\n"
+        "[recording]\nkeep = 3\n[network]\ntls = 'keys'\n"
+        "[source]\nkind = 'csv'\npath = 'none.csv'\n"
+    )
+    assert [line.split(": ")[:2] for line in said(file, text)] == [
+        ["swarm.toml:2", "run.ticks"],
+        ["swarm.toml:4", "snapshot.decay"],
+        ["swarm.toml:6", "cells.workers"],
+        ["swarm.toml:8", "recording.keep"],
+        ["swarm.toml:10", "network.tls"],
+        ["swarm.toml:13", "source.path"],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        # Nobody knows whether the decay goes with what was meant.
+        ("[snapshot]\nkind = 'discount'\ndecay = 0.5\n", ["snapshot.kind"]),
+        ("[agent]\nkind = 'planer'\ntarget = 'below_1'\n", ["agent.kind"]),
+        ("[recording]\nsplit = -1\nkeep = 3\n", ["recording.split"]),
+    ],
+)
+def test_nothing_is_said_of_a_table_that_a_wrong_value_may_have_spoilt(
+    file: Path, text: str, keys: list[str]
+) -> None:
+    assert [line.split(": ")[1] for line in said(file, f"{WORLD}{text}")] == keys
+
+
+def test_a_source_that_is_wrong_hides_no_other_fault(file: Path) -> None:
+    text = "[source]\nkind = 'wrold'\n[snapshot]\ndecay = 0.5\n"
+    assert [line.split(": ")[1] for line in said(file, text)] == [
+        "source.kind",
+        "snapshot.decay",
+    ]
+
+
+def test_a_wrong_agent_hides_no_fault_of_its_source(file: Path) -> None:
+    text = "[agent]\nkind = 'planer'\n[source]\nkind = 'csv'\npath = 'none.csv'\n"
+    assert [line.split(": ")[1] for line in said(file, text)] == [
+        "agent.kind",
+        "source.path",
+    ]
+
+
+def test_cells_without_a_hub_hear_no_zenoh(file: Path) -> None:
+    text = "[source]\nkind = 'zenoh'\nsensors = ['a']\n[cells]\nkind = 'inline'\n"
+    rule = "must be 'process' or 'worker' for a source of kind zenoh, got 'inline'"
+    assert said(file, text) == [f"swarm.toml:5: cells.kind: {rule}"]
 
 
 def test_a_mistake_made_over_and_over_is_told_a_hundred_times(file: Path) -> None:
