@@ -7,9 +7,9 @@ file with a bad row 900 is refused before anything is started, not at tick 900.
 """
 
 import difflib
-import os
 import importlib
 import logging
+import os
 import warnings
 from collections.abc import Mapping
 from importlib.metadata import entry_points
