@@ -8,10 +8,15 @@ from neurosnap import wire
 from neurosnap.record.whole import open_whole
 
 
-def course(log: Path) -> list[wire.Message]:
+def course(log: Path, ticks: int | None = None) -> list[wire.Message]:
     """Return what was sensed, known and done, without what the schedule decides.
 
     It is in order of ticks, since senders overtake each other on the way to the file.
+
+    Args:
+        log: A recording.
+        ticks: Leave out what comes after the state of this tick: a run that is asked
+            to stop may have decided on the next one already, and sensed it.
     """
     found: list[tuple[int, int, wire.Message]] = []
     for recorded in open_whole(log).messages(("observe", "state", "decide")):
@@ -25,4 +30,9 @@ def course(log: Path) -> list[wire.Message]:
                 found.append((tick, 2, message))
             case _:
                 pass
-    return [message for *_, message in sorted(found, key=lambda each: each[:2])]
+    found.sort(key=lambda each: each[:2])
+    return [
+        message
+        for tick, kind, message in found
+        if ticks is None or (tick, kind) <= (ticks, 1)
+    ]

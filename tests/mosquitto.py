@@ -11,6 +11,7 @@ import aiomqtt
 import pytest
 
 from neurosnap.outside.mqtt_options import MqttBroker
+from tests.patience import PATIENCE
 
 HOST = "127.0.0.1"
 PROGRAM = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
@@ -56,7 +57,7 @@ class Mosquitto:
         """Stop it; it forgets everything."""
         if self._process is not None:
             self._process.terminate()
-            self._process.communicate(timeout=10)
+            self._process.communicate(timeout=PATIENCE)
             self._process = None
 
     @property

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE
+
 ROOT = Path(__file__).parent.parent
 BLOCKS = re.findall(
     r"^```(\w+)\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL
@@ -24,7 +26,9 @@ VERBS = [line for line in COMMANDS if not line.startswith("make ")]
 
 @pytest.mark.parametrize("text", [t for kind, t in BLOCKS if kind == "python"])
 def test_python_blocks_run(text: str) -> None:
-    subprocess.run([sys.executable, "-W", "error", "-c", text], check=True, timeout=60)
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", text], check=True, timeout=PATIENCE
+    )
 
 
 def test_make_targets_exist() -> None:
@@ -38,7 +42,6 @@ def test_make_targets_exist() -> None:
 
 @pytest.mark.zenoh
 @pytest.mark.slow
-@pytest.mark.timeout(120)
 def test_shell_blocks_run(tmp_path: Path) -> None:
     rows = ["door,motion,light", *["0,0,0", "0,1,0", "1,1,0", "0,0,1"] * 2]
     (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
@@ -52,7 +55,7 @@ def test_shell_blocks_run(tmp_path: Path) -> None:
             env=environment,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE,
         )
         assert done.returncode == 0, f"{line}: {done.stderr}"
     assert (tmp_path / "depths" / "depth.png").stat().st_size > 0

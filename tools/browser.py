@@ -12,8 +12,8 @@ from playwright.async_api import Page, async_playwright
 SIZE = 1280, 720
 Scheme = Literal["light", "dark"]
 
-_PATIENCE = 30.0
-"""Seconds; as long as the browser's own waiting takes."""
+_PATIENCE = 240.0
+"""Seconds until what a page must show is given up: a net for hangs."""
 
 # It asks nobody anything: what a page fetches is what the page fetches.
 _ARGUMENTS = (

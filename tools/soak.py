@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Kill parts of a running swarm at random, and see whether it minds.
 
-A run is made twice: once undisturbed, in one process, and once as a swarm of processes
-of which one part after the other is killed with SIGKILL at a random moment. Both must
-come to the same states and decisions, and the recording must hold each once.
+A run is made twice: once as a swarm of processes of which one part after the other is
+killed with SIGKILL at a random moment, until enough are killed, and once undisturbed,
+in one process, for as many ticks as the first came to. Both must come to the same
+states and decisions, and the recording must hold each once.
 
 Exit code: 0 if they do, 1 if not.
 """
@@ -43,6 +44,8 @@ SERVICES = ("hub", "recorder", "coordinator", "world")
 VICTIMS = (*SERVICES, "recorder+coordinator")
 """Beside these, a cell, or a worker where they have the cells."""
 
+_ENDLESS = 10**9  # ticks; the kills end the run
+
 
 class Soaked(msgspec.Struct, kw_only=True):
     """What came of it."""
@@ -75,37 +78,38 @@ async def soak(
     """Make both runs and compare.
 
     Args:
-        options: What to run; its cells are processes, or have workers.
-        kills: How many parts are killed, if the run lasts that long.
+        options: What to run; its cells are processes, or have workers. It is the kills
+            that end it, however many ticks that takes.
+        kills: How many parts are killed.
         seed: Draws whom to kill, and when.
         folder: Where both recordings go.
         pause: Seconds a life of the swarm may last at most before somebody is killed.
     """
     began = time.perf_counter()
-    calm = folder / "calm.mcap"
-    inline = msgspec.structs.replace(options, cells="inline", split=0)
-    await run(inline, calm, asyncio.Event())
+    calm, log = folder / "calm.mcap", folder / "soaked.mcap"
     restarts: list[Restart] = []
-    log = folder / "soaked.mcap"
     host = "worker" if options.cells == "worker" else "cell"
-    killer = _Killer(kills, seed, host, pause)
+    killer, stop = _Killer(kills, seed, host, pause), asyncio.Event()
 
     def on_restart(restart: Restart) -> None:
         restarts.append(restart)
         killer.rest()
 
-    hunting = asyncio.create_task(killer.hunt(), name="soak/killer")
+    hunting = asyncio.create_task(killer.hunt(stop), name="soak/killer")
     try:
         outcome = await run_on(
-            options,
+            msgspec.structs.replace(options, ticks=_ENDLESS),
             log,
-            asyncio.Event(),
+            stop,
             Supervision(max_restarts=10 * kills + 10, backoff=0.0),
             on_progress=killer.follow,
             on_restart=on_restart,
         )
     finally:
         hunting.cancel()
+    ticks = outcome.totals.ticks
+    inline = msgspec.structs.replace(options, ticks=ticks, cells="inline", split=0)
+    await run(inline, calm, asyncio.Event())
     return _compare(calm, log, outcome, restarts, killer, time.perf_counter() - began)
 
 
@@ -131,8 +135,8 @@ class _Killer:
         """Wait for the next life of the swarm."""
         self._awake.clear()
 
-    async def hunt(self) -> None:
-        """Kill until enough are killed; cancelled when the run is over."""
+    async def hunt(self, stop: asyncio.Event) -> None:
+        """Kill until enough are killed, and set `stop` once the run has gone on."""
         while self._left:
             await self._awake.wait()
             await asyncio.sleep(self._random.uniform(0.0, self._pause))
@@ -143,6 +147,8 @@ class _Killer:
                 self.killed[victim] += 1
                 self._left -= 1
                 self._awake.clear()
+        await self._awake.wait()
+        stop.set()
 
     def _kill(self, victim: str) -> bool:
         parts: dict[str, list[psutil.Process]] = {}
@@ -169,9 +175,9 @@ def _compare(
     kinds = (wire.Observation, wire.State, wire.Decision)
     keys = [(type(m), m.tick) for m in heard if isinstance(m, kinds)]
     completeness = recording.completeness()
-    verdict = verify(log)
+    verdict, ticks = verify(log), outcome.totals.ticks
     return Soaked(
-        ticks=outcome.totals.ticks,
+        ticks=ticks,
         kills=killer.killed.total(),
         killed=dict(sorted(killer.killed.items())),
         restarts=len(restarts),
@@ -179,21 +185,24 @@ def _compare(
         repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
         lost=sum(completeness.missing.values()),
         doubled=len(keys) - len(set(keys)),
-        equal=_course(calm) == _course(log),
+        equal=_course(calm, ticks) == _course(log, ticks),
         verified=verdict.same and verdict.complete,
         files=verdict.files,
         seconds=seconds,
     )
 
 
-def _course(log: Path) -> list[tuple[object, ...]]:
-    """Return the states and decisions of a recorded run."""
+def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
+    """Return the states and decisions of a recorded run, but for its last decision.
+
+    A run that is asked to stop has decided on its next tick already.
+    """
     found: list[tuple[object, ...]] = []
     for recorded in open_whole(log).messages(("state", "decide")):
         match recorded.message:
             case wire.State() as state:
                 found.append(("state", state.tick, state.literals, state.incoherent))
-            case wire.Decision() as decision:
+            case wire.Decision() as decision if decision.tick < ticks:
                 found.append(("decide", decision.tick, decision.action, decision.why))
     return found
 
@@ -203,12 +212,10 @@ def main(arguments: list[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     source = open_source(given.source, given.seed, {"places": given.sensors + 1})
     source.close()
-    ticks = given.ticks or 60 * given.kills + 100
     options = RunOptions(
         source=given.source,
         arguments={"places": given.sensors + 1},
         body=body_of(source, "walker"),
-        ticks=ticks,
         seed=given.seed,
         cells=given.cells,
         workers=min(2, given.sensors),
@@ -218,7 +225,7 @@ def main(arguments: list[str] | None = None) -> int:
     console = Console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="neurosnap-soak-") as folder:
         try:
-            with console.status(f"{ticks} ticks, {given.kills} kills"):
+            with console.status(f"{given.kills} kills"):
                 found = asyncio.run(
                     soak(options, given.kills, given.seed, Path(folder), given.pause)
                 )
@@ -241,9 +248,6 @@ def _parser() -> argparse.ArgumentParser:
         "--pause", type=float, default=0.4, help="seconds between kills, at most"
     )
     parser.add_argument("--sensors", type=int, default=8, help="cells of the swarm")
-    parser.add_argument(
-        "--ticks", type=int, default=0, help="of the run [default: 60 a kill]"
-    )
     parser.add_argument(
         "--cells", choices=("process", "worker"), default="process", help="as in run"
     )

@@ -24,8 +24,7 @@ from neurosnap.fabric.memory import MemoryHub
 from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.place import Place
 from neurosnap.fabric.protocol import Fabric, PlaceHandler
-
-PATIENCE = 20.0  # seconds until a test that waits has failed
+from tests.patience import PATIENCE
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
 SMALL = wire.KeyFrame(1, b"")

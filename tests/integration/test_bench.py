@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE
+
 _BENCH = Path(__file__).parents[2] / "tools" / "bench.py"
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow, pytest.mark.zenoh]
@@ -18,7 +20,7 @@ def bench(*arguments: str) -> str:
         [sys.executable, str(_BENCH), "--quick", *arguments],
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -60,7 +62,7 @@ def test_an_unknown_row_is_named() -> None:
         [sys.executable, str(_BENCH), "--only", "hop,skip"],
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 2

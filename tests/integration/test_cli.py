@@ -23,6 +23,7 @@ from neurosnap.cli import app
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import Verdict, verify
 from neurosnap.record.writer import Writer
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +59,6 @@ RUN_KEYS = {
     "incoherent",
     "seconds",
 }
-PATIENCE = 50.0  # seconds a command may take on a busy machine
 
 
 # Calling it ---------------------------------------------------------------------------

@@ -11,8 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from neurosnap.cli import app
-
-PATIENCE = 50.0
+from tests.patience import PATIENCE
 
 
 def call(*arguments: object) -> Result:

@@ -13,10 +13,9 @@ import pytest
 from neurosnap import wire
 from neurosnap.record.reader import Recording
 from neurosnap.sensorium import pack
+from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
-
-PATIENCE = 50.0
 
 
 @contextmanager

@@ -10,8 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from neurosnap.cli import app
+from tests.patience import PATIENCE
 
-pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(60)]
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
 PATH = "neurosnap/Path-v0"
 
@@ -23,7 +24,7 @@ def facts(folder: Path, *arguments: object) -> dict[str, Any]:
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -15,6 +15,7 @@ from neurosnap.experiment import learners
 from neurosnap.experiment.figure import FigureOptions
 from neurosnap.experiment.learning import TruthKind
 from neurosnap.experiment.run import FIGURES, run_figures
+from tests.patience import PATIENCE
 
 LEARNING = ("learning-empirical", "learning-discounted", "learning-compared")
 pytestmark = pytest.mark.slow
@@ -185,7 +186,11 @@ def test_the_tool_makes_them_too(tmp_path: Path) -> None:
     command = [sys.executable, str(_TOOL), "--only", "1,learning-compared"]
     small = ["--runs", "2", "--steps", "150", "--out", str(tmp_path)]
     done = subprocess.run(
-        [*command, *small], capture_output=True, text=True, timeout=50, check=False
+        [*command, *small],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("cells: 44 computed, 0 reused\n")
@@ -199,7 +204,7 @@ def test_the_tool_names_what_is_wrong() -> None:
         [sys.executable, str(_TOOL), "--runs", "0"],
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 2

@@ -26,6 +26,7 @@ from neurosnap.sensorium import pack
 from neurosnap.swarm import inline, launch
 from neurosnap.swarm.options import CellKind, RunOptions
 from neurosnap.swarm.run import run
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -210,7 +211,7 @@ async def check(
     """Run with the stranger until all was reported; then without, as far."""
     stop, log = asyncio.Event(), tmp_path / "disturbed.mcap"
     options = options_for(tmp_path, cells, 50_000)
-    async with asyncio.timeout(50):
+    async with asyncio.timeout(PATIENCE):
         attack = disturb(stranger, options, log, stop)
         outcome = await run(options, log, stop)
         await attack

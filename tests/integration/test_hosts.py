@@ -18,10 +18,10 @@ import pytest
 
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
+from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
-PATIENCE = 50.0
 HOSTS = ("hub", "cells", "rest")
 
 
@@ -59,7 +59,10 @@ def hub_on(before: list[str], *arguments: object) -> Iterator["subprocess.Popen[
 def make_keys(folder: Path, *hosts: str) -> None:
     named = [argument for host in hosts for argument in ("--host", host)]
     subprocess.run(
-        command("keys", folder, *named), check=True, capture_output=True, timeout=50
+        command("keys", folder, *named),
+        check=True,
+        capture_output=True,
+        timeout=PATIENCE,
     )
 
 
@@ -119,7 +122,11 @@ def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
 
     def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
         return subprocess.run(
-            [ip, *arguments], capture_output=True, text=True, timeout=20, check=False
+            [ip, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
         )
 
     bridge = f"nsb{mark}"
@@ -196,7 +203,7 @@ def test_what_cannot_be_shared_is_refused(
         command("run", *small, *options),
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 2

@@ -18,7 +18,6 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.zenoh
-@pytest.mark.timeout(60)
 @pytest.mark.parametrize("cells", ["inline", "worker"])
 def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
     readings = tmp_path / "readings.csv"

@@ -24,7 +24,7 @@ from tests.mosquitto import (
     started,
 )
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(60), needs_mosquitto]
+pytestmark = [pytest.mark.slow, needs_mosquitto]
 
 ONLINE = {"memory/status": b"online", "memory/world/status": b"online"}
 OLD, NEW, OTHER = "correct-horse", "battery-staple", "somebody-else"

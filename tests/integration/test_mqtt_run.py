@@ -31,7 +31,6 @@ from tests.mosquitto import (
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.zenoh,
-    pytest.mark.timeout(120),
     needs_mosquitto,
 ]
 

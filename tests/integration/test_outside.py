@@ -38,10 +38,10 @@ from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.world import run_world
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 
-PATIENCE = 20.0
 SWARM = "home"
 NAMES = ("door", "motion")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"

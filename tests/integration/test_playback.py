@@ -23,11 +23,11 @@ from neurosnap.record.writer import Writer
 from neurosnap.source import open_source
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
+from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 TICKS = 12
-PATIENCE = 20.0
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ async def test_playing_on_an_endpoint_step_by_step(
 ) -> None:
     expected = from_tick(recording, 1)
     ticks: list[int] = []
-    async with asyncio.timeout(2 * PATIENCE):
+    async with asyncio.timeout(PATIENCE):
         watched: list[wire.Delivery] = []
         enough, connected = asyncio.Event(), asyncio.Event()
 

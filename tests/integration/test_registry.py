@@ -18,8 +18,7 @@ from neurosnap.cli import app
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.record.replay import verify
 from neurosnap.swarm import registry
-
-PATIENCE = 50.0
+from tests.patience import PATIENCE
 
 
 @pytest.fixture(autouse=True)

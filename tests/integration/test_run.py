@@ -37,6 +37,7 @@ from neurosnap.swarm.part import take_part
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.world import run_world
+from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +59,7 @@ def no_process_is_left() -> Iterator[None]:
             left += child.children(recursive=True)
         elif "resource_tracker" not in command:
             left.append(child)
-    _, alive = psutil.wait_procs(left, timeout=2)  # the fork server may yet reap
+    _, alive = psutil.wait_procs(left, timeout=PATIENCE)  # the fork server may yet reap
     assert alive == []
 
 

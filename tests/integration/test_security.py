@@ -48,10 +48,10 @@ from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.world import run_world
+from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
-PATIENCE = 20.0
 INTRUSION = 1.0  # seconds an intruder goes on trying
 TICKS = 12
 SWARM = "one"

@@ -29,10 +29,10 @@ from neurosnap.swarm.run import run
 from neurosnap.view.film import Film
 from neurosnap.view.members import members
 from tests.course import course
+from tests.patience import PATIENCE
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow, pytest.mark.timeout(150)]
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
-PATIENCE = 60.0
 PATH = "neurosnap/Path-v0"
 SWARM = "demo"
 SMALL = ("--set", "places=7", "--seed", 3)

@@ -21,7 +21,7 @@ from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
 from tests.course import course
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow, pytest.mark.timeout(90)]
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 HELD = 20  # reports of the same tick, a twentieth of a second apart
 OPTIONS = RunOptions(

@@ -26,12 +26,11 @@ from neurosnap.view import api
 from neurosnap.view.desk import Desk
 from neurosnap.view.film import Film
 from neurosnap.view.server import Address, serving
+from tests.patience import PATIENCE
 from tests.unit.view.films import TICKS, in_chunks, path_run, recorded, told
 from tests.unit.view.verbs import address_of, verb
 
 pytestmark = pytest.mark.slow
-
-PATIENCE = 50.0
 
 
 @pytest.fixture(scope="module")
@@ -335,13 +334,12 @@ async def fetched(address: str, path: str) -> Any:
 
 
 @pytest.mark.zenoh
-@pytest.mark.timeout(170)
 @pytest.mark.parametrize("cells", ["process", "worker"])
 async def test_a_swarm_is_looked_at_while_it_runs(tmp_path: Path, cells: str) -> None:
     log, notes = tmp_path / "run.mcap", tmp_path / "runtime"
     options = ("--ticks", "100000", "--set", "places=6", "--cells", cells)
     running = ("run", "neurosnap/Path-v0", *options, "--out", str(log))
-    async with asyncio.timeout(3 * PATIENCE), verb(notes, *running) as run:
+    async with asyncio.timeout(PATIENCE), verb(notes, *running) as run:
         while not log.exists() or log.stat().st_size < 20_000:
             assert run.returncode is None
             await asyncio.sleep(0)

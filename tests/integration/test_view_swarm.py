@@ -12,13 +12,13 @@ import pytest
 from playwright.async_api import Page, expect
 
 from neurosnap.record.replay import verify
+from tests.patience import PATIENCE
 from tests.unit.view.pages import IN_BROWSER, derived, looked_at, states
 from tests.unit.view.verbs import address_of, verb
 from tools.browser import wait_shown
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120), *IN_BROWSER]
+pytestmark = [pytest.mark.zenoh, *IN_BROWSER]
 
-PATIENCE = 50.0
 NAMES = ("a", "b", "c")
 FIRST, LAST = 30, 40
 
@@ -77,7 +77,7 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
     log = tmp_path / "run.mcap"
     names = ("--set", f"sensors={','.join(NAMES)}", "--threshold", "0.1")
     options = ("run", "-", *names, "--out", str(log))
-    async with asyncio.timeout(2 * PATIENCE):
+    async with asyncio.timeout(PATIENCE):
         if way == "run --view":
             async with verb(tmp_path, *options, "--view") as run:
                 address = await address_of(run)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.unit.view.verbs import verb
 
-pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
 REGULAR = [(0, 0), (0, 1), (1, 1)] * 4
 

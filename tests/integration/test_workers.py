@@ -28,7 +28,7 @@ from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.options import CellKind, RunOptions
 from neurosnap.swarm.run import describe, run
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(90)]
+pytestmark = [pytest.mark.slow]
 
 TICKS = 40
 SEED = 3

@@ -9,6 +9,7 @@ import pytest
 
 from neurosnap.errors import InboxOverflowError
 from neurosnap.fabric.inbox import Courier, Inbox
+from tests.patience import PATIENCE
 
 Kind: TypeAlias = type[Inbox[int]] | type[Courier[int]]
 
@@ -42,7 +43,7 @@ class Owner:
         return [item for burst in self.bursts for item in burst]
 
     async def until(self, condition: Callable[[], bool]) -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             while not condition():
                 await self._changed.wait()
                 self._changed.clear()

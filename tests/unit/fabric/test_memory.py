@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.fabric.memory import Faults, MemoryHub, matches
+from tests.patience import PATIENCE
 
 Log = list[tuple[str, int]]  # who sent it, and its number
 
@@ -282,7 +283,7 @@ async def test_where_a_loop_runs_the_hub_delivers_by_itself() -> None:
         await end.subscribe(("leave",), note)
         chatter(hub, senders=1, each=1000)
         assert log == []  # never within `publish`
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await heard.wait()
     assert log == list(range(1000))
 
@@ -295,7 +296,7 @@ async def test_other_tasks_get_their_turn_in_a_flood() -> None:
         await end.subscribe(("leave",), lambda _: end.publish(wire.Leave("echo")))
         end.publish(wire.Leave("echo"))
         asyncio.get_running_loop().call_later(0.01, stop.set)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await end.serve(stop)
     assert end.sent > 1
 

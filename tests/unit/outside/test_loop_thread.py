@@ -5,6 +5,7 @@ import queue
 import threading
 
 from neurosnap.outside.loop_thread import LoopThread
+from tests.patience import PATIENCE
 
 
 def test_it_serves_until_it_is_told_to_stop() -> None:
@@ -17,7 +18,7 @@ def test_it_serves_until_it_is_told_to_stop() -> None:
 
     thread = LoopThread("served", serve, lambda error: said.put(str(error)))
     thread.start()
-    assert said.get(timeout=10) == "begun"
+    assert said.get(timeout=PATIENCE) == "begun"
     thread.stop()
     assert said.get_nowait() == "over"
     thread.stop()
@@ -46,5 +47,5 @@ def test_what_it_fails_of_is_passed_on_and_it_can_be_stopped_then() -> None:
     thread = LoopThread("served", serve, failed.put)
     thread.start()
     # Its loop is closed by now: to wake it would be an error.
-    assert str(failed.get(timeout=10)) == "no such thing"
+    assert str(failed.get(timeout=PATIENCE)) == "no such thing"
     thread.stop()

@@ -12,6 +12,7 @@ from neurosnap.outside.mqtt_options import MqttOptions, MqttPublish, MqttSensor
 from neurosnap.outside.open import MQTT
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.outlet import OUTLET, run_outlet
+from tests.patience import PATIENCE
 
 pytest.importorskip("aiomqtt")
 
@@ -50,7 +51,7 @@ async def run_with(
         "neurosnap.outside.mqtt_outlet.MqttOutlet", lambda *_, **__: broker
     )
     stop = asyncio.Event()
-    async with MemoryHub().fabric(OUTLET) as fabric, asyncio.timeout(5):
+    async with MemoryHub().fabric(OUTLET) as fabric, asyncio.timeout(PATIENCE):
 
         def on_ready() -> None:
             if failure is not None:

@@ -15,6 +15,7 @@ from neurosnap.swarm import jobs, join, service
 from neurosnap.swarm.brief import Brief, read_brief
 from neurosnap.swarm.options import CellKind, RunOptions
 from neurosnap.swarm.service import _Ending
+from tests.patience import PATIENCE
 
 PAST = Past("/far/away.mcap", 7, (1, 0), b"\x01", {"cell/0": 12}, (7,))
 
@@ -97,7 +98,7 @@ async def test_a_coordinator_that_waits_for_others_to_leave_can_be_stopped() -> 
     await asyncio.sleep(0)
     assert not waiting.done()
     stop.set()
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE):
         await waiting
 
 

@@ -9,6 +9,7 @@ from neurosnap.fabric.memory import MemoryFabric, MemoryHub
 from neurosnap.swarm import shell
 from neurosnap.swarm.answer import Answer
 from neurosnap.swarm.shell import _Shell, conduct
+from tests.patience import PATIENCE
 
 
 class Core:
@@ -107,14 +108,14 @@ class Broken(MemoryFabric):
 
 
 async def test_whatever_goes_wrong_at_a_deadline_ends_the_run() -> None:
-    async with asyncio.timeout(5), Broken(MemoryHub(), "coordinator") as fabric:
+    async with asyncio.timeout(PATIENCE), Broken(MemoryHub(), "coordinator") as fabric:
         with pytest.raises(RuntimeError, match="the session is closed"):
             await conduct(Core(1), fabric, asyncio.Event(), parts=(), deadline=0.02)
 
 
 async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
     hub, core = MemoryHub(), Core()
-    async with asyncio.timeout(5), hub.fabric("coordinator") as fabric:
+    async with asyncio.timeout(PATIENCE), hub.fabric("coordinator") as fabric:
         observation = wire.Observation(1, b"\x01")
         publish = hub.fabric("world").publish
         asyncio.get_running_loop().call_soon(publish, observation)
@@ -134,7 +135,7 @@ async def test_it_says_that_it_goes_on_even_if_nothing_happens(
         if len(said) == 4:
             stop.set()
 
-    async with asyncio.timeout(5), MemoryHub().fabric("coordinator") as fabric:
+    async with asyncio.timeout(PATIENCE), MemoryHub().fabric("coordinator") as fabric:
         await conduct(
             core, fabric, stop, parts=(), deadline=100, on_progress=on_progress
         )

@@ -12,6 +12,7 @@ from neurosnap.fabric.protocol import Handler
 from neurosnap.swarm.brief import Brief
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.watch import _look_on
+from tests.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)
 GOOD = wire.Anomaly(5, 4, (0,), (0, 1), True, 1, (0,), (0,), (2,), (9.0,), (1.0,), (3,))
@@ -55,7 +56,7 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
     heard: list[tuple[str, ...]] = []
     said: list[wire.Message] = [BAD, GOOD]
     swarm: Any = Swarm(said, [*said, wire.Leave("coordinator")])
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE):
         in_order = await _look_on(
             swarm,
             Sighting("demo"),

@@ -19,6 +19,7 @@ from neurosnap.swarm.inline import run_inline
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe
 from neurosnap.swarm.world import World, run_world
+from tests.patience import PATIENCE
 from tests.unit.swarm.scripted import Live, Scripted
 
 PLAIN = Body(own=("s0", "s1"))
@@ -181,7 +182,7 @@ class Watched:
         self._end.publish(wire.Decision(tick, -1, "as asked"))
 
     async def hear(self) -> wire.Message:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             return await self.said.get()
 
 
@@ -239,7 +240,7 @@ async def test_stop_ends_it_while_a_live_source_is_waited_for() -> None:
         world.decide(0)
         await until_it_waits(source)
         world.stop.set()
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await asyncio.wait([task])
     assert source.closed
     assert world.said.empty()
@@ -252,7 +253,7 @@ async def test_a_live_source_that_is_over_ends_it() -> None:
         world.decide(0)
         assert await world.hear() == wire.Observation(1, b"\x01", True)
         world.decide(1)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await asyncio.wait([task])
     assert source.closed
 
@@ -276,7 +277,7 @@ async def test_a_source_that_is_not_live_is_closed_by_whoever_opened_it() -> Non
     async with running(source) as (world, task):
         world.decide(0)
         world.decide(1)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await asyncio.wait([task])
     assert await world.hear() == wire.Observation(1, b"\x01", True)
     assert not source.closed
@@ -304,7 +305,7 @@ async def test_a_swarm_in_one_process_ends_while_a_live_source_is_waited_for(
         if tick == 3:
             stop.set()
 
-    async with asyncio.timeout(15):
+    async with asyncio.timeout(PATIENCE):
         ending = await run_inline(
             options, log, describe(options), None, stop, on_progress
         )

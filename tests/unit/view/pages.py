@@ -18,7 +18,6 @@ from tools.browser import Scheme, browsing, chromium, wait_shown
 
 IN_BROWSER = [
     pytest.mark.slow,
-    pytest.mark.timeout(90),
     pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
 ]
 """What marks the tests of the page."""
