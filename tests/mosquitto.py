@@ -1,6 +1,5 @@
 """A real Mosquitto, which every test starts for itself, and others on it."""
 
-import shutil
 import socket
 import subprocess
 from collections.abc import AsyncIterator, Iterator
@@ -12,13 +11,12 @@ import pytest
 
 from neurosnap.outside.mqtt_options import MqttBroker
 from tests.patience import PATIENCE
+from tests.programs import find, needs
 
 HOST = "127.0.0.1"
-PROGRAM = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
+PROGRAM = find("mosquitto")
 
-needs_mosquitto = pytest.mark.skipif(
-    PROGRAM is None, reason="needs Mosquitto: apt-get install mosquitto"
-)
+needs_mosquitto = needs("mosquitto")
 
 
 class Mosquitto:

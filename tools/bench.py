@@ -4,14 +4,15 @@
 Ours and what it is compared with are measured in turns, everything is warm before the
 clock starts, and the best of the repeats or the median counts: what else runs on the
 machine only ever adds to a time. Not so plain numpy in the rows `cycle` and `learn`: it
-takes so much longer that it is timed once, in one block. Nothing is judged: a mark says
-whether it came out as hoped, and the exit code is 0 either way.
+takes so much longer that it is timed once, in one block. Each row is printed as soon as
+it is there; one that cannot be measured says why, and the others are measured. Nothing
+is judged: a mark says whether it came out as hoped, and the exit code is 0 either way.
 """
 
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 # Run as a file, the folder of this file is on the path and the project's is not.
@@ -19,52 +20,70 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from rich.console import Console
 
-from tools import (
-    bench_agent,
-    bench_learn,
-    bench_observe,
-    bench_page,
-    bench_run,
-    bench_swarm,
-    bench_tick,
-    bench_worker,
+from tools.bench_report import (
+    QUICK,
+    Line,
+    Sizes,
+    as_json,
+    markdown,
+    markdown_head,
+    table,
 )
-from tools.bench_report import QUICK, Line, Sizes, as_json, markdown, table
 
-ROWS: dict[str, Callable[[Sizes], list[Line]]] = {
-    "spawn": bench_swarm.spawn,
-    "hop": bench_swarm.hop,
-    "line": bench_swarm.line,
-    "recording": bench_run.recording,
-    "observe": bench_observe.observe,
-    "learn": bench_learn.learn,
-    "cycle": bench_agent.cycle,
-    "tick": bench_tick.tick,
-    "worker": bench_worker.worker,
-    "verify": bench_run.verify,
-    "page": bench_page.page,
+ROWS = {
+    "spawn": "bench_swarm",
+    "hop": "bench_swarm",
+    "line": "bench_swarm",
+    "recording": "bench_run",
+    "observe": "bench_observe",
+    "learn": "bench_learn",
+    "cycle": "bench_agent",
+    "tick": "bench_tick",
+    "worker": "bench_worker",
+    "verify": "bench_run",
+    "page": "bench_page",
 }
+"""The module that measures a row, in a function of the row's name."""
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure the rows asked for and print them."""
+    """Measure the rows asked for and print each when it is there."""
     given = _parser().parse_args(arguments)
     sizes = QUICK if given.quick else Sizes()
     # Of two outputs, the one for programs is alone on stdout's last line.
-    console = Console(stderr=True)
-    rows = {}
-    for name in given.only:
-        with console.status(name):
-            rows[name] = ROWS[name](sizes)
-    lines = [line for name in given.only for line in rows[name]]
+    waiting = Console(stderr=True)
+    # Into a file or a pipe as wide as it is.
+    console = Console(width=None if sys.stdout.isatty() else 160)
     if given.markdown:
-        print(markdown(lines))
-    else:
-        # Into a file or a pipe as wide as it is.
-        width = None if sys.stdout.isatty() else 160
-        Console(width=width).print(table(lines))
+        print(markdown_head())
+    rows: dict[str, list[Line]] = {}
+    for name in given.only:
+        with waiting.status(name):
+            rows[name] = measure(name, sizes)
+        if given.markdown:
+            print(markdown(rows[name]), flush=True)
+        else:
+            console.print(table(rows[name], head=len(rows) == 1))
+            sys.stdout.flush()
     if given.json:
         print(json.dumps(as_json(rows)))
+
+
+def measure(name: str, sizes: Sizes) -> list[Line]:
+    """Return the lines of a row, or one that says why it cannot be measured."""
+    try:
+        module = import_module(f"tools.{ROWS[name]}")
+        lines: list[Line] = getattr(module, name)(sizes)
+    except Exception as error:  # noqa: BLE001 - whatever it is, other rows stand alone
+        return [Line(name, f"not measured: {_reason(error)}")]
+    return lines
+
+
+def _reason(error: Exception) -> str:
+    """Return what went wrong, in a line."""
+    while isinstance(error, ExceptionGroup):
+        error = error.exceptions[0]
+    return str(error).partition("\n")[0] or type(error).__name__
 
 
 def _parser() -> argparse.ArgumentParser:

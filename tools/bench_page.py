@@ -16,7 +16,7 @@ from neurosnap.swarm.run import run
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
 from tools.bench_report import Line, Sizes
-from tools.browser import browsing, wait_shown
+from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
 
 _SPEED = 60
 _LARGE = 500  # sensors: too many to be drawn each by itself, unless that is asked for
@@ -52,7 +52,13 @@ class Played(NamedTuple):
 
 
 def page(sizes: Sizes) -> list[Line]:
-    """Play recordings at sixty ticks a second, and time the browser's frames."""
+    """Play recordings at sixty ticks a second, and time the browser's frames.
+
+    Raises:
+        FileNotFoundError: There is no Chromium.
+    """
+    if chromium() is None:
+        raise FileNotFoundError(NO_BROWSER)
     small = sizes.sensors[0]
     with tempfile.TemporaryDirectory() as folder:
         few, many = (

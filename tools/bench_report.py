@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from rich.table import Table
 
 _HEAD = ("what", "measured", "against", "reach", "")
+_SHARES = (3, 4, 4, 3, 0)  # of the screen's width
 _MARKS = {True: "✓", False: "✗", None: ""}
 
 
@@ -76,18 +77,37 @@ def ratio_of_pairs(ours: list[float], theirs: list[float]) -> float:
     return statistics.median(a / b for a, b in zip(ours, theirs, strict=True))
 
 
-def table(lines: Iterable[Line]) -> Table:
-    """Return the lines as a table for the screen."""
-    shown = Table(*_HEAD)
+def table(lines: Iterable[Line], *, head: bool = True) -> Table:
+    """Return the lines as a table for the screen, as wide as that.
+
+    Args:
+        lines: What it shows.
+        head: Whether it says what stands in its columns; those of others below it are
+            as wide.
+    """
+    shown = Table(expand=True, show_header=head)
+    for name, share in zip(_HEAD, _SHARES, strict=True):
+        if share:
+            shown.add_column(name, ratio=share)
+        else:
+            shown.add_column(name, width=1)
     for line in lines:
         shown.add_row(*line.cells())
     return shown
 
 
+def markdown_head() -> str:
+    """Return what a Markdown table begins with."""
+    return "\n".join(_row(cells) for cells in (_HEAD, ("---",) * len(_HEAD)))
+
+
 def markdown(lines: Iterable[Line]) -> str:
-    """Return the lines as a Markdown table."""
-    rows = [_HEAD, ("---",) * len(_HEAD), *(line.cells() for line in lines)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    """Return the lines as those of a Markdown table."""
+    return "\n".join(_row(line.cells()) for line in lines)
+
+
+def _row(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def as_json(rows: dict[str, list[Line]]) -> dict[str, object]:

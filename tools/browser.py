@@ -27,6 +27,10 @@ _ARGUMENTS = (
 )
 
 
+NO_BROWSER = "needs chromium: apt-get install chromium"
+"""What to say where there is none."""
+
+
 def chromium() -> str | None:
     """Return where Debian's Chromium is; None: it is not there."""
     return os.environ.get("CHROMIUM") or shutil.which("chromium")
@@ -41,7 +45,12 @@ async def browsing(
     Args:
         scheme: The colours the system is said to have.
         still: Whether the system is said to want no motion.
+
+    Raises:
+        FileNotFoundError: There is no Chromium.
     """
+    if chromium() is None:
+        raise FileNotFoundError(NO_BROWSER)
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(
             executable_path=chromium(), args=_ARGUMENTS

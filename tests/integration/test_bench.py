@@ -2,69 +2,78 @@
 
 import json
 import math
-import subprocess
-import sys
-from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from tests.patience import PATIENCE
-
-_BENCH = Path(__file__).parents[2] / "tools" / "bench.py"
+from tools import bench
+from tools.bench_report import Line
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow, pytest.mark.zenoh]
 
 
-def bench(*arguments: str) -> str:
-    done = subprocess.run(
-        [sys.executable, str(_BENCH), "--quick", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-@pytest.mark.parametrize(
-    "row",
-    [
-        "spawn",
-        "hop",
-        "line",
-        "recording",
-        "observe",
-        "learn",
-        "cycle",
-        "tick",
-        "worker",
-        "verify",
-    ],
-)
-def test_a_row_runs(row: str) -> None:
-    report = json.loads(bench("--only", row, "--json").splitlines()[-1])
+@pytest.mark.parametrize("row", [name for name in bench.ROWS if name != "page"])
+def test_a_row_runs(row: str, capsys: pytest.CaptureFixture[str]) -> None:
+    bench.main(["--quick", "--only", row, "--json"])
+    report = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert list(report["rows"]) == [row]
     for line in report["rows"][row]:
-        assert line["figures"]
+        assert line["figures"], line["measured"]
         assert all(math.isfinite(figure) for figure in line["figures"].values())
 
 
-def test_a_markdown_table_has_a_line_a_measure() -> None:
-    lines = bench("--only", "observe", "--markdown").splitlines()
+def test_a_markdown_table_has_a_line_a_measure(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bench.main(["--quick", "--only", "observe", "--markdown"])
+    lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "| what | measured | against | reach |  |"
     assert len(lines) == 2 + 4
     assert len({line.count("|") for line in lines}) == 1
 
 
-def test_an_unknown_row_is_named() -> None:
-    done = subprocess.run(
-        [sys.executable, str(_BENCH), "--only", "hop,skip"],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "must be of spawn, hop, line" in done.stderr
-    assert "got skip" in done.stderr
+def test_an_unknown_row_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        bench.main(["--only", "hop,skip"])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert "must be of spawn, hop, line" in said
+    assert "got skip" in said
+
+
+def test_a_row_is_printed_before_the_next_is_measured(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    printed: list[str] = []
+
+    def measured(what: str) -> list[Line]:
+        printed.append(capsys.readouterr().out)
+        return [Line(what, "3 s")]
+
+    rows = {name: lambda _, name=name: measured(name) for name in ("one", "two")}
+    monkeypatch.setattr(bench, "ROWS", dict.fromkeys(rows, "rows"))
+    monkeypatch.setattr(bench, "import_module", lambda _: SimpleNamespace(**rows))
+    bench.main(["--only", "one,two"])
+    before, between = printed
+    assert before == ""
+    assert "one" in between
+    assert "measured" in between
+    last = capsys.readouterr().out
+    assert "two" in last
+    assert "measured" not in last  # the head is said once
+
+
+def test_a_row_that_cannot_be_measured_says_why_and_the_others_stand(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CHROMIUM", raising=False)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(bench.ROWS, "hop", "no_such_module")
+    bench.main(["--quick", "--only", "hop,learn,page", "--json", "--markdown"])
+    _, _, hop, *learn, page, last = capsys.readouterr().out.splitlines()
+    assert hop.startswith("| hop | not measured: No module named ")
+    why = "not measured: needs chromium: apt-get install chromium"
+    assert page.startswith(f"| page | {why} |")
+    assert [line["figures"] for line in json.loads(last)["rows"]["page"]] == [{}]
+    assert len(learn) == 2
+    assert all("numpy" in line for line in learn)

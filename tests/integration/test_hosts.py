@@ -5,7 +5,6 @@ is tried on loopback everywhere.
 """
 
 import secrets
-import shutil
 import signal
 import socket
 import subprocess
@@ -19,6 +18,7 @@ import pytest
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from tests.patience import PATIENCE
+from tests.programs import find, needs
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -115,9 +115,8 @@ def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
 
     Skips the test where this machine allows none.
     """
-    ip = shutil.which("ip")
-    if ip is None:
-        pytest.skip("iproute2 is not installed")
+    ip = find("ip")
+    assert ip is not None
     mark = secrets.token_hex(2)
 
     def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -162,6 +161,7 @@ def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
         yield hosts
 
 
+@needs("ip", "iproute2")
 def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
     with namespaces() as hosts:
         before = {name: ["ip", "netns", "exec", hosts[name][0]] for name in HOSTS}

@@ -14,11 +14,11 @@ from neurosnap.record.replay import Replay
 from neurosnap.sensorium import unpack
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
-from tools.browser import Scheme, browsing, chromium, wait_shown
+from tools.browser import NO_BROWSER, Scheme, browsing, chromium, wait_shown
 
 IN_BROWSER = [
     pytest.mark.slow,
-    pytest.mark.skipif(chromium() is None, reason="there is no Chromium to look with"),
+    pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
 ]
 """What marks the tests of the page."""
 
