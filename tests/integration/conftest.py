@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import preloaded
 from tests.unit.view.films import csv_run, path_run, planner_run, recorded
 
 
@@ -21,3 +22,8 @@ def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("csv")
     return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fork_server() -> None:
+    preloaded.start()

@@ -94,7 +94,7 @@ def test_a_wrapper_may_say_it_and_has_the_last_word() -> None:
         [0, 1],
         ["x", 1],
         {"x": 0, "y": 1},
-        {"x", "y"},
+        pytest.param({"x", "y"}, id="a set"),  # in no order that lasts
         np.array([0, 1]),
         "longer",
         print,
@@ -141,7 +141,7 @@ def test_bad_words_are_refused(attributes: dict[str, object], says: str) -> None
 @pytest.mark.parametrize(
     "space",
     [Box(0, 1, (2,)), Discrete(4), MultiBinary((2, 2)), Dict({"a": MultiBinary(2)})],
-    ids=str,
+    ids=repr,
 )
 def test_another_observation_space_is_refused(space: Space[Any]) -> None:
     says = f"w: observation space: must be MultiBinary with one axis, got {space!r}"
@@ -191,7 +191,7 @@ class TestStep:
             (MultiBinary(2), 4, 3),
             (MultiBinary(2), -1, 3),
         ],
-        ids=str,
+        ids=repr,
     )
     def test_no_other_choice_is_taken(
         self, space: Space[Any], choice: int, most: int
