@@ -6,10 +6,10 @@ process imports this package and must stay free of numpy and numba.
 
 import warnings
 from importlib import import_module
-from typing import TYPE_CHECKING
 
 from neurosnap.distribution import namesake
 
+TYPE_CHECKING = False  # as type checkers know it; typing takes 15 ms of the start
 if TYPE_CHECKING:
     from neurosnap.agent.agent import Agent
     from neurosnap.agent.context import Body

@@ -1,15 +1,12 @@
 """``neurosnap export``: a recording in the formats of other programs."""
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import msgspec
 import typer
 
+from neurosnap.cli.heeding import unwinding
 from neurosnap.cli.shared import (
     LOST,
     Json,
@@ -21,8 +18,6 @@ from neurosnap.cli.shared import (
     say,
     screen,
 )
-
-_ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 @app.command()
@@ -58,7 +53,7 @@ def export(
     from neurosnap.export.write import parse_form
 
     with errors():
-        with _tidied():
+        with unwinding():
             exported = write(
                 log,
                 parse_form(form),
@@ -76,21 +71,3 @@ def export(
             print_json(msgspec.to_builtins(exported))
         if not exported.whole:
             raise typer.Exit(LOST)
-
-
-@contextmanager
-def _tidied() -> Iterator[None]:
-    """Let SIGTERM and the end of the terminal leave as little behind as Ctrl-C."""
-    before = {number: signal.getsignal(number) for number in _ENDING}
-    for number, handler in before.items():
-        if handler is signal.SIG_DFL:  # what is ignored, as by nohup, stays so
-            signal.signal(number, _end)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _end(number: int, _: FrameType | None) -> NoReturn:
-    raise SystemExit(128 + number)

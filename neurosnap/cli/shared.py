@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from neurosnap.cli.heeding import heard
 from neurosnap.config.recordings import free_path, new_path
 from neurosnap.distribution import version
 from neurosnap.errors import InvalidValueError, NeurosnapError, NoRecordingError
@@ -22,6 +23,9 @@ T = TypeVar("T")
 LOST = 3
 _RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
 """A number or a range. No swarm has a million cells, and a list of them takes room."""
+_TWICE = 0.5
+"""Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
+program and to its group."""
 
 app = typer.Typer(
     name="neurosnap",
@@ -166,21 +170,24 @@ def print_json(facts: object) -> None:
 
 
 def run_async(work: Callable[[asyncio.Event], Awaitable[T]]) -> T:
-    """Run `work`; Ctrl-C or SIGTERM asks it to stop, a second one cancels it."""
+    """Run `work`; a signal to end asks it to stop, a second Ctrl-C cancels it."""
 
     async def main() -> T:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         task = asyncio.current_task()
+        insists = float("inf")  # when a Ctrl-C is the second
 
-        def on_signal() -> None:
-            if stop.is_set() and task is not None:
+        def on_signal(number: int) -> None:
+            nonlocal insists
+            if number == signal.SIGINT and loop.time() > insists and task is not None:
                 task.cancel()
-            stop.set()
+            elif not stop.is_set():
+                insists = loop.time() + _TWICE
+                stop.set()
 
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, on_signal)
-        return await work(stop)
+        with heard(loop, on_signal):
+            return await work(stop)
 
     try:
         return asyncio.run(main())

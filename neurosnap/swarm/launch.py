@@ -32,6 +32,8 @@ from neurosnap.swarm.worker import be_worker
 
 _SERVICES = 5  # hub, recorder, coordinator, world, outlet
 _GRACE = 10.0  # seconds a part may take to end
+# Seconds more where it is coming up still: it compiles, once, and cannot be asked then.
+_COMING_UP = 60.0
 
 
 @dataclass(frozen=True)
@@ -248,8 +250,10 @@ class _Launch:
             await self._supervisor.kill(["coordinator", "world", *self._hosts])
             if self._supervisor.has_ended("hub"):
                 await self._supervisor.kill(["recorder"])
-        late = await end(["coordinator"], self._plan.patience)
-        late += await end(["world", *self._hosts], _GRACE + 0.02 * len(self._hosts))
+        more = 0.0 if self._supervisor.has_begun else _COMING_UP
+        late = await end(["coordinator"], self._plan.patience + more)
+        grace = _GRACE + 0.02 * len(self._hosts) + more
+        late += await end(["world", *self._hosts], grace)
         late += await end(["recorder", OUTLET], 2 * _GRACE)
         late += await end(["hub"], _GRACE)
         return late

@@ -19,11 +19,13 @@ import time
 import traceback
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Annotated, TypeAlias
 
 import msgspec
 
+from neurosnap.ending import SIGNALS, unheeded
 from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.hub import open_hub
@@ -32,6 +34,9 @@ from neurosnap.fabric.refusals import telling_refusals
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.part import take_part
 
+END = signal.SIGUSR1
+"""What asks a child to end. Not one of those that reach the whole process group: when
+which part ends is for the launcher to say."""
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 # A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one; four
@@ -204,19 +209,44 @@ async def be_hub(
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def serve_children() -> None:
+    """Start the fork server that children come from, unless there is one.
+
+    It, the resource tracker and every child in its first moments have all signals to
+    end blocked: none of them dies of one that is for the launcher.
+    """
+    blocked = {*SIGNALS, END}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
+    try:
+        resource_tracker.ensure_running()  # unblocks some, in Python 3.11
+        signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
+        forkserver.set_forkserver_preload(["neurosnap.swarm.process"])
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def child(
     job: Job, seat: Seat, connection: Connection, arguments: tuple[object, ...]
 ) -> None:
-    """Run `job` in this process until it ends or SIGTERM asks it to.
+    """Run `job` in this process until it ends or `END` asks it to.
+
+    What means the end to the launcher (Ctrl-C, SIGTERM, a closed terminal) may reach
+    the whole process group; a child does not heed it. It ends when the launcher asks it
+    to, and when that has died. It is born with all of these signals blocked: see
+    `serve_children`.
 
     Exit code 0: ended in order. 1: failed, and the parent was told why.
     """
     _end_with_server()
     _call_itself(seat.who)
-    # Ctrl-C reaches the whole process group; the parent decides what ends when.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Asked to end before it lives, it lives and ends. There is one thread still.
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+    signal.pthread_sigmask(signal.SIG_BLOCK, {END})
+    for number in SIGNALS:
+        signal.signal(number, unheeded)
+        signal.siginterrupt(number, False)
+    # A world may start programs, which inherit what is blocked.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     reporter = Reporter(seat.who, connection)
     # What the fork server loaded stays shared with it only while nobody walks over it.
     gc.freeze()
@@ -224,16 +254,16 @@ def child(
     async def live() -> None:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
-        loop.add_signal_handler(signal.SIGTERM, stop.set)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        loop.add_signal_handler(END, stop.set)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {END})
         try:
             with _orphanage(seat.who, stop):
                 await job(seat, stop, reporter, *arguments)
         finally:
             # It is about to end: asked to now, it must not be killed by that, as it
             # would be once the loop is closed.
-            loop.remove_signal_handler(signal.SIGTERM)
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            loop.remove_signal_handler(END)
+            signal.signal(END, signal.SIG_IGN)
 
     try:
         asyncio.run(live())
@@ -273,7 +303,7 @@ def _call_itself(who: str) -> None:
 
 
 def _end_with_server() -> None:
-    """Get a SIGTERM when the fork server dies; it lives as long as any child.
+    """Be asked to end when the fork server dies; it lives as long as any child.
 
     Where it has died already, end at once: no signal will come.
     """
@@ -281,5 +311,5 @@ def _end_with_server() -> None:
         return
     server = _LOADED_BY if os.getpid() != _LOADED_BY else os.getppid()
     libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM) or os.getppid() != server:
+    if libc.prctl(_PR_SET_PDEATHSIG, END) or os.getppid() != server:
         os._exit(1)

@@ -6,13 +6,14 @@ ended in order, and children end by themselves when the parent dies.
 
 import asyncio
 import multiprocessing
+import os
 import resource
 import sys
 import threading
 import time
 import types
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
 from types import TracebackType
@@ -21,6 +22,7 @@ from typing import Self
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.waiting import wait_any
 from neurosnap.swarm.process import (
+    END,
     Done,
     Failed,
     Job,
@@ -30,6 +32,7 @@ from neurosnap.swarm.process import (
     Seat,
     child,
     read_report,
+    serve_children,
 )
 
 # Per child: a sentinel and the pipe that makes it, here; the same again in the server.
@@ -65,6 +68,8 @@ class Supervisor:
         self.progressed = asyncio.Event()
         """Set whenever a part says how far it is: `tick`."""
         self.tick = 0
+        self.has_begun = False
+        """The coordinator has said that every part is there."""
         self._context = multiprocessing.get_context("forkserver")
         self._children: dict[str, Child] = {}
         self._reasons: dict[str, Failed] = {}
@@ -78,7 +83,7 @@ class Supervisor:
 
     async def __aenter__(self) -> Self:
         """Start the fork server with all a cell needs loaded."""
-        self._context.set_forkserver_preload(["neurosnap.swarm.process"])
+        serve_children()
         return self
 
     async def __aexit__(
@@ -187,6 +192,7 @@ class Supervisor:
                     child_.ready.set()
             case Progress(tick=tick):
                 self.tick = tick
+                self.has_begun = True
                 self.progressed.set()
             case Done(result=result):
                 self._expected.add(report.who)
@@ -205,7 +211,9 @@ class Supervisor:
             self._read(line)
         child_.ended.set()
         code = child_.process.exitcode
-        if who in self._killed or (code == 0 and who in self._expected):
+        # Asked to by a signal before it could hear one, it has ended, too.
+        ended = who in self._expected and code in (0, -END)
+        if ended or who in self._killed:
             return
         how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
         reason = self._reasons.get(who)
@@ -256,7 +264,7 @@ class Supervisor:
         children = [self._children[who] for who in parts if who in self._children]
         for child_ in children:
             if not child_.ended.is_set():
-                child_.process.terminate()
+                _ask(child_)
         late = []
         try:
             async with asyncio.timeout(grace):
@@ -270,6 +278,13 @@ class Supervisor:
                     child_.process.kill()
                     await child_.ended.wait()
         return late
+
+
+def _ask(child_: Child) -> None:
+    """Ask a child to end."""
+    if child_.process.is_alive() and child_.process.pid is not None:
+        with suppress(ProcessLookupError):
+            os.kill(child_.process.pid, END)
 
 
 @contextmanager
