@@ -68,6 +68,10 @@ class SwarmError(NeurosnapError):
     """A run could not be carried out; the text names the part and the cause."""
 
 
+class NothingBegunError(NeurosnapError):
+    """A run was asked to end before anything of it had begun."""
+
+
 class PartDiedError(SwarmError):
     """A part was killed, or vanished without a word; it might live if started anew."""
 

@@ -83,8 +83,7 @@ class Struggle:
                 stderr=said,
                 env=os.environ | self._marked,
                 start_new_session=True,
-                preexec_fn=ignoring
-                and partial(signal.signal, ignoring, signal.SIG_IGN),
+                preexec_fn=None if ignoring is None else partial(_ignore, ignoring),
             )
         self._early = False
 
@@ -177,9 +176,7 @@ class Struggle:
             recording = Recording.open(self.log)
             if not (recording.finished and recording.completeness().whole):
                 yield "must leave a recording that is whole"
-            elif (
-                recording.totals.get("ticks", "0") != "0" and not verify(self.log).same
-            ):
+            elif _ticks(recording) and not verify(self.log).same:
                 yield "must leave a recording that can be derived again"
         except NeurosnapError as error:
             yield f"must leave a recording: {error}"

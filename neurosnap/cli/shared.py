@@ -16,7 +16,13 @@ from rich.text import Text
 from neurosnap.cli.heeding import heard
 from neurosnap.config.recordings import free_path, new_path
 from neurosnap.distribution import version
-from neurosnap.errors import InvalidValueError, NeurosnapError, NoRecordingError
+from neurosnap.ending import INTERRUPTED
+from neurosnap.errors import (
+    InvalidValueError,
+    NeurosnapError,
+    NoRecordingError,
+    NothingBegunError,
+)
 
 T = TypeVar("T")
 
@@ -78,6 +84,9 @@ def errors() -> Iterator[None]:
     """Turn our errors into one line and an exit code."""
     try:
         yield
+    except NothingBegunError:
+        screen.print("interrupted")
+        raise typer.Exit(INTERRUPTED) from None
     except (InvalidValueError, NoRecordingError) as error:
         fail(str(error), 2)
     except NeurosnapError as error:

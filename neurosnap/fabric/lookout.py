@@ -12,11 +12,10 @@ from typing import Any, Self
 import zenoh
 
 from neurosnap import wire
-from neurosnap.errors import FabricError
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.inbox import Inbox
-from neurosnap.fabric.session import connecting
+from neurosnap.fabric.reach import reach
 from neurosnap.fabric.waiting import wait_any
 
 _ALIVE = "alive/coordinator"
@@ -62,6 +61,7 @@ class Lookout:
     Args:
         swarm: The id.
         endpoint: Where the hub listens.
+        stop: Ends the wait for the hub; then no swarm is seen. None: nothing does.
         patience: Seconds to go on trying until the hub answers.
         credentials: A watcher's, where the hub has some.
         insecure: May connect beyond this machine without credentials.
@@ -75,6 +75,7 @@ class Lookout:
         swarm: str,
         endpoint: str,
         *,
+        stop: asyncio.Event | None = None,
         patience: float = 60.0,
         credentials: Credentials | None = None,
         insecure: bool = False,
@@ -82,6 +83,7 @@ class Lookout:
         check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
         self._swarm = swarm
         self._endpoint = endpoint
+        self._stop = stop or asyncio.Event()
         self._patience = patience
         self._credentials = credentials
         self._there: dict[str, Sighting] = {}  # by name, in the order they came
@@ -89,33 +91,31 @@ class Lookout:
         self._came = asyncio.Event()
 
     async def __aenter__(self) -> Self:
-        """Connect and look.
+        """Connect and look; say so where the hub is waited for.
 
         Raises:
             FabricError: The hub cannot be reached.
         """
-        config = connecting(self._endpoint, self._patience, self._credentials)
-        try:
-            self._session = await asyncio.to_thread(zenoh.open, config)
-        except zenoh.ZError as error:
-            raise FabricError(
-                f"watcher: must reach the hub at {self._endpoint}, got {error}"
-            ) from error
+        self._session = await reach(
+            "watcher", self._endpoint, self._stop, self._credentials, self._patience
+        )
+        if self._session is None:
+            return self
         # Both ends of what this needs are here, so it cannot fail but by a bug.
         self._inbox: Inbox[tuple[str, bool]] = Inbox("watcher", self._take, _raise)
         try:
-            self._declared = await asyncio.to_thread(self._declare)
+            self._declared = await asyncio.to_thread(self._declare, self._session)
         except BaseException:
             await asyncio.to_thread(self._session.close)
             raise
         return self
 
-    def _declare(self) -> Any:  # noqa: ANN401
+    def _declare(self, session: zenoh.Session) -> Any:  # noqa: ANN401
         def hand_over(sample: zenoh.Sample) -> None:
             name = str(sample.key_expr).split("/")[1]
             self._inbox.push((name, sample.kind == zenoh.SampleKind.PUT))
 
-        return self._session.liveliness().declare_subscriber(
+        return session.liveliness().declare_subscriber(
             f"{wire.ROOT}/*/{_ALIVE}",
             zenoh.handlers.Callback(hand_over, indirect=False),
             history=True,
@@ -128,6 +128,8 @@ class Lookout:
         traceback: TracebackType | None,
     ) -> None:
         """Look no more."""
+        if self._session is None:
+            return
         await asyncio.to_thread(self._declared.undeclare)
         self._inbox.close()
         await asyncio.to_thread(self._session.close)

@@ -17,6 +17,7 @@ import msgspec
 
 from neurosnap.errors import (
     InvalidValueError,
+    NothingBegunError,
     PartDiedError,
     RecordingError,
     SwarmError,
@@ -108,6 +109,10 @@ async def run_on(
                     incarnation=restarts,
                     elsewhere=elsewhere,
                 )
+            except NothingBegunError as error:
+                if not restarts:
+                    raise
+                raise SwarmError(str(error)) from error
             except SwarmError as error:
                 given_up = restarts >= supervision.max_restarts
                 if given_up or stop.is_set() or not _mends(supervision, error):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.errors import SwarmError
+from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.access import role_of
 from neurosnap.fabric.lookout import incarnation
 from neurosnap.fabric.waiting import wait_any
@@ -107,6 +107,8 @@ async def run_processes(
             raises ends the run and comes out of it.
 
     Raises:
+        NothingBegunError: `stop` was set before the hub of others could be reached.
+        FabricError: That cannot be reached.
         SwarmError: A part failed; the text names it and says why. Whatever was
             recorded until then is readable.
     """
@@ -150,6 +152,8 @@ class _Launch:
     async def run(self, stop: asyncio.Event) -> Ending:
         """Start everything, wait for the end, end everything."""
         began = time.perf_counter()
+        if self._plan.network.connect and not await self._seats.await_hub(stop):
+            raise NothingBegunError("swarm: must reach its hub, was asked to end first")
         try:
             await self._start_hub(stop)
             conductor, world, recorder = await self._start_parts(stop)

@@ -1,8 +1,11 @@
 """The places of parts on one network; the keys of a role are read once."""
 
+import asyncio
+
 from neurosnap.fabric.access import Role, role_of
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.lookout import Lookout
+from neurosnap.fabric.reach import reach
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.process import Seat
 
@@ -46,8 +49,27 @@ class Seats:
             self._located,
         )
 
-    def lookout(self, swarm: str) -> Lookout:
+    async def await_hub(self, stop: asyncio.Event) -> bool:
+        """Wait until the hub answers a coordinator, or `stop`; tell whether it did.
+
+        Raises:
+            FabricError: It does not.
+            InvalidValueError: As from `seat`.
+        """
+        who: Role = "coordinator"
+        endpoint = self._network.endpoint(who, self._own)
+        session = await reach(who, endpoint, stop, self._credentials(who))
+        if session is None:
+            return False
+        await asyncio.to_thread(session.close)
+        return True
+
+    def lookout(self, swarm: str, stop: asyncio.Event) -> Lookout:
         """Return a lookout for the swarms of an id, to be entered.
+
+        Args:
+            swarm: The id.
+            stop: Ends the wait for the hub.
 
         Raises:
             InvalidValueError: As from `seat`.
@@ -55,6 +77,7 @@ class Seats:
         return Lookout(
             swarm,
             self._network.endpoint("watcher", self._own),
+            stop=stop,
             credentials=self._credentials("watcher"),
             insecure=self._network.insecure,
         )

@@ -83,7 +83,7 @@ async def serve(
     host = _Host(share, seats, stop)
     wait = None if restart == "always" else patience
     trouble = ""
-    async with seats.lookout(swarm) as lookout:
+    async with seats.lookout(swarm, stop) as lookout:
         while True:
             try:
                 seen = await lookout.next(stop, wait)

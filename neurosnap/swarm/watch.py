@@ -54,7 +54,7 @@ async def watch(
     """
     seen_one = False
     seats = Seats(network)
-    async with seats.lookout(swarm) as lookout:
+    async with seats.lookout(swarm, stop) as lookout:
         while True:
             try:
                 seen = await lookout.next(stop, patience)

@@ -1,0 +1,128 @@
+"""Verbs that connect to a hub which is not there, or not yet, or lets nobody in."""
+
+import asyncio
+import logging
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from neurosnap.errors import FabricError
+from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.reach import reach
+
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
+
+PATH = "neurosnap/Path-v0"
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """Where nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def waiting(
+    endpoint: str, folder: Path, *line: object
+) -> Iterator["subprocess.Popen[str]"]:
+    """A verb that has said that it waits for a hub, and only once."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "neurosnap", *map(str, line), "--connect", endpoint],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            assert process.stderr is not None
+            said = ""
+            while "waiting for" not in said:
+                said = process.stderr.readline()
+                assert said, process.wait()
+            where = f"a hub at {endpoint}: start one with"
+            assert said == f"waiting for {where} `neurosnap hub --listen {endpoint}`\n"
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize(
+    ("line", "number", "code"),
+    [
+        (("run", PATH, "--ticks", 3), signal.SIGINT, 130),
+        (("coordinate", PATH, "--swarm", "demo"), signal.SIGTERM, 130),
+        (("record", "demo"), signal.SIGINT, 0),
+        (("watch", "demo"), signal.SIGHUP, 0),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else str(value),
+)
+def test_who_waits_for_a_hub_says_so_and_ends_at_once(
+    line: tuple[object, ...],
+    number: signal.Signals,
+    code: int,
+    endpoint: str,
+    tmp_path: Path,
+) -> None:
+    with waiting(endpoint, tmp_path, *line) as process:
+        process.send_signal(number)
+        said = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert "error" not in "".join(said)
+    assert not list(tmp_path.rglob("*.mcap"))
+
+
+@pytest.mark.timeout(120)
+def test_a_run_goes_on_once_its_hub_is_there(endpoint: str, tmp_path: Path) -> None:
+    line = ("run", PATH, "--ticks", 3, "--set", "places=4", "--out", "a.mcap")
+    with waiting(endpoint, tmp_path, *line) as process:
+        hub = open_hub([endpoint], 20)
+        try:
+            _, said = process.communicate(timeout=90)
+        finally:
+            hub.close()
+    assert (process.returncode, said) == (0, "")
+    assert (tmp_path / "a.mcap").is_file()
+
+
+async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("neurosnap.fabric.reach._SAID_AFTER", 0.0)
+    refused = asyncio.Event()
+
+    def refuse(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.close()
+
+    class Told(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            refused.set()
+
+    logger = logging.getLogger("neurosnap.fabric.reach")
+    told = Told()
+    logger.addHandler(told)
+    try:
+        async with await asyncio.start_server(refuse, "127.0.0.1", 0) as server:
+            port = server.sockets[0].getsockname()[1]
+            where = f"tcp/127.0.0.1:{port}"
+            assert await reach("watcher", where, refused) is None
+    finally:
+        logger.removeHandler(told)
+    assert caplog.messages == [
+        f"waiting for the hub at {where}: what listens there does not let us in;"
+        " a hub's own log says why"
+    ]
+
+
+async def test_patience_ends(endpoint: str) -> None:
+    rule = rf"^watcher: must reach the hub at {endpoint}, got Unable to connect"
+    with pytest.raises(FabricError, match=rule):
+        await reach("watcher", endpoint, asyncio.Event(), patience=0.0)
