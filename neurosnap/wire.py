@@ -6,11 +6,15 @@ has a default, and `SCHEMA` grows with every change that an older reader could n
 follow. Literals are numbered as in `neurosnap.sensorium`; bit strings are packed with
 the lowest bit first and travel as base64.
 
-Which process sent a message follows from the message itself (`sender`). The sender's
-running number and clock travel beside the payload (`Delivery`), so that completeness
-can be proved without a word about it in the messages.
+Which process sent a message follows from its key alone. A topic is one role's to say,
+and a topic that several parts say ends its key with the part: ``leave/cell/3``,
+``excite/7/cell/3``. So whoever lets a part use certain keys decides for whom it can
+speak, and `decode` refuses a payload that names another. The sender's running number
+and clock travel beside the payload (`Delivery`), so that completeness can be proved
+without a word about it in the messages.
 """
 
+import re
 import struct
 from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -22,6 +26,7 @@ SCHEMA = 2
 ROOT = "neurosnap"
 
 _LARGEST = 2**31 - 1
+_PART = re.compile(r"[a-z]{1,20}(/[a-z0-9]{1,20})?")
 Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
 Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]
@@ -143,13 +148,12 @@ class Pulse(_Message, frozen=True, tag="pulse"):
     @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
-        return f"{'inhibit' if self.target & 1 else 'excite'}/{self.target >> 1}"
+        topic = "inhibit" if self.target & 1 else "excite"
+        return f"{topic}/{self.target >> 1}/cell/{self.source >> 1}"
 
 
 class Settled(_Message, frozen=True, tag="settled"):
     """A cell's report on one wave: what fired since its last, and credit given back."""
-
-    _key: ClassVar[str] = "settle"
 
     wave: Numbered
     """The wave it belongs to."""
@@ -172,6 +176,11 @@ class Settled(_Message, frozen=True, tag="settled"):
     def sender(self) -> str:
         """Who sent it."""
         return f"cell/{self.cell}"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"settle/cell/{self.cell}"
 
 
 class Loom(_Message, frozen=True, tag="loom"):
@@ -228,13 +237,11 @@ class Burst(_Message, frozen=True, tag="burst"):
     @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
-        return f"burst/{self.to}"
+        return f"burst/{self.to}/worker/{self.worker}"
 
 
 class Tally(_Message, frozen=True, tag="tally"):
     """A worker's report on one wave, for all its cells; see `Settled`."""
-
-    _key: ClassVar[str] = "tally"
 
     wave: Numbered
     """The wave it belongs to."""
@@ -258,6 +265,11 @@ class Tally(_Message, frozen=True, tag="tally"):
     def sender(self) -> str:
         """Who sent it."""
         return f"worker/{self.worker}"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"tally/worker/{self.worker}"
 
 
 class State(_Message, frozen=True, tag="state"):
@@ -393,8 +405,6 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
 class Fault(_Message, frozen=True, tag="fault"):
     """Somebody met a message that is bad or unexpected, and dropped it."""
 
-    _key: ClassVar[str] = "fault"
-
     who: str
     """The part that met it, as in `Message.sender`."""
     what: str
@@ -405,11 +415,14 @@ class Fault(_Message, frozen=True, tag="fault"):
         """Who sent it."""
         return self.who
 
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"fault/{self.who}"
+
 
 class Leave(_Message, frozen=True, tag="leave"):
     """A part's last message. Whoever has it and all before it has everything."""
-
-    _key: ClassVar[str] = "leave"
 
     who: str
     """The part that leaves."""
@@ -418,6 +431,11 @@ class Leave(_Message, frozen=True, tag="leave"):
     def sender(self) -> str:
         """Who sent it."""
         return self.who
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"leave/{self.who}"
 
 
 Message: TypeAlias = (
@@ -485,7 +503,8 @@ def decode(key: str, payload: bytes) -> Message:
     """Return the message in `payload`, which came under `key`.
 
     Raises:
-        MessageError: It is no message of this protocol, or belongs under another key.
+        MessageError: It is no message of this protocol, belongs under another key, as
+            what another part says does, or names no part as its sender.
     """
     try:
         message = _decoder.decode(payload)
@@ -495,7 +514,18 @@ def decode(key: str, payload: bytes) -> Message:
         raise MessageError(
             f"{key}: must hold its own messages, got one for {message.key}"
         )
+    if isinstance(message, Fault | Leave) and not is_part(message.who):
+        rule = "must be of a part such as cell/3"
+        raise MessageError(f"{key}: {rule}, got {message.who:.40}")
     return message
+
+
+def is_part(who: str) -> bool:
+    """Tell whether `who` can be a part's name, as in ``cell/3``.
+
+    Only then can it stand in a key: there a ``*`` would be anybody.
+    """
+    return _PART.fullmatch(who) is not None
 
 
 def topic(key: str) -> str:
@@ -503,15 +533,37 @@ def topic(key: str) -> str:
     return key.partition("/")[0]
 
 
-def cell_keys(cell: int) -> tuple[str, ...]:
-    """Return the key expressions a cell listens to."""
-    own = ("wiring", "wave", "excite", "inhibit")
-    return ("observe", "wave", *(f"{topic}/{cell}" for topic in own))
+COORDINATOR_KEYS = ("observe", "settle/**", "tally/**", "fault/**", "leave/**")
+"""The key expressions a coordinator listens to."""
 
 
-def worker_keys(worker: int) -> tuple[str, ...]:
-    """Return the key expressions a worker listens to."""
-    return ("observe", f"loom/{worker}", "wave", f"burst/{worker}")
+def cell_keys(cell: int | str) -> tuple[str, ...]:
+    """Return the key expressions a cell listens to; ``*``: any cell."""
+    told = tuple(f"{topic}/{cell}" for topic in ("wiring", "wave"))
+    pulses = tuple(f"{topic}/{cell}/**" for topic in ("excite", "inhibit"))
+    return ("observe", "wave", *told, *pulses)
+
+
+def worker_keys(worker: int | str) -> tuple[str, ...]:
+    """Return the key expressions a worker listens to; ``*``: any worker."""
+    return ("observe", f"loom/{worker}", "wave", f"burst/{worker}/**")
+
+
+_BETWEEN = frozenset({"excite", "inhibit", "burst"})
+_OF_MANY = _BETWEEN | {"settle", "tally", "fault", "leave"}
+
+
+def said_by(who: str, topic: str) -> str:
+    """Return the key expression of all that a part can say on a topic.
+
+    Args:
+        who: The part; ``cell/*`` is any cell. On a topic that is one part's alone it
+            does not matter.
+        topic: One of `TOPICS`.
+    """
+    if topic in _BETWEEN:
+        return f"{topic}/*/{who}"
+    return f"{topic}/{who}" if topic in _OF_MANY else f"{topic}/**"
 
 
 def numbers(name: str, data: bytes) -> tuple[int, ...]:

@@ -91,14 +91,21 @@ class Decode:
 
     def __init__(self, honest: Honest) -> None:
         self._honest = honest.deliveries
-        self._keys = [*wire.TOPICS, "wave/1", "excite/0", "wiring/3", "x" * 9000, "/"]
+        self._keys = [
+            *wire.TOPICS,
+            "wave/1",
+            "excite/0/cell/1",
+            "wiring/3",
+            "x" * 9000,
+            "/",
+        ]
 
     def round(self, chance: random.Random, count: Count) -> None:
         """Damage payloads, and hand them over under some key."""
         hub = MemoryHub()
         part = hub.fabric("cell/1")
         faults: list[wire.Delivery] = []
-        hub.fabric("ear").listen(("fault",), faults.extend)
+        hub.fabric("ear").listen(("fault/**",), faults.extend)
         for _ in range(250):
             first, other = (wire.encode(message(chance)) for _ in range(2))
             if chance.random() < 0.3:

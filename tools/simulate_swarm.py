@@ -139,8 +139,7 @@ class Life:
         self._listen("world", world.topics, answer)
         for number, who in enumerate(self._hosts):
             self._host(number, who)
-        topics = ("observe", "settle", "tally", "fault", "leave")
-        self._listen("coordinator", topics, self._conduct)
+        self._listen("coordinator", wire.COORDINATOR_KEYS, self._conduct)
         self._hub.fabric("recorder").listen(("**",), self._recorder.hear)
 
     def _host(self, number: int, who: str) -> None:

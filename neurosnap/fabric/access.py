@@ -1,12 +1,12 @@
 """Who may say and hear what in a swarm: one table, and the hub's access list from it.
 
-Whatever the table does not allow is denied, to known roles and to strangers. A role is
+Whatever the table does not allow is denied, to known names and to strangers. A name is
 the common name of a certificate, so the list means something under mutual TLS only. It
-tells roles apart and not the parts of one role: a cell cannot rewire anybody, but it
-can send what any other cell may send, and say any part's last word (``leave``).
+is a part's, ``cell/3``, which can speak for that part alone; or a role's, ``cell``,
+which can speak for any cell, and for nobody of another role.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from neurosnap import wire
@@ -30,9 +30,12 @@ class Rights(NamedTuple):
     publishes: tuple[str, ...] = ()
     """Topics it may send to."""
     reads: tuple[str, ...] = ()
-    """Topics it may listen to; `ALL` also allows one subscription to everything."""
-    announces: tuple[str, ...] = ()
-    """Names it may show as alive, and the place of, as key expressions."""
+    """Topics it may listen to, a cell or a worker to what is for it; `ALL` also allows
+    one subscription to everything."""
+    announces: bool = False
+    """It may show itself as alive, and where."""
+    plays: bool = False
+    """It may say what others said."""
     watches: bool = False
     """It may follow who is alive, and where."""
     briefs: bool = False
@@ -49,35 +52,33 @@ def _topics(keys: Iterable[str]) -> tuple[str, ...]:
 
 
 RIGHTS: dict[Role, Rights] = {
-    # Plays recordings back, over a session beside the router's own.
-    "hub": Rights(publishes=ALL),
+    # Plays recordings back as whoever spoke, over a session beside the router's own.
+    "hub": Rights(publishes=ALL, plays=True),
     "coordinator": Rights(
         publishes=(
             *("wiring", "loom", "wave", "state", "reach", "decide"),
             *("keyframe", "anomaly", "fault", "leave"),
         ),
-        reads=("observe", "settle", "tally", "fault", "leave"),
-        announces=("coordinator",),
+        reads=_topics(wire.COORDINATOR_KEYS),
+        announces=True,
         watches=True,
         briefs=True,
     ),
     "world": Rights(
         publishes=("observe", "fault", "leave"),
         reads=("state", "decide", READING),
-        announces=("world",),
+        announces=True,
     ),
-    "recorder": Rights(
-        publishes=("fault",), reads=ALL, announces=("recorder",), watches=True
-    ),
+    "recorder": Rights(publishes=("fault",), reads=ALL, announces=True, watches=True),
     "cell": Rights(
         publishes=("excite", "inhibit", "settle", "fault", "leave"),
-        reads=_topics(wire.cell_keys(0)),
-        announces=("cell/*",),
+        reads=_topics(wire.cell_keys("*")),
+        announces=True,
     ),
     "worker": Rights(
         publishes=("burst", "tally", "fault", "leave"),
-        reads=_topics(wire.worker_keys(0)),
-        announces=("worker/*",),
+        reads=_topics(wire.worker_keys("*")),
+        announces=True,
     ),
     # Looks on, and leaves no trace.
     "watcher": Rights(reads=ALL, watches=True, asks=True),
@@ -96,6 +97,8 @@ FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that nobody has it."""
 
 _EVERY = f"{wire.ROOT}/*/"  # below any swarm's prefix
+_MANY = ("cell", "worker")  # roles of which there are many parts
+_EVERY_ROLE: dict[str, str] = {role: role for role in ROLES}
 
 
 def role_of(who: str) -> Role:
@@ -111,36 +114,54 @@ def role_of(who: str) -> Role:
     raise InvalidValueError("part", f"must be of {', '.join(ROLES)}", who)
 
 
-def access_list() -> dict[str, object]:
+def parts_of(name: str) -> str:
+    """Return whom a certificate may speak for: a part, or all parts of a role.
+
+    Args:
+        name: Whose the certificate is, ``cell/3`` or ``cell``.
+
+    Raises:
+        InvalidValueError: There is no such role.
+    """
+    return f"{name}/*" if role_of(name) in _MANY and "/" not in name else name
+
+
+def access_list(names: Mapping[str, str] = _EVERY_ROLE) -> dict[str, object]:
     """Return Zenoh's ``access_control``: `RIGHTS`, and nothing else.
 
-    A flow is seen from the hub: what comes in was sent or asked for by the role, what
-    goes out is what the role gets. A rule's key has to include the key in question.
+    A flow is seen from the hub: what comes in was sent or asked for by the part, what
+    goes out is what the part gets. A rule's key has to include the key in question.
+
+    Args:
+        names: Whose each certificate is, by its common name; no other is accepted.
     """
     rules: list[dict[str, object]] = []
     policies: list[dict[str, object]] = []
-    for role, rights in RIGHTS.items():
-        own = list(_rules(role, rights))
+    for common_name, name in names.items():
+        own = list(_rules(common_name, parts_of(name)))
         rules += own
-        policies.append({"rules": [rule["id"] for rule in own], "subjects": [role]})
+        ids = [rule["id"] for rule in own]
+        policies.append({"rules": ids, "subjects": [common_name]})
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [{"id": role, "cert_common_names": [role]} for role in RIGHTS],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in names],
         "policies": policies,
     }
 
 
-def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
-    """Yield the rules of one role."""
-    reads = ("**",) if rights.reads == ALL else _below(rights.reads)
-    alive = tuple(f"alive/{who}" for who in rights.announces)
-    places = tuple(f"{PLACE}/{who}/*/*" for who in rights.announces)
+def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
+    """Yield the rules for a certificate that speaks for `who`."""
+    rights = RIGHTS[role_of(who)]
+    speaker = "**" if rights.plays else who
+    publishes = tuple(wire.said_by(speaker, topic) for topic in rights.publishes)
+    reads = _read_by(who, rights)
+    alive = (f"alive/{who}",) if rights.announces else ()
+    places = (f"{PLACE}/{who}/*/*",) if rights.announces else ()
     everybody = ("alive/**", f"{PLACE}/**") if rights.watches else ()
     answers = (BRIEF,) if rights.briefs else ()
     asks = (BRIEF,) if rights.asks else ()
-    publishes = _below(rights.publishes)
     for message, flow, keys in (
         ("put", "ingress", publishes),
         ("declare_subscriber", "egress", publishes if rights.told else ()),
@@ -158,7 +179,7 @@ def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
     ):
         if keys:
             yield {
-                "id": f"{role} {message} {flow}",
+                "id": f"{common_name} {message} {flow}",
                 "permission": "allow",
                 "messages": [message],
                 "flows": [flow],
@@ -166,6 +187,13 @@ def _rules(role: Role, rights: Rights) -> Iterator[dict[str, object]]:
             }
 
 
-def _below(topics: Sequence[str]) -> tuple[str, ...]:
-    """Return key expressions for `topics`: the topic itself, and what is below it."""
-    return tuple(f"{topic}/**" for topic in topics)
+def _read_by(who: str, rights: Rights) -> tuple[str, ...]:
+    """Return the key expressions of what a part may listen to."""
+    kind, _, number = who.partition("/")
+    if kind == "cell":
+        return wire.cell_keys(number)
+    if kind == "worker":
+        return wire.worker_keys(number)
+    if rights.reads == ALL:
+        return ("**",)
+    return tuple(f"{topic}/**" for topic in rights.reads)

@@ -130,6 +130,10 @@ async def play(
             await asyncio.sleep(0)
         if stop.is_set():
             break
+        if not wire.is_part(
+            message.sender
+        ):  # a stranger's, recorded once: it has no key
+            continue
         fabric.forward(recorded.delivery)
         played.messages += 1
     played.seconds = time.perf_counter() - began

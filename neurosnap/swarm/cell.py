@@ -138,7 +138,7 @@ class Cell:
                     return f"wiring: must have up to {DEEPEST} targets, got {most}"
                 return wrong_number("wiring: epoch", message.epoch, self._fence)
             case _:
-                return f"{message.key}: is not for a cell"
+                return f"{wire.topic(message.key)}: is not for a cell"
 
     def _wrong_start(self, start: wire.WaveStart) -> str | None:
         if start.cell not in (-1, self.cell):

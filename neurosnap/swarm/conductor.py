@@ -167,7 +167,9 @@ class Conductor:
         if wave is None:
             if report.wave >= self._next:
                 rule = f"must be on a wave up to {self._next - 1}"
-                raise MessageError(f"{report.key}: {rule}, got {report.wave}")
+                raise MessageError(
+                    f"{wire.topic(report.key)}: {rule}, got {report.wave}"
+                )
             return None
         self._wires.check_epoch(report, cells)
         if isinstance(report, wire.Tally):

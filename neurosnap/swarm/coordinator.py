@@ -214,7 +214,9 @@ class Coordinator:
                 self.totals.faults += 1
                 return []
             case _:
-                return [_fault(f"{message.key}: is not for the coordinator")]
+                return [
+                    _fault(f"{wire.topic(message.key)}: is not for the coordinator")
+                ]
 
     def overdue(self, number: int) -> list[wire.Message]:
         """Send wave `number` again, since it has not settled within its deadline.

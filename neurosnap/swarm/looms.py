@@ -119,7 +119,9 @@ class WorkerWires:
         """Return the cells of the worker whose report it is."""
         if isinstance(report, wire.Settled) or report.worker >= len(self._hosted):
             got = report.sender.replace("/", " ")
-            raise MessageError(f"{report.key}: must be a worker's, got {got}")
+            raise MessageError(
+                f"{wire.topic(report.key)}: must be a worker's, got {got}"
+            )
         return self._hosted[report.worker]
 
     def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:

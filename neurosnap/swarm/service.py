@@ -30,6 +30,7 @@ from neurosnap.swarm.supervision import RestartKind
 from neurosnap.swarm.supervisor import Child, Supervisor, allow_files
 
 _GRACE = 10.0  # seconds a part may take to end
+_LAST_WORDS = ("fault/coordinator", "leave/coordinator")
 _LAST_WORD = 0.5  # seconds a coordinator's last word may come after it has gone
 
 
@@ -128,7 +129,7 @@ class _Host:
         """
         ending = _Ending()
         async with self._seats.seat("watcher", seen.name).fabric() as fabric:
-            await fabric.subscribe(("fault", "leave"), ending.handle)
+            await fabric.subscribe(_LAST_WORDS, ending.handle)
             content = await fabric.ask()
             if content is None:
                 return Served(seen.name, "its coordinator vanished", {})

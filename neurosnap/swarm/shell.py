@@ -92,9 +92,7 @@ async def conduct(
     """
     shell = _Shell(core, fabric, deadline, Answer(answer), on_progress, parts)
     presence = _Presence(parts, fabric, shell)
-    await fabric.subscribe(
-        ("observe", "settle", "tally", "fault", "leave"), shell.handle
-    )
+    await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
     await fabric.watch(presence.change)
     await fabric.announce()
     serving = asyncio.create_task(fabric.serve(shell.over), name="conduct/serve")

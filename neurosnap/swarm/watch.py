@@ -91,13 +91,13 @@ async def _look_on(
                         tell(anomaly)
                     case wire.Anomaly() as anomaly:
                         early.append(anomaly)
-                    case wire.Leave(who="coordinator"):
+                    case wire.Leave():
                         over.set()
                     case _:
                         pass
 
     async with seats.seat("watcher", seen.name).fabric() as fabric:
-        await fabric.subscribe(("anomaly", "leave"), handle)
+        await fabric.subscribe(("anomaly", "leave/coordinator"), handle)
         content = await fabric.ask()
         if content is None:
             return False

@@ -123,7 +123,7 @@ class Wave:
             missing -= 1 << (scale - exponent)
         if missing < 0:
             raise MessageError(
-                f"{report.key}: must give back at most the credit given out, got"
+                f"{wire.topic(report.key)}: must give back at most the credit given out, got"
                 f" {_named(report)}, credit {list(report.credit)!r:.{_SHOWN}}"
             )
         self._scale, self._missing = scale, missing
@@ -147,7 +147,7 @@ class Wave:
         most = max(report.part, each, *hops, *credit, len(credit))
         if not credit or most > DEEPEST:
             raise MessageError(
-                f"{report.key}: must give back credit, and hold numbers up to {DEEPEST},"
+                f"{wire.topic(report.key)}: must give back credit, and hold numbers up to {DEEPEST},"
                 f" got {_named(report)}, {len(credit)} shares, largest {most}"
             )
         # Without a loop of its own: a worker reports a hundred thousand at once. Most
@@ -158,7 +158,7 @@ class Wave:
             or (literals and not self._is_new(literals, hops, cells))
         ):
             raise MessageError(
-                f"{report.key}: must report on wave {self.number}, own literals, each"
+                f"{wire.topic(report.key)}: must report on wave {self.number}, own literals, each"
                 f" once, got {report!r:.{_SHOWN}}"
             )
 

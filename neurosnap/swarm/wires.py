@@ -186,7 +186,9 @@ class CellWires:
     def cells_of(self, report: wire.Settled | wire.Tally) -> range:
         """Return the one cell that a report speaks for."""
         if isinstance(report, wire.Tally) or report.cell >= len(self._told):
-            raise MessageError(f"{report.key}: must be a cell's, got {_sender(report)}")
+            raise MessageError(
+                f"{wire.topic(report.key)}: must be a cell's, got {_sender(report)}"
+            )
         return range(report.cell, report.cell + 1)
 
     def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
@@ -229,7 +231,7 @@ def outdated(report: wire.Settled | wire.Tally, told: int) -> MessageError:
     """Return the error for a report by other edges than those of epoch `told`."""
     rule = f"must be by the wiring in force, of epoch {told}"
     got = f"got epoch {report.epoch} from {_sender(report)}"
-    return MessageError(f"{report.key}: {rule}, {got}")
+    return MessageError(f"{wire.topic(report.key)}: {rule}, {got}")
 
 
 def members(sets: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -117,7 +117,7 @@ class Worker:
                 self._advance(out)
                 self._rewire(message)
             case _:
-                raise MessageError(f"{message.key}: is not for a worker")
+                raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
 
     # Waves -------------------------------------------------------------------------
 

@@ -56,7 +56,7 @@ def meaning(recording: Recording) -> dict[str, Any]:
         "completeness": recording.completeness(),
         "messages": [
             {
-                "key": recorded.message.key,
+                "topic": wire.topic(recorded.message.key),
                 "sender": recorded.message.sender,
                 "sequence": recorded.sequence,
                 "sent": recorded.sent,

@@ -43,13 +43,14 @@ KEYS: dict[str, list[str]] = {
     "wiring/1": ["cell/1"],
     "wave": CELLS,
     "wave/2": ["cell/2"],
-    "excite/0": ["cell/0"],
-    "inhibit/3": ["cell/3"],
-    "settle": ["coordinator"],
-    "tally": ["coordinator"],
+    "excite/0/cell/1": ["cell/0"],
+    "inhibit/3/cell/1": ["cell/3"],
+    **{topic: ["coordinator"] for topic in ("settle", "tally", "fault", "leave")},
+    "settle/cell/1": ["coordinator"],
+    "tally/worker/0": ["coordinator"],
+    "fault/cell/1": ["coordinator"],
+    "leave/cell/1": ["coordinator"],
     "decide": ["world"],
-    "fault": ["coordinator"],
-    "leave": ["coordinator"],
 }
 """Every topic, for cells a key of one of them, and who reads it and so must report."""
 
@@ -128,7 +129,7 @@ class Stranger:
                 assert isinstance(state, wire.State)
                 if state.tick >= BEGIN:
                     self._begun.set()
-            if delivery.key == "fault" and self._begun.is_set():
+            if wire.topic(delivery.key) == "fault" and self._begun.is_set():
                 self._take(delivery)
         if self._sent and self._faults >= self.expected:
             self._answered.set()

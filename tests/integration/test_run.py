@@ -507,8 +507,8 @@ async def test_what_is_no_message_is_reported_and_counted_once(readings: str) ->
             conduct(core, fabric, stop, parts=[], deadline=10)
         )
         await asyncio.sleep(0)
-        await witness.subscribe(("fault",), lambda _: reported.set())
-        hub.send("stranger", wire.Delivery("settle", 0, 0, b"garbage"))
+        await witness.subscribe(("fault/**",), lambda _: reported.set())
+        hub.send("stranger", wire.Delivery("settle/cell/0", 0, 0, b"garbage"))
         await reported.wait()
         stop.set()
         await conducting

@@ -59,7 +59,7 @@ class Swarm:
         self.world = self.hub.fabric("world")
         self.world.listen(("decide",), self.decided)
         self.end = self.hub.fabric("coordinator")
-        self.end.listen(("observe", "settle", "tally", "fault"), self.hear)
+        self.end.listen(wire.COORDINATOR_KEYS, self.hear)
         if workers:
             wires = WorkerWires(sensors, workers, frame)
             self.core._conductor._wires = wires

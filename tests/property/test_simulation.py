@@ -162,7 +162,7 @@ class Network:
         for who, host in self.hosts.items():
             self._join(who, host)
         self._coordinator = hub.fabric("coordinator")
-        self._coordinator.listen(("settle", "tally", "fault"), self._hear)
+        self._coordinator.listen(("settle/**", "tally/**", "fault/**"), self._hear)
         self._world = hub.fabric("world")
 
     def _join(self, who: str, host: Host) -> None:
@@ -454,7 +454,7 @@ class Simulation:
         self._world = hub.fabric("world")
         self._world.listen(("decide",), self._decided)
         self._end = hub.fabric("coordinator")
-        self._end.listen(("observe", "settle", "tally", "fault"), self._hear)
+        self._end.listen(wire.COORDINATOR_KEYS, self._hear)
         for who, host in hosting(len(rows[0]), workers).items():
             self._join(who, host)
 

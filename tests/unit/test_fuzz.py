@@ -362,13 +362,13 @@ def test_the_deepest_share_counts() -> None:
 def test_a_fault_does_not_repeat_ten_megabytes() -> None:
     hub = MemoryHub()
     part, heard = hub.fabric("cell/1"), list[wire.Delivery]()
-    hub.fabric("ear").listen(("fault",), heard.extend)
+    hub.fabric("ear").listen(("fault/**",), heard.extend)
     large = b'{"type":"' + b"x" * 10_000_000 + b'"}'
     assert decoded(part, [wire.Delivery("wave", 0, 0, large)]) == []
     hub.run()
     (delivery,) = heard
     assert len(delivery.payload) < 500
-    fault = wire.decode("fault", delivery.payload)
+    fault = wire.decode("fault/cell/1", delivery.payload)
     assert isinstance(fault, wire.Fault)
     assert fault.what.startswith("wave: must hold a message, got Invalid value 'xxx")
 

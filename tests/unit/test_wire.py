@@ -1,5 +1,6 @@
 """Every message comes back as it went, and nothing else comes through."""
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec.inspect as kinds
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
+from neurosnap.fabric.memory import matches
 
 KINDS = sorted(set(wire.TOPICS.values()), key=lambda kind: kind.__name__)
 
@@ -38,7 +40,10 @@ def structs(kind: type[wire.Message]) -> st.SearchStrategy[wire.Message]:
     """Draw messages of one kind, all fields given."""
     info = kinds.type_info(kind)
     assert isinstance(info, kinds.StructType)
-    return st.builds(kind, **{f.name: values(f.type) for f in info.fields})
+    fields = {f.name: values(f.type) for f in info.fields}
+    if "who" in fields:
+        fields["who"] = st.from_regex(r"[a-z]{1,20}(/[a-z0-9]{1,20})?", fullmatch=True)
+    return st.builds(kind, **fields)
 
 
 messages = st.one_of([structs(kind) for kind in KINDS])
@@ -71,12 +76,51 @@ def test_a_message_under_another_key_is_refused(
 
 def test_a_pulse_that_excites_is_refused_where_inhibition_travels() -> None:
     payload = wire.encode(wire.Pulse(1, 0, 4, 1, 0))
-    assert wire.decode("excite/2", payload) == wire.Pulse(1, 0, 4, 1, 0)
+    assert wire.decode("excite/2/cell/0", payload) == wire.Pulse(1, 0, 4, 1, 0)
     with pytest.raises(
         MessageError,
-        match=r"^inhibit/2: must hold its own messages, got one for excite/2$",
+        match=r"^inhibit/2/cell/0: must hold its own messages, got one for excite/2/",
     ):
-        wire.decode("inhibit/2", payload)
+        wire.decode("inhibit/2/cell/0", payload)
+
+
+SENT_BY_MANY = [
+    wire.Pulse(wave=1, source=7, target=4, hops=1, credit=0),
+    wire.Settled(1, 3, 0, (6,), (2,), (3,), 1),
+    wire.Burst(1, 3, 1, 0, b"", b"", b"", b""),
+    wire.Tally(1, 3, 0, b"", b"", (0,), 0),
+    wire.Fault("cell/3", "no"),
+    wire.Leave("worker/3"),
+]
+
+
+@pytest.mark.parametrize("message", SENT_BY_MANY, ids=lambda m: type(m).__name__)
+def test_a_payload_that_names_another_sender_than_its_key_is_refused(
+    message: wire.Message,
+) -> None:
+    honest = message.key
+    assert honest.endswith(f"/{message.sender}")
+    assert wire.decode(honest, wire.encode(message)) == message
+    for other in ("cell/4", "worker/4", "coordinator", "cell/*"):
+        key = honest.removesuffix(message.sender) + other
+        with pytest.raises(MessageError, match="must hold its own messages, got one"):
+            wire.decode(key, wire.encode(message))
+
+
+@pytest.mark.parametrize("who", ["*", "cell/*", "**", "", "a//b", "cell/3/", "Cell/3"])
+@pytest.mark.parametrize("kind", [wire.Leave, lambda who: wire.Fault(who, "no")])
+def test_what_is_no_parts_name_is_nobodys(
+    who: str, kind: Callable[[str], wire.Message]
+) -> None:
+    message = kind(who)
+    with pytest.raises(MessageError, match="must be of a part such as cell/3, got"):
+        wire.decode(message.key, wire.encode(message))
+
+
+@given(messages)
+def test_what_a_part_says_is_under_what_it_may_say(message: wire.Message) -> None:
+    may = wire.said_by(message.sender, wire.topic(message.key))
+    assert matches(may, message.key)
 
 
 @given(key=st.text(max_size=20), payload=st.binary(max_size=100))
@@ -132,7 +176,7 @@ def test_a_recording_from_before_there_were_beginnings_is_readable() -> None:
 
 def test_an_unknown_field_is_ignored_so_that_later_schemas_stay_readable() -> None:
     payload = b'{"type":"leave","who":"world","since":7}'
-    assert wire.decode("leave", payload) == wire.Leave("world")
+    assert wire.decode("leave/world", payload) == wire.Leave("world")
 
 
 @given(messages)
@@ -162,10 +206,14 @@ def test_a_cell_listens_to_what_is_for_it_and_to_nothing_else() -> None:
         wire.Pulse(1, 0, 6, 1, 0),
         wire.Pulse(1, 0, 7, 1, 0),
     ]
-    assert {message.key for message in for_it} == keys
-    assert wire.Pulse(1, 0, 8, 1, 0).key not in keys
-    assert wire.Wiring(2, 1, 0).key not in keys
-    assert wire.WaveStart(2, 0, "signal", 0, 1, fence=1, cell=2).key not in keys
+    for message in for_it:
+        assert any(matches(key, message.key) for key in keys)
+    assert not any(matches(key, wire.Pulse(1, 0, 8, 1, 0).key) for key in keys)
+    assert not any(matches(key, wire.Wiring(2, 1, 0).key) for key in keys)
+    assert not any(
+        matches(key, wire.WaveStart(2, 0, "signal", 0, 1, fence=1, cell=2).key)
+        for key in keys
+    )
 
 
 def test_a_worker_listens_to_what_is_for_it_and_to_nothing_else() -> None:
@@ -176,9 +224,12 @@ def test_a_worker_listens_to_what_is_for_it_and_to_nothing_else() -> None:
         wire.WaveStart(1, 0, "signal", 0, 1),
         wire.Burst(1, 0, 1, 0, b"", b"", b"", b""),
     ]
-    assert {message.key for message in for_it} == keys
-    assert wire.Loom(0, 1, 0).key not in keys
-    assert wire.Burst(1, 1, 0, 0, b"", b"", b"", b"").key not in keys
+    for message in for_it:
+        assert any(matches(key, message.key) for key in keys)
+    assert not any(matches(key, wire.Loom(0, 1, 0).key) for key in keys)
+    assert not any(
+        matches(key, wire.Burst(1, 1, 0, 0, b"", b"", b"", b"").key) for key in keys
+    )
 
 
 @given(st.lists(st.integers(-(2**31), 2**31 - 1), max_size=20))

@@ -1,6 +1,6 @@
 """The access list says what the table says, and the table what the wire needs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import pytest
 import zenoh
@@ -24,22 +24,28 @@ PREFIX = f"{wire.ROOT}/5eed/"
 KEYS = {
     "observe": "observe",
     "wiring": "wiring/3",
-    "wave": "wave/3",
-    "excite": "excite/3",
-    "inhibit": "inhibit/3",
-    "settle": "settle",
+    "wave": "wave",
+    "excite": "excite/3/{}",
+    "inhibit": "inhibit/3/{}",
+    "settle": "settle/{}",
     "state": "state",
     "reach": "reach",
     "decide": "decide",
     "keyframe": "keyframe",
-    "fault": "fault",
-    "leave": "leave",
+    "fault": "fault/{}",
+    "leave": "leave/{}",
     "loom": "loom/3",
-    "burst": "burst/3",
-    "tally": "tally",
+    "burst": "burst/3/{}",
+    "tally": "tally/{}",
     "anomaly": "anomaly",
 }
-"""A key of every topic."""
+"""A key of every topic, with room for who says it."""
+
+PARTS = ("hub", "coordinator", "world", "recorder", "cell/3", "worker/3", "watcher")
+"""A part of every role that shows who it is; `sensor` has none."""
+MANY = ("cell", "worker")
+NAMES = {name: name for name in (*PARTS, "cell/4", "worker/4", "sensor")}
+"""A certificate a part."""
 
 MESSAGES = (
     *("put", "delete", "declare_subscriber", "query", "declare_queryable", "reply"),
@@ -47,9 +53,11 @@ MESSAGES = (
 )
 
 
-def granted(role: str) -> Iterator[tuple[str, str, str]]:
-    """Yield (message, flow, key expression) of what the list allows a role."""
-    rights = access_list()
+def granted(
+    name: str, names: Mapping[str, str] | None = None
+) -> Iterator[tuple[str, str, str]]:
+    """Yield (message, flow, key expression) of what the list allows a certificate."""
+    rights = access_list() if names is None else access_list(names)
     assert rights["enabled"] is True
     assert rights["default_permission"] == "deny"
     subjects, policies, rules = (
@@ -58,13 +66,13 @@ def granted(role: str) -> Iterator[tuple[str, str, str]]:
     assert isinstance(subjects, list)
     assert isinstance(policies, list)
     assert isinstance(rules, list)
-    (subject,) = [s["id"] for s in subjects if s["cert_common_names"] == [role]]
+    (subject,) = [s["id"] for s in subjects if s["cert_common_names"] == [name]]
     by_id = {rule["id"]: rule for rule in rules}
     assert len(by_id) == len(rules)
     for policy in policies:
         if subject in policy["subjects"]:
-            for name in policy["rules"]:
-                rule = by_id[name]
+            for rule_id in policy["rules"]:
+                rule = by_id[rule_id]
                 assert rule["permission"] == "allow"
                 for message in rule["messages"]:
                     for flow in rule["flows"]:
@@ -72,12 +80,18 @@ def granted(role: str) -> Iterator[tuple[str, str, str]]:
                             yield message, flow, key
 
 
-def allows(role: str, message: str, flow: str, key: str) -> bool:
+def allows(
+    name: str,
+    message: str,
+    flow: str,
+    key: str,
+    names: Mapping[str, str] | None = None,
+) -> bool:
     """Decide as the hub does: a rule's key must include the one in question."""
     return any(
         (what, way) == (message, flow)
         and zenoh.KeyExpr(expression).includes(zenoh.KeyExpr(PREFIX + key))
-        for what, way, expression in granted(role)
+        for what, way, expression in granted(name, names)
     )
 
 
@@ -104,9 +118,67 @@ def test_a_role_may_do_what_the_table_says_and_nothing_else(
         (message, flow)
         for message in MESSAGES
         for flow in ("ingress", "egress")
-        if allows(role, message, flow, KEYS[topic])
+        if allows(role, message, flow, KEYS[topic].format(part_of(role)))
     }
     assert found == wanted
+
+
+def part_of(role: str) -> str:
+    return f"{role}/3" if role in MANY else role
+
+
+def speakers(topic: str, names: Mapping[str, str] | None) -> set[tuple[str, str]]:
+    """Return who may say what as whom: (whose certificate, the sender in the key)."""
+    return {
+        (name, who)
+        for name in (names or ROLES)
+        for who in (*PARTS, "cell/4", "worker/4", "**", "cell/*", "worker/*")
+        if name != "hub"  # plays back what any of them said
+        and allows(name, "put", "ingress", KEYS[topic].format(who), names)
+    }
+
+
+@pytest.mark.parametrize("topic", [topic for topic in KEYS if "{}" in KEYS[topic]])
+def test_a_part_speaks_for_itself_alone(topic: str) -> None:
+    found = speakers(topic, NAMES)
+    assert found == {
+        (name, name) for name in NAMES if topic in RIGHTS[role_of(name)].publishes
+    } - {("hub", "hub")}
+    assert found
+
+
+@pytest.mark.parametrize("topic", [topic for topic in KEYS if "{}" in KEYS[topic]])
+def test_a_role_speaks_for_its_parts_and_for_nobody_of_another_role(topic: str) -> None:
+    found = speakers(topic, None)
+    assert {role_of(who) == name for name, who in found} == {True}
+    for role in MANY:
+        if topic in RIGHTS[role].publishes:  # type: ignore[index]
+            assert {(role, f"{role}/3"), (role, f"{role}/4")} <= found
+
+
+@pytest.mark.parametrize(
+    ("mine", "others"), [("cell/3", "cell/4"), ("worker/3", "worker/4")]
+)
+def test_a_part_hears_what_is_for_it_alone(mine: str, others: str) -> None:
+    heard = {"cell": wire.cell_keys, "worker": wire.worker_keys}[role_of(mine)]
+    for key in heard(3):
+        assert allows(mine, "declare_subscriber", "ingress", key, NAMES)
+    for key in set(heard(4)) - set(heard(3)):
+        assert allows(others, "declare_subscriber", "ingress", key, NAMES)
+        assert not allows(mine, "declare_subscriber", "ingress", key, NAMES)
+        assert not allows(mine, "put", "egress", key.replace("**", "cell/9"), NAMES)
+
+
+def test_a_part_shows_as_itself_alone() -> None:
+    for name in NAMES:
+        shown = {
+            who
+            for who in PARTS
+            if allows(name, "liveliness_token", "ingress", f"alive/{who}", NAMES)
+        }
+        assert shown == ({name} if RIGHTS[role_of(name)].announces else set()) & {
+            *PARTS
+        }
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -208,6 +280,7 @@ def test_a_sensor_is_told_of_who_listens_to_readings_and_to_nothing_else() -> No
         allows("sensor", "declare_subscriber", flow, key)
         for flow in ("ingress", "egress")
         for key in KEYS.values()
+        if "{}" not in key
     )
 
 

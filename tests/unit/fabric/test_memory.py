@@ -149,7 +149,7 @@ def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None
 def test_an_answer_that_never_ends_is_noticed() -> None:
     hub = MemoryHub()
     end = hub.fabric("echo")
-    end.listen(("leave",), lambda _: end.publish(wire.Leave("echo")))
+    end.listen(("leave/**",), lambda _: end.publish(wire.Leave("echo")))
     end.publish(wire.Leave("echo"))
     with pytest.raises(
         RuntimeError, match=r"^hub: must fall silent within 50 deliveries$"
@@ -280,7 +280,7 @@ async def test_where_a_loop_runs_the_hub_delivers_by_itself() -> None:
             heard.set()
 
     async with hub.fabric("listener") as end:
-        await end.subscribe(("leave",), note)
+        await end.subscribe(("leave/**",), note)
         chatter(hub, senders=1, each=1000)
         assert log == []  # never within `publish`
         async with asyncio.timeout(PATIENCE):
@@ -293,7 +293,7 @@ async def test_other_tasks_get_their_turn_in_a_flood() -> None:
     stop = asyncio.Event()
 
     async with hub.fabric("echo") as end:
-        await end.subscribe(("leave",), lambda _: end.publish(wire.Leave("echo")))
+        await end.subscribe(("leave/**",), lambda _: end.publish(wire.Leave("echo")))
         end.publish(wire.Leave("echo"))
         asyncio.get_running_loop().call_later(0.01, stop.set)
         async with asyncio.timeout(PATIENCE):

@@ -42,7 +42,7 @@ def test_a_message_of_each_kind_comes_back_as_it_was(path: Path, topic: str) -> 
 
 def test_payloads_come_back_byte_for_byte(path: Path) -> None:
     spaced = b' {"wave": 1,  "type":"pulse", "source":7,"target":4,"hops":1,"credit":3}'
-    record(path, [wire.Delivery("excite/2", 0, NOW, spaced)])
+    record(path, [wire.Delivery("excite/2/cell/3", 0, NOW, spaced)])
     (read,) = Recording.open(path).messages()
     assert read.payload == spaced
 

@@ -83,7 +83,7 @@ async def test_who_comes_back_later_is_there_again(tmp_path: Path) -> None:
 async def test_only_what_is_written_counts(tmp_path: Path) -> None:
     log, hub = tmp_path / "log.mcap", MemoryHub()
     faults: list[wire.Delivery] = []
-    hub.fabric("ear").listen(("fault",), faults.extend)
+    hub.fabric("ear").listen(("fault/**",), faults.extend)
     state, leave = EACH["state"], wire.Leave("world")
     assert isinstance(state, wire.State)
     with Parts(log, {}) as writer:
@@ -95,16 +95,16 @@ async def test_only_what_is_written_counts(tmp_path: Path) -> None:
             ]
         )
         hub.run()
-        assert [wire.decode("fault", one.payload) for one in faults] == [
+        assert [wire.decode("fault/recorder", one.payload) for one in faults] == [
             wire.Fault("recorder", f"{key}: must hold a message that can be recorded")
-            for key in ("state", "leave")
+            for key in ("state", "leave/world")
         ]
         assert listener.totals() == {"ticks": "0"}
         assert listener.expected() == {"world": 1, "cell/0": 1}
         listener.handle(
             [
                 wire.Delivery("state", 0, 0, wire.encode(state)),
-                wire.Delivery("leave", 4, 0, wire.encode(leave)),
+                wire.Delivery("leave/world", 4, 0, wire.encode(leave)),
             ]
         )
         assert listener.totals() == {"ticks": str(state.tick)}

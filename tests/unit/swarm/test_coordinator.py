@@ -12,6 +12,7 @@ from neurosnap import wire
 from neurosnap.agent.policy import Policy
 from neurosnap.agent.walker import Walker
 from neurosnap.errors import WaveLostError
+from neurosnap.fabric.memory import matches
 from neurosnap.poc.graph import PocGraph
 from neurosnap.poc.snapshot import EmpiricalSnapshot
 from neurosnap.sensorium import complete, pack, unpack
@@ -105,7 +106,8 @@ class Swarm:
             if self.lost(message):
                 continue
             for cell in self.cells:
-                if message.key in wire.cell_keys(cell.cell):
+                keys = wire.cell_keys(cell.cell)
+                if any(matches(key, message.key) for key in keys):
                     queue += cell.receive([message])
             if isinstance(message, wire.Observation | wire.Settled):
                 self.heard.append(message)
@@ -415,7 +417,7 @@ def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -
             r"settle: must give back at most the credit given out, got cell 0,"
             r" credit [0, 0]",
         ),
-        (wire.Pulse(1, 0, 2, 1, 0), "excite/1: is not for the coordinator"),
+        (wire.Pulse(1, 0, 2, 1, 0), "excite: is not for the coordinator"),
         (wire.Decision(0, 0, ""), "decide: is not for the coordinator"),
     ],
 )

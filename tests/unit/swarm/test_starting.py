@@ -10,6 +10,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.context import Body
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.memory import matches
 from neurosnap.sensorium import pack
 from neurosnap.swarm.cell import Cell
 from neurosnap.swarm.conductor import Conductor
@@ -97,7 +98,7 @@ class Swarm:
                 if isinstance(host, Cell)
                 else wire.worker_keys(number)
             )
-            if message.key in keys:
+            if any(matches(key, message.key) for key in keys):
                 answers += host.receive([message])
         return answers
 

@@ -291,7 +291,7 @@ def test_what_came_before_changes_nothing() -> None:
 
 
 WRONG: list[tuple[wire.Message, str]] = [
-    (wire.Pulse(1, 0, 6, 1, 0), "excite/3: is not for a worker"),
+    (wire.Pulse(1, 0, 6, 1, 0), "excite: is not for a worker"),
     (wire.Loom(0, 2, 1), "loom: must be for this worker, got 0"),
     (wire.Loom(ME, 4098, 0), "loom: epoch must be at most 4096 beyond 1, got 4098"),
     (

@@ -172,7 +172,7 @@ class Watched:
         self.said: asyncio.Queue[wire.Message] = asyncio.Queue()
         self.stop = asyncio.Event()
         self._end = hub.fabric("coordinator")
-        self._end.listen(("observe", "fault"), self._hear)
+        self._end.listen(("observe", "fault/**"), self._hear)
 
     def _hear(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
