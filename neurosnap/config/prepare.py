@@ -5,6 +5,9 @@ source is opened, the agent fitted to it, keys are read and the recording's plac
 at. Nothing is started, made or written.
 """
 
+import logging
+import shlex
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +21,7 @@ from neurosnap.config.check import Problem, known_keys
 from neurosnap.config.lines import Keys
 from neurosnap.config.load import Loaded
 from neurosnap.config.recordings import LOGS, free_path, new_path
+from neurosnap.config.sources import MqttTable
 from neurosnap.config.tables import Config, RecordingTable
 from neurosnap.errors import InvalidValueError
 from neurosnap.outside.open import ZENOH, settle
@@ -26,6 +30,8 @@ from neurosnap.swarm.embody import body_of, drawn_to
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.supervision import Supervision
+
+_logger = logging.getLogger(__name__)
 
 FOREVER = 2**31 - 1
 """Ticks of a run that ends when it is told to: the most a message can say."""
@@ -70,6 +76,7 @@ def prepare(loaded: Loaded) -> Prepared:
     if "source" not in loaded.wrong:
         with judge.of("source", "agent"):
             fitted = _fit(config, name, given)
+            _warn_of_secrets(config, folder)
     with judge.of("recording"):
         options = _options(config, name, fitted or _NOTHING)
         if "recording" not in loaded.wrong:
@@ -91,6 +98,20 @@ def prepare(loaded: Loaded) -> Prepared:
     if found or options is None:
         raise loaded.origin.error(found)
     return Prepared(options, log, config.supervision, network)
+
+
+def _warn_of_secrets(config: Config, folder: Path) -> None:
+    """Say so where a password stands in a file that every user may read."""
+    if not isinstance(config.source, MqttTable):
+        return
+    secret = config.source.broker.password_file
+    if secret is not None and (folder / secret).stat().st_mode & stat.S_IRWXO:
+        path = folder / secret
+        _logger.warning(
+            "%s: holds a password and must not be open to everybody: chmod o= %s",
+            path,
+            shlex.quote(str(path)),
+        )
 
 
 def _check_cells(options: RunOptions) -> None:

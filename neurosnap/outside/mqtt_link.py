@@ -10,7 +10,9 @@ Whoever receives must be quick and must not raise.
 
 What is wrong at the start is an error: a refused name or password and a certificate
 that is not trusted at once, anything else when the patience is over. Once connected, a
-link never gives up. It says so once an outage, and when the reason changes.
+link never gives up. It says so once an outage, and when the reason changes. Where a run
+has two links to one broker the second leaves that to the first, but for a long outage,
+which may be its own.
 """
 
 import asyncio
@@ -31,11 +33,12 @@ from paho.mqtt.reasoncodes import ReasonCode
 from neurosnap.errors import InvalidValueError
 from neurosnap.outside.mqtt_options import MqttBroker
 from neurosnap.outside.mqtt_outbox import TOGETHER, Outbox, Outgoing
-from neurosnap.outside.mqtt_retry import Backoff, explained, give_up
+from neurosnap.outside.mqtt_retry import LONGEST, Backoff, explained, give_up
 
 ONLINE, OFFLINE = b"online", b"offline"
 _ANSWER = 5.0  # seconds a broker may take for any answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
+_LONG = 60.0  # seconds after which a second link says that it is away, too
 
 _logger = logging.getLogger(__name__)
 
@@ -56,6 +59,8 @@ class MqttLink:
         receive: Takes what comes; is called in the loop of `serve`, must be quick and
             must not raise.
         connected: Is told that it is subscribed, and that it no longer is; likewise.
+        second: The same process or another one of the run has a link to this broker,
+            which says at once what is wrong with it.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -71,6 +76,7 @@ class MqttLink:
         filters: Sequence[str] = (),
         receive: Receive | None = None,
         connected: Callable[[bool], None] = lambda _: None,
+        second: bool = False,
     ) -> None:
         self._broker = broker
         self._role = role
@@ -86,7 +92,9 @@ class MqttLink:
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting = asyncio.Event()
-        self._said: str | None = None
+        self._second = second
+        self._said: tuple[str, int] | None = None  # what, and at which level
+        self._away_since: float | None = None
         self._told = 0
         self._was_connected = False
 
@@ -128,7 +136,7 @@ class MqttLink:
                         late = now - began >= self._broker.patience
                         give_up(self._broker, error, late=late)
                     self._backoff.failed(error, now - since)
-                    self._say(error)
+                    self._say(error, now)
                     with contextlib.suppress(TimeoutError):
                         await asyncio.wait_for(stop.wait(), self._backoff.delay())
         finally:
@@ -165,8 +173,9 @@ class MqttLink:
             self._outbox.renew()
         self._was_connected = True
         if self._said is not None:
-            _logger.warning("%s: connected", self._broker.address)
+            _logger.log(self._said[1], "%s: connected", self._broker.address)
             self._said = None
+        self._away_since = None
 
     def _client(self) -> aiomqtt.Client:
         """Return a client for one connection."""
@@ -270,12 +279,22 @@ class MqttLink:
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._waiting.set)
 
-    def _say(self, error: Exception) -> None:
+    def _say(self, error: Exception, now: float) -> None:
         """Say once an outage what is wrong, and again when that changes."""
+        self._away_since = now if self._away_since is None else self._away_since
+        left_out = self._second and now - self._away_since < _LONG
+        level = logging.INFO if left_out else logging.WARNING
         text = str(explained(self._broker, error))
-        if text != self._said:
-            self._said = text
-            _logger.warning("%s: not connected, got %s", self._broker.address, text)
+        if self._said == (text, level):
+            return
+        self._said = text, level
+        tries = (
+            f"until the run ends, every {LONGEST:g} s at the latest"
+            if self._was_connected
+            else f"for {self._broker.patience:g} s in all"
+        )
+        told = "%s: not connected, got %s; trying again %s"
+        _logger.log(level, told, self._broker.address, text, tries)
 
 
 def _trust(broker: MqttBroker) -> ssl.SSLContext | None:

@@ -61,7 +61,11 @@ class MqttOutlet:
         self._last: Mapping[str, object] | None = None
         self._beliefs: list[bytes | None] = [None] * len(self._names)
         self._link = MqttLink(
-            broker, "outlet", status=self._topics.status, forget=publish.forget
+            broker,
+            "outlet",
+            status=self._topics.status,
+            forget=publish.forget,
+            second=True,  # the source's own is the first
         )
         if publish.discovery:
             found = discovery(publish, self._topics, self._names, acts=bool(actions))

@@ -55,6 +55,23 @@ def test_topics_are_sensors_and_files_are_beside_the_description(
     source.close()
 
 
+@pytest.mark.parametrize(
+    ("mode", "warned"), [(0o600, 0), (0o640, 0), (0o644, 1), (0o602, 1)]
+)
+def test_a_password_that_everybody_may_read_is_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, mode: int, warned: int
+) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("hush\n", encoding="utf-8")
+    secret.chmod(mode)
+    options(tmp_path, MQTT)
+    said = [record.getMessage() for record in caplog.records]
+    assert said == warned * [
+        f"{secret}: holds a password and must not be open to everybody:"
+        f" chmod o= {secret}"
+    ]
+
+
 @pytest.mark.parametrize("kind", ["stdin", "zenoh"])
 def test_readings_have_names_and_a_pace(tmp_path: Path, kind: str) -> None:
     made = options(

@@ -1,6 +1,7 @@
 """A link whose connection breaks or ends while messages are on their way."""
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator
 from typing import Self
 
@@ -54,11 +55,13 @@ class Connection:
             await self._more.wait_for(lambda: len(self.got) >= count)
 
 
-def link_over(monkeypatch: pytest.MonkeyPatch, *connections: Connection) -> MqttLink:
+def link_over(
+    monkeypatch: pytest.MonkeyPatch, *connections: Connection, second: bool = False
+) -> MqttLink:
     following = iter(connections)
     monkeypatch.setattr(MqttLink, "_client", lambda _: next(following))
     monkeypatch.setattr("neurosnap.outside.mqtt_retry.SHORTEST", 0.0)
-    return MqttLink(MqttBroker(), "test")
+    return MqttLink(MqttBroker(), "test", second=second)
 
 
 async def test_what_is_on_its_way_at_the_end_is_not_sent_twice(
@@ -93,3 +96,50 @@ async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
         stop.set()
     assert first.got == ["done", "once", "again", "bad"]
     assert second.got == ["again", "bad"]
+
+
+# What is said -------------------------------------------------------------------------
+
+
+async def said_by(
+    link: MqttLink, second: Connection, caplog: pytest.LogCaptureFixture
+) -> list[str]:
+    """Return what is warned of while a connection breaks and another one is made."""
+    caplog.set_level(logging.INFO)
+    link.send(Outgoing("bad", b"1", qos=1))
+    stop = asyncio.Event()
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await second.wait_for(1)
+        stop.set()
+    assert len(caplog.records) == 2
+    return [
+        record.getMessage()
+        for record in caplog.records
+        if record.levelno >= logging.WARNING
+    ]
+
+
+async def test_a_lost_broker_is_said_with_how_long_it_will_be_tried(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    second = Connection()
+    link = link_over(monkeypatch, Connection(fails="bad"), second)
+    assert await said_by(link, second, caplog) == [
+        "localhost:1883: not connected, got connection lost;"
+        " trying again until the run ends, every 30 s at the latest",
+        "localhost:1883: connected",
+    ]
+
+
+@pytest.mark.parametrize(("long", "warned"), [(60.0, 0), (0.0, 2)])
+async def test_a_second_link_leaves_it_to_the_first_unless_it_takes_long(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    long: float,
+    warned: int,
+) -> None:
+    monkeypatch.setattr("neurosnap.outside.mqtt_link._LONG", long)
+    second = Connection()
+    link = link_over(monkeypatch, Connection(fails="bad"), second, second=True)
+    assert len(await said_by(link, second, caplog)) == warned
