@@ -17,7 +17,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.distribution import must_have
-from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
+from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError, naming
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from neurosnap.swarm.launch import Plan, run_processes
@@ -192,8 +192,9 @@ def _whole(path: Path) -> Iterator[Path]:
     """Give a place to write, which becomes `path` if nothing goes wrong."""
     draft = path.with_name(f"{path.name}.part")
     try:
-        yield draft
-        os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+        with naming(path):
+            yield draft
+            os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
     finally:
         draft.unlink(missing_ok=True)
 

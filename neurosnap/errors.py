@@ -5,6 +5,10 @@ rule and what was given. Each error also inherits the built-in it refines, so ca
 may catch either.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class NeurosnapError(Exception):
     """The root of all errors raised on purpose by neurosnap."""
@@ -86,6 +90,23 @@ class RecordingError(NeurosnapError):
 
 class NoRecordingError(RecordingError):
     """What was named as a recording is no file that can be opened."""
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let an error of the system say which file it is about.
+
+    A full disk shows when a file is written to, and the error does not name it then; a
+    draft's name would mean nothing to whoever asked for the file.
+
+    Raises:
+        OSError: As it came, with `path` as its file name.
+    """
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
+        raise
 
 
 def within(place: str, error: InvalidValueError) -> InvalidValueError:

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, naming
 
 _EVERYBODY = 0o666
 
@@ -40,8 +40,9 @@ def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     draft.unlink(missing_ok=True)  # of somebody dead, who had our number
     try:
-        os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, allowed))
-        yield draft
-        os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+        with naming(path):
+            os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, allowed))
+            yield draft
+            os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
     finally:
         draft.unlink(missing_ok=True)

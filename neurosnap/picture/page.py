@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from neurosnap.distribution import must_have
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError, NeurosnapError, naming
 from neurosnap.picture.dual import dual_panel, unit_of
 from neurosnap.picture.hasse import hasse_panel
 from neurosnap.picture.key import key_panel
@@ -45,7 +45,7 @@ def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
     figure = figure_of(model, numbers)
     draft = path.with_name(f"{path.name}.part")
     try:
-        with warnings.catch_warnings():
+        with naming(path), warnings.catch_warnings():
             # A sensor's name may be in a script the font lacks: it shows as boxes.
             warnings.filterwarnings("ignore", message="Glyph")
             figure.savefig(draft, dpi=_DPI, format="png")

@@ -235,7 +235,8 @@ def grid_with_holes(
     bits = [[c[0][0] < k for c in cells] for k in range(1, columns)]
     bits += [[c[0][1] < k for c in cells] for k in range(1, rows)]
     fields = Realization(bits, poc.sensorium, map(str, cells))
-    title = f"A {columns} by {rows} grid with {len(holes)} places missing"
+    missing = f"{len(holes)} place{'' if len(holes) == 1 else 's'}"
+    title = f"A {columns} by {rows} grid with {missing} missing"
     return Example(title=title, poc=poc, fields=fields, points=space)
 
 

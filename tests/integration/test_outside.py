@@ -256,6 +256,33 @@ def test_the_example_publishes_what_a_source_then_shows() -> None:
         ticks.wait([True, False])
 
 
+@pytest.mark.parametrize("given", [(), ("tcp/h:1",), ("tcp/h:1", "home", "door")])
+def test_the_example_says_how_it_is_called(given: tuple[str, ...]) -> None:
+    told = called(*given)
+    assert (told.returncode, told.stdout) == (1, "")
+    assert told.stderr.startswith("usage: python any_program.py ENDPOINT SWARM [")
+
+
+@pytest.mark.zenoh
+def test_the_example_says_what_to_do_without_a_hub() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # and never listens
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        told = called(endpoint, "home", "door=on")
+    assert (told.returncode, told.stdout) == (1, "")
+    start = f"neurosnap run ... --swarm home --listen {endpoint} (Unable to connect"
+    assert told.stderr.startswith(f"no swarm listens on {endpoint}; start one")
+    assert start in told.stderr
+    assert told.stderr.count("\n") == 1
+
+
+def called(*given: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(EXAMPLE), *given]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+
+
 @pytest.mark.zenoh
 def test_the_example_shows_what_a_swarm_decides() -> None:
     with hub_on("tcp") as hub, hub.session("coordinator") as session:

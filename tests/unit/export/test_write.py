@@ -4,6 +4,8 @@ import csv
 import io
 import json
 import os
+import resource
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -332,6 +334,24 @@ def test_options_that_do_not_fit_are_refused(
     with pytest.raises(InvalidValueError, match=said):
         export(log, form, out, **given)
     assert not out.exists()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_full_disk_is_named_with_the_file(
+    log: Path, tmp_path: Path, form: Form
+) -> None:
+    out = tmp_path / "out"
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limit[1]))  # EFBIG, like ENOSPC
+    try:
+        with pytest.raises(OSError, match="too large") as caught:
+            export(log, form, out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        signal.signal(signal.SIGXFSZ, before)
+    assert caught.value.filename == str(out)
+    assert not list(tmp_path.iterdir())
 
 
 def test_there_must_be_a_folder_for_it(log: Path, tmp_path: Path) -> None:

@@ -89,3 +89,10 @@ def test_sizes_that_are_too_small_are_refused() -> None:
         path_with_two_contexts(3)
     with pytest.raises(InvalidValueError, match=r"^hole: must be in 5 x 5"):
         grid_with_holes(holes=((5, 0),))
+
+
+@pytest.mark.parametrize(
+    ("holes", "said"), [([(1, 1)], "1 place missing"), ([(1, 1), (3, 3)], "2 places m")]
+)
+def test_a_title_counts_in_english(holes: list[tuple[int, int]], said: str) -> None:
+    assert said in grid_with_holes(5, 5, tuple(holes)).title
