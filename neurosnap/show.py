@@ -75,8 +75,7 @@ def figures(console: Console, results: FigureResults) -> None:
         for line in figure.lines:
             console.print(f"  {line}", markup=False, soft_wrap=True)
         for claim in figure.claims:
-            verdict = "holds" if claim.holds else "does not hold"
-            text = f"  {verdict}: {claim.says}: {claim.numbers}"
+            text = f"  {claim.verdict}: {claim.says}: {claim.numbers}"
             console.print(text, markup=False, soft_wrap=True)
     if results.missing:
         console.print(f"stopped: {results.missing} cells are still to be computed")

@@ -186,6 +186,7 @@ def _crossing(options: FigureOptions) -> Claim:
         " because of it",
         entries == 800 and (2 * count) ** 2 == 1600 and wrong == 0,
         f"{entries} of {(2 * count) ** 2} entries, {wrong} of them not 0",
+        steps=0,
     )
 
 

@@ -97,6 +97,7 @@ def claims(
                 f" {np.mean(truths[s.name]):.3g}"
                 for s in SETTINGS
             ),
+            steps=0,
         ),
         Claim(
             "the strategy gives agents in (a)-(c) the exposure they need to capture the"

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 
+STEPS = 8000
+"""Observations in each run of the paper, and so in each by default."""
+
+
 class FigureOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What all figures are made with."""
 
@@ -28,7 +32,7 @@ class FigureOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Which figures, by name or by number from 1; empty: all."""
     runs: Annotated[int, msgspec.Meta(ge=1)] = 50
     """Runs of every learner in every setting."""
-    steps: Annotated[int, msgspec.Meta(ge=1)] = 8000
+    steps: Annotated[int, msgspec.Meta(ge=1)] = STEPS
     """Observations in each."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     """Draws the walks."""
@@ -48,10 +52,19 @@ class Claim(msgspec.Struct, frozen=True):
 
     says: str
     """What the paper says, and how it was made a question of numbers."""
-    holds: bool
-    """The answer."""
+    holds: bool | None
+    """The answer; None: there are too few steps to judge."""
     numbers: str
     """The numbers it was decided by."""
+    steps: int = STEPS
+    """How many observations in a run it takes to judge it."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether it holds, in words."""
+        if self.holds is None:
+            return f"too few steps to judge (it takes {self.steps:,})"
+        return "holds" if self.holds else "does not hold"
 
 
 @dataclass(frozen=True)
@@ -86,13 +99,20 @@ class Figure:
     """Takes the rows of those cells, in the same order."""
 
 
+def judged(claims: Sequence[Claim], steps: int) -> tuple[Claim, ...]:
+    """Return the claims, those undecided for which so many steps are too few."""
+    return tuple(
+        msgspec.structs.replace(claim, holds=None) if steps < claim.steps else claim
+        for claim in claims
+    )
+
+
 def agreement(claims: Sequence[Claim]) -> str:
     """Return how a figure agrees or disagrees with the paper, in one line."""
     if not claims:
         return "the paper says nothing of this that could be held against it"
-    held = sum(claim.holds for claim in claims)
+    held = sum(claim.holds is True for claim in claims)
     each = "; ".join(
-        f"{'holds' if claim.holds else 'does not hold'}: {claim.says} ({claim.numbers})"
-        for claim in claims
+        f"{claim.verdict}: {claim.says} ({claim.numbers})" for claim in claims
     )
     return f"{held} of {len(claims)} claims hold. {each}"

@@ -94,6 +94,7 @@ def claims(results: Results) -> tuple[Claim, ...]:
             whole["arrived"] == 1 and whole["mean_steps"] == whole["mean_shortest"],
             f"{whole['arrived']:.0%} arrive, in {whole['mean_steps']:.3g} steps on"
             f" average; the shortest ways take {whole['mean_shortest']:.3g}",
+            steps=0,
         ),
         Claim(
             "in the punctured grid the agent attempts to move to the missing vertex and"
@@ -103,6 +104,7 @@ def claims(results: Results) -> tuple[Claim, ...]:
             f" {holed['blocked']:.0f} attempts a run, none in the whole grid"
             if whole["blocked"] == 0
             else f"{whole['blocked']:.0f} attempts in the whole grid, too",
+            steps=0,
         ),
         Claim(
             "on the circular rail no action is guaranteed to help, so planning comes to"
@@ -114,6 +116,7 @@ def claims(results: Results) -> tuple[Claim, ...]:
                 f"{agent} {each['arrived']:.0%} in {each['mean_steps']:.3g} steps"
                 for agent, each in rail.items()
             ),
+            steps=0,
         ),
         Claim(
             "a graded signal overcomes both: excitation-driven agents arrive from"
@@ -121,6 +124,7 @@ def claims(results: Results) -> tuple[Claim, ...]:
             drawn["arrived"] == rail["excited"]["arrived"] == 1,
             f"{drawn['arrived']:.0%} in the punctured grid,"
             f" {rail['excited']['arrived']:.0%} on the rail",
+            steps=0,
         ),
     )
 

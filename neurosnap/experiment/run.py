@@ -8,6 +8,7 @@ import csv
 import io
 import platform
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,7 @@ from neurosnap.experiment.figure import (
     FigureOptions,
     Report,
     agreement,
+    judged,
 )
 from neurosnap.experiment.table import Cell, Table
 from neurosnap.poc.archive import replace_file
@@ -157,14 +159,14 @@ def _make(figure: Figure, options: FigureOptions, table: Table) -> FigureResult 
             return None
         rows.append(loaded)
     report = figure.report(options, rows)
-    said = agreement(report.claims)
+    claims = judged(report.claims, options.steps)
+    report = replace(report, claims=claims)
+    said = agreement(claims)
     files = tuple(options.out / f"{figure.name}.{kind}" for kind in _KINDS)
     contents = (_picture(report), _data(report), _facts(figure, options, report, said))
     for path, content in zip(files, contents, strict=True):
         replace_file(path, content)
-    return FigureResult(
-        figure.name, figure.title, files, report.lines, report.claims, said
-    )
+    return FigureResult(figure.name, figure.title, files, report.lines, claims, said)
 
 
 _KINDS = ("png", "csv", "json")

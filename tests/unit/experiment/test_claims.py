@@ -8,7 +8,7 @@ import pytest
 
 from neurosnap.experiment import compared, discounted, empirical, learners
 from neurosnap.experiment.curves import Curve
-from neurosnap.experiment.figure import Claim, FigureOptions, agreement
+from neurosnap.experiment.figure import Claim, FigureOptions, agreement, judged
 from neurosnap.experiment.learning import LearningCell
 from neurosnap.experiment.waiting import to_learn
 
@@ -45,7 +45,7 @@ def empirical_claims(
 ) -> list[tuple[str, bool]]:
     curves = [shape(cell) for cell in learners.empirical(options)]
     claims = empirical.claims(options, learners.by_setting(curves))
-    return [(claim.says, claim.holds) for claim in claims]
+    return [(claim.says, claim.holds is True) for claim in claims]
 
 
 def holds(found: Sequence[tuple[str, bool]], begins: str) -> bool:
@@ -132,7 +132,7 @@ def discounted_claims(
     cells = learners.discounted(OPTIONS)
     curves = [shape(cell, *pair) for cell, pair in zip(cells, pairs, strict=True)]
     claims = discounted.claims(learners.by_setting(curves))
-    return [(claim.says, claim.holds) for claim in claims]
+    return [(claim.says, claim.holds is True) for claim in claims]
 
 
 BEST_AT_5 = [90, 80, 70, 60, 20, 10, 30, 40, 50, 60]
@@ -178,3 +178,12 @@ def test_the_agreement_counts_and_names_each_claim() -> None:
         "1 of 2 claims hold. holds: it rains (3 mm); does not hold: it snows (0 cm)"
     )
     assert agreement([]).startswith("the paper says nothing")
+
+
+def test_too_few_steps_decide_nothing() -> None:
+    long, any_length = Claim("slow", False, "1"), Claim("plain", True, "2", steps=0)
+    few = judged((long, any_length), 7999)
+    assert [claim.holds for claim in few] == [None, True]
+    assert few[0].verdict == "too few steps to judge (it takes 8,000)"
+    assert agreement(few).startswith("1 of 2 claims hold. too few steps to judge")
+    assert judged((long, any_length), 8000) == (long, any_length)
