@@ -96,6 +96,9 @@ def _parse(path: str) -> tuple[tuple[str, ...], Iterator[NDArray[np.bool_]]]:
     _, header = next(lines, (1, []))
     if not header:
         raise InvalidValueError(path, "must have a header of sensor names", "no text")
+    if "\t" in header[0]:  # no name may have one
+        rule = "must have commas between the names of sensors, not tabs"
+        raise InvalidValueError(f"{path}:1", rule, header[0])
     skipped = 1 if header[0] == "time" else 0
     names = header[skipped:]
     if not names or _BITS.issuperset(names):
@@ -120,8 +123,19 @@ def _readings(
         if not _BITS.issuperset(cells):
             column = next(k for k, cell in enumerate(cells) if cell not in _BITS)
             where = f"{path}:{line}: {header[skipped + column]}"
-            raise InvalidValueError(where, "must be 0 or 1", cells[column])
+            raise InvalidValueError(where, _rule(cells[column]), cells[column])
         yield np.array([cell == "1" for cell in cells])
+
+
+def _rule(cell: str) -> str:
+    """Return what a cell must be, with advice for what programs often write."""
+    if not cell:
+        return "must be 0 or 1 (unknown readings come by MQTT or NDJSON, not in a CSV)"
+    if cell.lower() in {"true", "false"}:
+        return "must be 0 or 1 (with pandas: frame.astype(int).to_csv)"
+    if ";" in cell:
+        return "must be 0 or 1 (write commas between cells, not semicolons)"
+    return "must be 0 or 1"
 
 
 def _lines(path: str) -> Iterator[tuple[int, list[str]]]:

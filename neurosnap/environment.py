@@ -80,7 +80,11 @@ def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
 def _sensors(name: str, env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
     space = env.observation_space
     if not isinstance(space, MultiBinary) or len(space.shape) != 1:
-        rule = "must be MultiBinary with one axis"
+        rule = (
+            "must be MultiBinary with one axis (wrap the environment in "
+            "neurosnap.BinarySensors, which makes sensors of what it shows"
+            f"{_ready(env)})"
+        )
         raise InvalidValueError(f"{name}: observation space", rule, space)
     count = space.shape[0]
     names = _attribute(env, "sensors")
@@ -90,6 +94,13 @@ def _sensors(name: str, env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
         rule = f"must be a sequence of {count} names"
         raise InvalidValueError(f"{name}: sensors", rule, names)
     return _checked(name, names)
+
+
+def _ready(env: gymnasium.Env[Any, Any]) -> str:
+    """Return the advice to take the same environment with sensors, if there is one."""
+    known = env.spec.name if env.spec else ""
+    ours = [id_ for id_ in gymnasium.registry if id_.startswith(f"neurosnap/{known}-v")]
+    return f"; or take {ours[-1]}" if ours else ""
 
 
 def _actions(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[str, ...]:

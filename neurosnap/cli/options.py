@@ -14,7 +14,8 @@ Described = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        help="A world's id (neurosnap/Path-v0), a CSV file, or a TOML file that describes"
+        help="A world's id (neurosnap/Path-v0), a CSV file (names, then 0 or 1; a first"
+        " column `time` is left out), or a TOML file that describes"
         " a run; flags go before what it says.",
     ),
 ]

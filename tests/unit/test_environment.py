@@ -10,7 +10,7 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Sp
 
 from neurosnap.environment import Description, describe
 from neurosnap.errors import InvalidValueError, ShapeError, within
-from neurosnap.source import open_source
+from neurosnap.source import import_worlds, open_source
 
 
 class Said(gymnasium.Env[Any, Any]):
@@ -144,9 +144,20 @@ def test_bad_words_are_refused(attributes: dict[str, object], says: str) -> None
     ids=repr,
 )
 def test_another_observation_space_is_refused(space: Space[Any]) -> None:
-    says = f"w: observation space: must be MultiBinary with one axis, got {space!r}"
+    says = (
+        "w: observation space: must be MultiBinary with one axis (wrap the environment "
+        "in neurosnap.BinarySensors, which makes sensors of what it shows), "
+        f"got {space!r}"
+    )
     with pytest.raises(InvalidValueError, match=f"^{re.escape(says)}$"):
         describe("w", Said(observes=space))
+
+
+def test_where_it_is_there_with_sensors_the_refusal_names_it() -> None:
+    import_worlds()
+    lake = gymnasium.make("FrozenLake-v1")
+    with pytest.raises(InvalidValueError, match=r"; or take neurosnap/FrozenLake-v0\)"):
+        describe("FrozenLake-v1", lake)
 
 
 @pytest.mark.parametrize(
