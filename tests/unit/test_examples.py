@@ -1,0 +1,121 @@
+"""The examples do what their comments say."""
+
+import runpy
+import shutil
+import subprocess
+from configparser import ConfigParser
+from pathlib import Path
+
+import pytest
+
+from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
+from neurosnap.config.load import load
+from neurosnap.config.prepare import prepare
+from neurosnap.source import open_source
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+UNIT = EXAMPLES / "neurosnap.service"
+
+
+def unit() -> ConfigParser:
+    parsed = ConfigParser(strict=False, interpolation=None)
+    parsed.read(UNIT)
+    return parsed
+
+
+def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("systemd-analyze is not here")
+    installed = tmp_path / UNIT.name
+    text = UNIT.read_text()
+    assert text.count("=/opt/neurosnap/bin/neurosnap ") == 1
+    # The command is the only thing that need not be on this machine.
+    installed.write_text(text.replace("=/opt/neurosnap/bin/neurosnap ", "=/bin/true "))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", installed],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_unit_can_write_its_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = unit()["Service"]
+    described = Path(service["ExecStart"].split()[-1])
+    assert f"cp {described.name} {described.parent}/" in UNIT.read_text()
+    state = Path("/var/lib") / service["StateDirectory"]
+    assert service["WorkingDirectory"] == str(state)
+    for folder in (described.parent, state):
+        (tmp_path / folder.relative_to("/")).mkdir(parents=True)
+    here = tmp_path / described.relative_to("/")
+    shutil.copy(EXAMPLES / described.name, here)
+    monkeypatch.chdir(tmp_path / state.relative_to("/"))
+    log = prepare(load(here)).log
+    assert log is not None
+    assert log.resolve().is_relative_to(tmp_path / state.relative_to("/"))
+
+
+def test_every_file_that_the_unit_copies_is_an_example() -> None:
+    copied = [
+        line.split()[2]
+        for line in UNIT.read_text().splitlines()
+        if line.startswith("#   cp ")
+    ]
+    assert copied == ["home.toml", "neurosnap.service"]
+    assert all((EXAMPLES / name).is_file() for name in copied)
+
+
+def test_a_home_learns_nothing_before_its_205th_tick() -> None:
+    given = prepare(load(EXAMPLES / "home.toml")).options
+    memory = given.new_snapshot()
+    assert isinstance(memory, DiscountedSnapshot)
+    names = Sensorium(given.sensors)
+    quiet, motion, both = [0, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0]
+    for tick in range(1, 206):
+        memory.observe((quiet, motion, both, motion)[tick % 4])
+        learned = memory.poc_graph().implications(names)
+        assert (("door", "motion") in learned) == (tick == 205)
+
+
+MEANT = {
+    ("motor", "power"),
+    ("moving", "motor"),
+    ("door", "motor*"),
+    ("heavy", "scale"),
+    ("pusher", "heavy"),
+    ("green", "power"),
+    ("red", "power"),
+    ("green", "red*"),
+    ("green", "motor"),
+    ("motor", "green"),
+}
+
+
+def test_the_readings_are_those_of_their_script() -> None:
+    script = runpy.run_path(str(EXAMPLES / "make_readings.py"))
+    header, *rows = (EXAMPLES / "readings.csv").read_text().splitlines()
+    assert header == ",".join(script["SENSORS"])
+    assert rows == [",".join(map(str, row)) for row in script["rows"](1)]
+
+
+def test_what_the_readings_were_made_by_is_learned_from_them() -> None:
+    source = open_source(str(EXAMPLES / "readings.csv"), seed=0)
+    memory = EmpiricalSnapshot(Sensorium(source.sensors))
+    reading = source.first()
+    for _ in range(360):
+        memory.observe(reading)
+        following = source.step(0)
+        assert following is not None
+        reading = following
+    source.close()
+    graph = memory.poc_graph()
+    names = memory.sensorium
+    missed = [
+        (one, other)
+        for one, other in MEANT
+        if not graph.leq(names.literal(one), names.literal(other))
+    ]
+    assert missed == []
