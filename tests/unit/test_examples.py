@@ -12,6 +12,7 @@ from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
 from neurosnap.config.load import load
 from neurosnap.config.prepare import prepare
 from neurosnap.source import open_source
+from tests.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 UNIT = EXAMPLES / "neurosnap.service"
@@ -23,16 +24,15 @@ def unit() -> ConfigParser:
     return parsed
 
 
+@needs("systemd-analyze", "systemd")
 def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
-    if not shutil.which("systemd-analyze"):
-        pytest.skip("systemd-analyze is not here")
     installed = tmp_path / UNIT.name
     text = UNIT.read_text()
     assert text.count("=/opt/neurosnap/bin/neurosnap ") == 1
     # The command is the only thing that need not be on this machine.
     installed.write_text(text.replace("=/opt/neurosnap/bin/neurosnap ", "=/bin/true "))
     done = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", installed],
+        [str(find("systemd-analyze")), "verify", "--man=no", installed],
         capture_output=True,
         text=True,
         check=False,
