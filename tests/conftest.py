@@ -10,8 +10,11 @@ import logging
 import os
 import threading
 from collections.abc import AsyncIterator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
+import pytest_asyncio
 from hypothesis import settings
 
 pytest_plugins = ["tests.no_skips", "pytester"]
@@ -46,16 +49,34 @@ def no_thread_is_left() -> Iterator[None]:
 def no_task_is_left(request: pytest.FixtureRequest, no_thread_is_left: None) -> None:
     """Fail if a task outlives an asynchronous test."""
     if inspect.iscoroutinefunction(getattr(request, "function", None)):
-        request.getfixturevalue("_loop_is_empty")
+        mark = request.node.get_closest_marker("asyncio")
+        shared = mark is not None and mark.kwargs.get("loop_scope") == "session"
+        name = "_shared_loop_is_as_before" if shared else "_loop_is_empty"
+        request.getfixturevalue(name)
 
 
 @pytest.fixture
 async def _loop_is_empty() -> AsyncIterator[None]:
     yield
+    await _fail_if_left(set())
+
+
+@pytest_asyncio.fixture(loop_scope="session")
+async def _shared_loop_is_as_before() -> AsyncIterator[None]:
+    # Asyncio's own would last as long as the loop.
+    executor = ThreadPoolExecutor()
+    asyncio.get_running_loop().set_default_executor(executor)
+    before = asyncio.all_tasks()
+    yield
+    await _fail_if_left(before)
+    executor.shutdown()
+
+
+async def _fail_if_left(before: set[asyncio.Task[Any]]) -> None:
     # What was cancelled in the test's last step gets the turns it needs to end.
     for _ in range(5):
         await asyncio.sleep(0)
-    left = asyncio.all_tasks() - {asyncio.current_task()}
+    left = asyncio.all_tasks() - before - {asyncio.current_task()}
     names = sorted(task.get_name() for task in left)
     assert not names, f"tasks that outlived the test: {', '.join(names)}"
 

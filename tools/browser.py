@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Literal
 
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Browser, Page, async_playwright
 
 SIZE = 1280, 720
 Scheme = Literal["light", "dark"]
@@ -37,14 +37,8 @@ def chromium() -> str | None:
 
 
 @asynccontextmanager
-async def browsing(
-    scheme: Scheme = "light", *, still: bool = False
-) -> AsyncIterator[Page]:
-    """Open an empty page in a browser of its own.
-
-    Args:
-        scheme: The colours the system is said to have.
-        still: Whether the system is said to want no motion.
+async def started() -> AsyncIterator[Browser]:
+    """Start a browser.
 
     Raises:
         FileNotFoundError: There is no Chromium.
@@ -56,13 +50,46 @@ async def browsing(
             executable_path=chromium(), args=_ARGUMENTS
         )
         try:
-            yield await browser.new_page(
-                viewport={"width": SIZE[0], "height": SIZE[1]},
-                color_scheme=scheme,
-                reduced_motion="reduce" if still else "no-preference",
-            )
+            yield browser
         finally:
             await browser.close()
+
+
+@asynccontextmanager
+async def new_page(
+    browser: Browser, scheme: Scheme = "light", *, still: bool = False
+) -> AsyncIterator[Page]:
+    """Open an empty page that shares nothing with the browser's others.
+
+    Args:
+        browser: Where.
+        scheme: The colours the system is said to have.
+        still: Whether the system is said to want no motion.
+    """
+    page = await browser.new_page(
+        viewport={"width": SIZE[0], "height": SIZE[1]},
+        color_scheme=scheme,
+        reduced_motion="reduce" if still else "no-preference",
+    )
+    page.set_default_timeout(_PATIENCE * 1000)
+    try:
+        yield page
+    finally:
+        await page.close()
+
+
+@asynccontextmanager
+async def browsing(scheme: Scheme = "light") -> AsyncIterator[Page]:
+    """Open an empty page in a browser of its own.
+
+    Args:
+        scheme: The colours the system is said to have.
+
+    Raises:
+        FileNotFoundError: There is no Chromium.
+    """
+    async with started() as browser, new_page(browser, scheme) as page:
+        yield page
 
 
 async def wait_shown(page: Page, tick: int) -> None:

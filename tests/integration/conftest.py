@@ -1,11 +1,17 @@
 """Recordings that several of the tests here look at; nobody writes to them."""
 
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+import pytest_asyncio
+from playwright.async_api import expect
 
 from tests import preloaded
+from tests.patience import PATIENCE
+from tests.unit.view import pages
 from tests.unit.view.films import csv_run, path_run, planner_run, recorded
+from tools.browser import started
 
 
 @pytest.fixture(scope="session")
@@ -27,3 +33,13 @@ def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session", autouse=True)
 def fork_server() -> None:
     preloaded.start()
+
+
+@pytest_asyncio.fixture(scope="session", loop_scope="session")
+async def browser() -> AsyncIterator[None]:
+    """A browser for all tests that look at the page, who open pages of their own."""
+    expect.set_options(timeout=PATIENCE * 1000)
+    async with started() as browser:
+        pages.shared.append(browser)
+        yield
+        pages.shared.clear()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.async_api import ConsoleMessage, Page
+from playwright.async_api import Browser, ConsoleMessage, Page
 
 from neurosnap import wire
 from neurosnap.record.reader import Recording
@@ -14,13 +14,19 @@ from neurosnap.record.replay import Replay
 from neurosnap.sensorium import unpack
 from neurosnap.view.desk import Desk
 from neurosnap.view.server import serving
-from tools.browser import NO_BROWSER, Scheme, browsing, chromium, wait_shown
+from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
 
 IN_BROWSER = [
     pytest.mark.slow,
     pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
+    # One browser for all, and so one loop; each test has pages of its own.
+    pytest.mark.asyncio(loop_scope="session"),
+    pytest.mark.usefixtures("browser"),
 ]
 """What marks the tests of the page."""
+
+shared: list[Browser] = []
+"""The browser of the session, while there is one."""
 
 
 @asynccontextmanager
@@ -58,7 +64,7 @@ async def looked_at(
         if not asked.startswith(home):
             strange.append(asked)
 
-    async with browsing(scheme, still=still) as page:
+    async with new_page(shared[-1], scheme, still=still) as page:
         page.on("console", on_console)
         page.on("pageerror", lambda error: strange.append(str(error)))
         page.on("request", lambda request: on_address(request.url))
