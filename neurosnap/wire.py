@@ -26,7 +26,7 @@ SCHEMA = 2
 ROOT = "neurosnap"
 
 _LARGEST = 2**31 - 1
-_PART = re.compile(r"[a-z]{1,20}(/[a-z0-9]{1,20})?")
+_PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")
 Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
 Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]

@@ -21,13 +21,14 @@ from typing import Any, ParamSpec, Self, TypeVar
 import zenoh
 
 from neurosnap import wire
-from neurosnap.errors import FabricError
+from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.access import BRIEF, FLUSHED, PLACE
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.inbox import Courier, Door, Inbox
+from neurosnap.fabric.pieces import LARGEST, Assembly, pieces
 from neurosnap.fabric.place import Place
-from neurosnap.fabric.poll import BESIDE, Poll, delivered
+from neurosnap.fabric.poll import Poll
 from neurosnap.fabric.protocol import (
     Failure,
     Handler,
@@ -165,20 +166,20 @@ class ZenohFabric:
         now = time.time_ns()
         with self._publishing:
             for key, payload in ready:
-                self._put(key, payload, self.sent, now)
+                self._put(wire.Delivery(key, self.sent, now, payload))
                 self.sent += 1
 
     def forward(self, delivery: wire.Delivery) -> None:
         """Send what somebody else sent, as it was; blocks like `publish`."""
-        self._put(delivery.key, delivery.payload, delivery.sequence, delivery.sent)
+        with self._publishing:
+            self._put(delivery)
 
-    def _put(self, key: str, payload: bytes, sequence: int, sent: int) -> None:
-        self._session.put(
-            self._prefix + key,
-            payload,
-            congestion_control=_BLOCK,
-            attachment=BESIDE.pack(sequence, sent),
-        )
+    def _put(self, delivery: wire.Delivery) -> None:
+        key = self._prefix + delivery.key
+        for payload, beside in pieces(delivery):
+            self._session.put(
+                key, payload, congestion_control=_BLOCK, attachment=beside
+            )
 
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
@@ -190,14 +191,16 @@ class ZenohFabric:
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
             (subscriber,) = await self._off_loop(self._declare, keys, channel)
             channel = subscriber.handler
-            self._polls.append(Poll(channel, cut, handler, poll, self._failure))
+            take = Assembly(cut).take
+            self._polls.append(Poll(channel, take, handler, poll, self._failure))
             return
         kind = Courier if self._swift else Inbox
         door: Door[wire.Delivery] = kind(self.who, handler, self._failure.set)
         self._doors.append(door)
+        take = Assembly(cut).take
 
         def hand_over(sample: zenoh.Sample) -> None:
-            delivery = delivered(sample, cut)
+            delivery = take(sample)
             if delivery is not None:
                 door.push(delivery)
 
@@ -235,7 +238,14 @@ class ZenohFabric:
         return await self._off_loop(look)
 
     async def brief(self, content: bytes) -> None:
-        """Answer `content` to whoever asks what the run is. For coordinators."""
+        """Answer `content` to whoever asks what the run is. For coordinators.
+
+        Raises:
+            InvalidValueError: It is larger than any session takes in.
+        """
+        if len(content) >= LARGEST:
+            rule = f"must fit into a message of {LARGEST:,} bytes"
+            raise InvalidValueError("brief", rule, len(content))
         key = f"{self._prefix}{BRIEF}"
 
         def answer(query: zenoh.Query) -> None:

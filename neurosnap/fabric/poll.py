@@ -5,15 +5,12 @@ senders: a slow reader slows the run down and loses nothing.
 """
 
 import asyncio
-import struct
+from collections.abc import Callable
 
 import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Failure, Handler
-
-BESIDE = struct.Struct("<QQ")
-"""What travels beside every payload: running number, sender's clock in ns."""
 
 _CHUNK = 4096  # deliveries handled before other tasks get their turn
 
@@ -23,7 +20,7 @@ class Poll:
 
     Args:
         channel: Where the samples wait.
-        cut: Characters of their keys that are the swarm's prefix.
+        take: Makes a delivery of a sample, or of the last of several.
         handler: Gets them, as in `Fabric.subscribe`.
         every: Seconds between two looks.
         failure: Gets what the handler raises.
@@ -32,13 +29,13 @@ class Poll:
     def __init__(
         self,
         channel: zenoh.Handler[zenoh.Sample],
-        cut: int,
+        take: Callable[[zenoh.Sample], wire.Delivery | None],
         handler: Handler,
         every: float,
         failure: Failure,
     ) -> None:
         self._channel = channel
-        self._cut = cut
+        self._take = take
         self._handler = handler
         self._every = every
         self._failure = failure
@@ -64,7 +61,7 @@ class Poll:
             if sample is None:
                 break
             samples.append(sample)
-        found = (delivered(sample, self._cut) for sample in samples)
+        found = map(self._take, samples)
         burst = [delivery for delivery in found if delivery is not None]
         if burst:
             self._handler(burst)
@@ -78,17 +75,3 @@ class Poll:
         self._timer.cancel()
         while not self._failure.happened and self._drain():
             pass
-
-
-def delivered(sample: zenoh.Sample, cut: int) -> wire.Delivery | None:
-    """Copy a sample out of Zenoh's hands; None for a stranger's."""
-    beside = sample.attachment
-    if beside is None:
-        return None
-    raw = beside.to_bytes()
-    if len(raw) != BESIDE.size:
-        return None
-    number, sent = BESIDE.unpack(raw)
-    return wire.Delivery(
-        str(sample.key_expr)[cut:], number, sent, sample.payload.to_bytes()
-    )

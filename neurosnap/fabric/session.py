@@ -5,7 +5,10 @@ import json
 import zenoh
 
 from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.pieces import LARGEST
 
+# What is larger is dropped as it comes in: nobody can fill another's memory.
+_BOUNDED = {"transport/link/rx/max_message_size": LARGEST}
 # A stalled part must not get its link closed and lose what waits: microseconds.
 _UNHURRIED = {
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000
@@ -30,7 +33,7 @@ def configuration(mode: str, **settings: object) -> zenoh.Config:
         "transport/shared_memory/enabled": False,
     }
     named = {key.replace("__", "/"): value for key, value in settings.items()}
-    for key, value in (defaults | _UNHURRIED | named).items():
+    for key, value in (defaults | _BOUNDED | _UNHURRIED | named).items():
         config.insert_json5(key, json.dumps(value))
     return config
 

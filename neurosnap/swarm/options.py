@@ -1,5 +1,6 @@
 """What a run is made of: enough to make it again, and stored in its recording."""
 
+import math
 from typing import Annotated, Literal, TypeAlias
 
 import msgspec
@@ -8,6 +9,7 @@ from neurosnap.agent.context import Body
 from neurosnap.agent.kinds import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.pieces import MOST
 from neurosnap.poc.graph import WiringKind as WiringKind  # one of the options' kinds
 from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.record.layout import SMALLEST
@@ -17,6 +19,10 @@ from neurosnap.swarm.shares import hosts, shares
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
+
+_BYTES_A_PAIR: dict[SnapshotKind, int] = {"empirical": 8, "discounted": 13}
+"""What a snapshot keeps of two sensors, by its kind."""
+_FRAME_BESIDE = 1 << 22  # bytes of a key-frame for the names, and all that is not pairs
 
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, le=1)]
@@ -112,6 +118,21 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     def host_names(self) -> list[str]:
         """Return the names of the parts that cells are, or are hosted by, in order."""
         return hosts(len(self.sensors), self.sharing)
+
+    def check_frame(self) -> None:
+        """Refuse a run whose key-frames would be too large to be sent.
+
+        They grow with the square of the sensors.
+
+        Raises:
+            InvalidValueError: There are too many sensors.
+        """
+        count, pair = len(self.sensors), _BYTES_A_PAIR[self.snapshot]
+        room = MOST * 3 // 4 - _FRAME_BESIDE  # base64 takes four bytes for three
+        if count * count * pair > 2 * room:
+            most = math.isqrt(2 * room // pair)
+            rule = f"must be at most {most:,}, for a key-frame of {MOST >> 20} MiB"
+            raise InvalidValueError("sensors", rule, count)
 
     def new_snapshot(self) -> Snapshot:
         """Return the snapshot the run starts with.

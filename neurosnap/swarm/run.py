@@ -70,9 +70,11 @@ async def run(
             many.
 
     Raises:
+        InvalidValueError: There are more sensors than a key-frame can hold.
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
             then is readable, and no process is left.
     """
+    options.check_frame()
     metadata = describe(options)
     if options.cells == "inline":
         inline = await run_inline(options, log, metadata, past, stop, on_progress)

@@ -189,11 +189,11 @@ async def listening(
 
 async def test_a_message_arrives_as_it_was_sent(network: Network) -> None:
     message = wire.Fault("sender", "nothing")
-    async with listening(network, "fault") as heard, network.end("sender") as sender:
+    async with listening(network, "fault/**") as heard, network.end("sender") as sender:
         before = time.time_ns()
         sender.publish(message)
         (delivery,) = await heard.wait(1)
-        assert delivery[:2] == ("fault", 0)
+        assert delivery[:2] == ("fault/sender", 0)
         assert before <= delivery.sent <= time.time_ns()
         assert delivery.payload == wire.encode(message)
 
@@ -210,7 +210,7 @@ async def test_one_senders_messages_keep_their_order_whatever_their_key_and_size
             wire.Leave("sender"),
         )
     ]
-    keys = ("keyframe", "excite/*", "inhibit/*", "leave")
+    keys = ("keyframe", "excite/**", "inhibit/**", "leave/**")
     async with listening(network, *keys) as heard, network.end("sender") as sender:
         for message in messages:
             sender.publish(message)
@@ -221,7 +221,7 @@ async def test_one_senders_messages_keep_their_order_whatever_their_key_and_size
 
 async def test_a_key_expression_picks_its_messages(network: Network) -> None:
     async with (
-        listening(network, "excite/1", "inhibit/*") as some,
+        listening(network, "excite/1/**", "inhibit/**") as some,
         listening(network, "**", who="all") as everything,
         network.end("sender") as sender,
     ):
@@ -231,11 +231,11 @@ async def test_a_key_expression_picks_its_messages(network: Network) -> None:
         await everything.wait(9)
         await some.wait(5)
         assert [d.key for d in some.deliveries] == [
-            "inhibit/0",
-            "excite/1",
-            "inhibit/1",
-            "inhibit/2",
-            "inhibit/3",
+            "inhibit/0/cell/0",
+            "excite/1/cell/0",
+            "inhibit/1/cell/0",
+            "inhibit/2/cell/0",
+            "inhibit/3/cell/0",
         ]
 
 
@@ -274,7 +274,7 @@ async def test_what_was_sent_before_leaving_arrives(network: Network) -> None:
 async def test_own_messages_reach_own_subscriptions(network: Network) -> None:
     heard, seen = Heard(), Seen()
     async with network.end("both") as end:
-        await end.subscribe(("leave",), heard)
+        await end.subscribe(("leave/**",), heard)
         await end.watch(seen)
         await end.announce()
         await seen.wait(("both", True))
@@ -286,7 +286,7 @@ async def test_own_messages_reach_own_subscriptions(network: Network) -> None:
 
 async def test_messages_are_numbered_from_the_first(network: Network) -> None:
     async with (
-        listening(network, "leave") as heard,
+        listening(network, "leave/**") as heard,
         network.end("sender", first=41) as sender,
     ):
         assert sender.sent == 41
@@ -298,7 +298,7 @@ async def test_messages_are_numbered_from_the_first(network: Network) -> None:
 
 
 async def test_numbers_run_over_all_keys_heard_or_not(network: Network) -> None:
-    async with listening(network, "leave") as heard, network.end("sender") as sender:
+    async with listening(network, "leave/**") as heard, network.end("sender") as sender:
         for _ in range(3):
             sender.publish(wire.Fault("sender", ""))
             sender.publish(wire.Leave("sender"))
@@ -330,7 +330,7 @@ async def test_threads_may_publish_at_once_and_every_number_is_used_once(
     hub: Hub,
 ) -> None:
     network = ZenohNetwork(hub, swift=True)
-    async with listening(network, "leave") as heard, network.end("sender") as sender:
+    async with listening(network, "leave/**") as heard, network.end("sender") as sender:
 
         def publish() -> None:
             for _ in range(500):
@@ -368,10 +368,10 @@ async def test_two_swarms_on_one_hub_do_not_hear_each_other(network: Network) ->
 
 async def test_nothing_is_received_after_leaving(network: Network) -> None:
     async with (
-        listening(network, "leave", who="stays") as stays,
+        listening(network, "leave/**", who="stays") as stays,
         network.end("sender") as sender,
     ):
-        async with listening(network, "leave", who="goes") as goes:
+        async with listening(network, "leave/**", who="goes") as goes:
             sender.publish(wire.Leave("sender"))
             await goes.wait(1)
         for _ in range(20):
@@ -495,9 +495,9 @@ async def test_what_a_handler_raises_comes_out_of_serve(
 
     async with network.end("sender") as sender:
         await sender.watch(seen)
-        with pytest.raises(TroubleError, match=r"^leave$"):
+        with pytest.raises(TroubleError, match=r"^leave/sender$"):
             async with network.end("listener") as end:
-                await end.subscribe(("leave",), handler, poll=poll)
+                await end.subscribe(("leave/**",), handler, poll=poll)
                 await end.announce()
                 await seen.wait(("listener", True))
                 sender.publish(wire.Leave("sender"))
@@ -520,11 +520,11 @@ async def test_a_handler_that_raised_is_not_called_again_and_the_session_closes(
     async with network.end("sender") as sender, network.end("witness") as witness:
         heard = Heard()
         await sender.watch(seen)
-        await witness.subscribe(("leave",), heard)
+        await witness.subscribe(("leave/**",), heard)
         await witness.announce()
         with pytest.raises(TroubleError, match=r"^call 1$"):
             async with network.end("listener") as end:
-                await end.subscribe(("leave",), handler, poll=0.001)
+                await end.subscribe(("leave/**",), handler, poll=0.001)
                 await end.announce()
                 await seen.wait(("listener", True), ("witness", True))
                 sender.publish(wire.Leave("sender"))
@@ -618,7 +618,7 @@ def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.zenoh
 async def test_a_session_leaves_no_thread_of_ours(hub: Hub) -> None:
     before = set(threading.enumerate())
-    async with listening(ZenohNetwork(hub, swift=True), "leave"):
+    async with listening(ZenohNetwork(hub, swift=True), "leave/**"):
         during = {thread.name for thread in set(threading.enumerate()) - before}
     assert "courier/listener" in during
     after = {thread.name for thread in set(threading.enumerate()) - before}

@@ -112,7 +112,7 @@ def test_a_step_delivers_one_message() -> None:
 
 def test_a_message_goes_to_all_who_listen_to_its_key() -> None:
     hub = MemoryHub()
-    logs = [listener(hub, f"l{n}", key) for n, key in enumerate(("leave", "**"))]
+    logs = [listener(hub, f"l{n}", key) for n, key in enumerate(("leave/**", "**"))]
     deaf = listener(hub, "deaf", "fault")
     late = hub.fabric("late")
     late.publish(wire.Leave("late"))

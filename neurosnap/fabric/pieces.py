@@ -1,0 +1,88 @@
+"""Messages on the wire: whole as a rule, in pieces where one would be too large.
+
+No session takes in a message of more than `LARGEST` bytes: what is larger is dropped
+before it is put together, so that nobody can fill the memory of a hub or a part. One
+kind of ours grows with the square of the sensors, the key-frame. It travels in pieces,
+one after the other, with one running number; whoever reads gets it whole.
+"""
+
+import struct
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+from neurosnap import wire
+
+if TYPE_CHECKING:
+    import zenoh
+
+LARGEST = 1 << 24
+"""Bytes of a message that a session takes in."""
+MOST = 1 << 27
+"""Bytes of a key-frame, at most; a recording holds none that is larger."""
+
+_PIECED = "keyframe"
+_PIECE = LARGEST // 2
+_MANY = MOST // _PIECE
+
+_BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
+_BESIDE_A_PIECE = struct.Struct("<QQII")  # and which piece it is, of how many
+
+
+class Put(NamedTuple):
+    """What is put at once: a payload, and what travels beside it."""
+
+    payload: bytes
+    beside: bytes
+
+
+def pieces(delivery: wire.Delivery) -> Iterator[Put]:
+    """Yield what a message is put as."""
+    _, number, sent, payload = delivery
+    if len(payload) <= _PIECE:
+        yield Put(payload, _BESIDE.pack(number, sent))
+        return
+    count = -(-len(payload) // _PIECE)
+    for index in range(count):
+        part = payload[index * _PIECE : (index + 1) * _PIECE]
+        yield Put(part, _BESIDE_A_PIECE.pack(number, sent, index, count))
+
+
+class Assembly:
+    """Puts together what came in pieces, for one subscription.
+
+    A piece that is out of turn ends what it does not belong to: then the message is
+    lost, which shows in its sender's numbers. Only one message is in hand at a time.
+
+    Args:
+        cut: Characters of the keys that are the swarm's prefix.
+    """
+
+    def __init__(self, cut: int) -> None:
+        self._cut = cut
+        self._head: tuple[int, int, int] | None = None  # number, clock, pieces
+        self._parts: list[bytes] = []
+
+    def take(self, sample: "zenoh.Sample") -> wire.Delivery | None:
+        """Copy a sample out of Zenoh's hands; None: a stranger's, or not all of it."""
+        beside = sample.attachment
+        if beside is None:
+            return None
+        raw, key = beside.to_bytes(), str(sample.key_expr)[self._cut :]
+        if len(raw) == _BESIDE.size:
+            number, sent = _BESIDE.unpack(raw)
+            return wire.Delivery(key, number, sent, sample.payload.to_bytes())
+        if len(raw) != _BESIDE_A_PIECE.size or key != _PIECED:
+            return None
+        number, sent, index, count = _BESIDE_A_PIECE.unpack(raw)
+        head = (number, sent, count)
+        if index == 0:
+            self._head, self._parts = head, []
+        if head != self._head or index != len(self._parts) or count > _MANY:
+            self._head, self._parts = None, []
+            return None
+        self._parts.append(sample.payload.to_bytes())
+        if len(self._parts) < count:
+            return None
+        whole = b"".join(self._parts)
+        self._head, self._parts = None, []
+        return wire.Delivery(key, number, sent, whole)

@@ -1,0 +1,103 @@
+"""Messages that are too large reach nobody, and what has to be large arrives."""
+
+import os
+from pathlib import Path
+
+import psutil
+import pytest
+import zenoh
+
+from neurosnap import wire
+from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.pieces import LARGEST
+from neurosnap.fabric.session import configuration
+from tests.integration.test_security import SWARM, Heard, Hub, Seen, hub_with
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+MIB = 1 << 20
+HUGE = 200 * MIB
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("large") / "keys"
+    make_keys(folder)
+    return folder
+
+
+def hub_process() -> psutil.Process:
+    """Return the process of the one hub that runs as our child."""
+    (found,) = psutil.Process().children()
+    return found
+
+
+def stranger(hub: Hub) -> zenoh.Session:
+    """Return a session with a cell's certificate and nothing of ours."""
+    config = configuration(
+        "client",
+        connect__endpoints=[hub.endpoint],
+        transport__link__tls=Credentials.in_folder(hub.keys, "cell").to_connect(),
+    )
+    return zenoh.open(config)
+
+
+async def test_a_huge_message_fills_nobodys_memory(keys: Path) -> None:
+    heard = Heard()
+    key = f"neurosnap/{SWARM}/{PULSE.key}"
+    with hub_with(keys) as hub:
+        process = hub_process()
+        async with hub.end("recorder") as ears, hub.end("cell/0") as cell:
+            await ears.subscribe(("**",), heard)
+            session = stranger(hub)
+            try:
+                cell.publish(PULSE)
+                await heard.wait(PULSE)
+                before = process.memory_info().rss
+                for size in (LARGEST + MIB, HUGE, LARGEST + MIB):
+                    session.put(
+                        key,
+                        bytes(size),
+                        congestion_control=zenoh.CongestionControl.BLOCK,
+                        attachment=bytes(16),
+                    )
+                    # Behind it on the same link, which has to be there still.
+                    after = wire.Pulse(wave=size, source=0, target=2, hops=1, credit=1)
+                    session.put(
+                        key,
+                        wire.encode(after),
+                        congestion_control=zenoh.CongestionControl.BLOCK,
+                        attachment=bytes(16),
+                    )
+                    await heard.wait(after)
+                grown = process.memory_info().rss - before
+            finally:
+                session.close()
+    assert len(heard.messages) == 4
+    assert grown < HUGE // 2
+
+
+PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
+
+
+async def test_a_key_frame_larger_than_any_message_arrives(keys: Path) -> None:
+    heard, polled = Heard(), Heard()
+    frame = wire.KeyFrame(1, os.urandom(3 * LARGEST))
+    last = wire.Leave("coordinator")
+    with hub_with(keys) as hub:
+        async with (
+            hub.end("recorder") as ears,
+            hub.end("watcher") as eyes,
+            hub.end("coordinator") as coordinator,
+        ):
+            seen = Seen()
+            await ears.subscribe(("**",), polled, poll=0.01)
+            await eyes.subscribe(("keyframe", "leave/**"), heard)
+            await eyes.watch(seen)
+            await coordinator.announce()
+            await seen.wait("coordinator", True)
+            coordinator.publish(frame, last)
+            assert await heard.wait(last) == [frame, last]
+            assert await polled.wait(last) == [frame, last]
+    assert polled.sequences == heard.sequences == [0, 1]
