@@ -99,18 +99,25 @@ def outcome_facts(
         "startup": outcome.startup,
         "restarts": outcome.restarts,
         "stopped": outcome.stopped,
-        "complete": outcome.completeness is not None and outcome.completeness.whole,
+        "complete": outcome.complete,
+        "kept": outcome.kept,
         "implications": outcome.implications,
     }
 
 
 def restart(console: Console, event: Restart) -> None:
-    """Say that a run goes on, and what it had to do again."""
-    again = f"; {event.lost} ticks are done again" if event.lost else ""
+    """Say that a run goes on, what that costs, and what it could not go on from."""
+    what = "readings are lost" if event.outside else "ticks are done again"
+    cost = f"; {event.lost} {what}" if event.lost else ""
     console.print(
-        f"[yellow]going on[/yellow] from tick {event.tick}: {escape(event.why)}{again}",
+        f"[yellow]going on[/yellow] from tick {event.tick}: {escape(event.why)}{cost}",
         soft_wrap=True,
     )
+    for path in event.kept:
+        console.print(
+            f"[red]could not go on from[/red] a recording; kept: {escape(path)}",
+            soft_wrap=True,
+        )
 
 
 def anomaly(told: Told) -> str:
@@ -200,6 +207,9 @@ def outcome(
             f" {escape(_few(lost))}",
             soft_wrap=True,
         )
+    for path in outcome_.kept:
+        text = "may hold ticks that the recording lacks"
+        console.print(f"[red]damaged[/red]: {escape(path)} {text}", soft_wrap=True)
 
 
 def _implications(

@@ -12,16 +12,14 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.agent.context import Body
-from neurosnap.errors import RecordingError, SwarmError
+from neurosnap.errors import SwarmError
+from neurosnap.record.lives import Lives
 from neurosnap.record.parts import Split
-from neurosnap.record.past import Past
-from neurosnap.record.resume import look_back
 from neurosnap.record.whole import open_whole, part_paths
 from neurosnap.source import Argument, open_source
-from neurosnap.swarm.endure import make_room
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe
-from tools.simulate_check import check
+from tools.simulate_check import WrongError, check
 from tools.simulate_swarm import Life
 from tools.simulate_weather import Tally, Weather, random_weather
 
@@ -54,16 +52,20 @@ def live_on(
     bad = chance.choice([1, 2, 4, 8])
     split = chance.choice([None, Split(500), Split(5000)])
     facts = {**describe(options), "swarm": "simulated"}
-    log, broken = folder / "run.mcap", folder / "broken.mcap"
+    log = folder / "run.mcap"
+    lives = Lives(log)
     while True:
         current = weather if tally.restarts < bad else _CALM
         life = Life(options, facts, log, past, split, current, chance, tally)
         try:
             completeness, sent = life.live()
         except SwarmError:
-            _, past = make_room(log, broken, _reached(log, options), past)
+            _, past = lives.go_on(lives.furthest(options.ticks - 1), past)
             tally.restarts += 1
             continue
+        lives.settle()
+        if lives.kept:
+            raise WrongError(f"{log}: must hold all, {lives.kept} are beside it")
         if past is not None and past.part:
             # The files of lives before it say what they lack by themselves.
             completeness = open_whole(log).completeness()
@@ -72,17 +74,6 @@ def live_on(
         tally.files += len(part_paths(log))
         tally.incomplete += not completeness.whole
         return tally
-
-
-def _reached(log: Path, options: RunOptions) -> Past | None:
-    """Return where a run got to; None: it did not live to see a whole tick."""
-    try:
-        found_options, found = look_back(log, options.ticks - 1)
-    except RecordingError:
-        return None
-    if found_options != options:
-        raise ValueError(f"{log}: must be of {options}, got {found_options}")
-    return found
 
 
 # What is drawn ------------------------------------------------------------------------

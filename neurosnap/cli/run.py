@@ -191,7 +191,7 @@ def run(
                 outcome = run_async(lambda stop: viewed(log, stop, work, tell))
         if as_json:
             print_json(show.outcome_facts(options, outcome, log))
-        if outcome.completeness is not None and not outcome.completeness.whole:
+        if outcome.completeness is not None and not outcome.complete:
             raise typer.Exit(LOST)
 
 

@@ -40,6 +40,15 @@ class Outcome(msgspec.Struct, kw_only=True):
     """It was asked to stop before it was done."""
     restarts: int = 0
     """How often it went on after a part had died."""
+    kept: tuple[str, ...] = ()
+    """Files beside the recording that it could not go on from, and that may hold ticks
+    which the recording lacks."""
+
+    @property
+    def complete(self) -> bool:
+        """Everything that was recorded of it is in the recording."""
+        balance = self.completeness
+        return balance is not None and balance.whole and not self.kept
 
 
 async def run(

@@ -19,17 +19,17 @@ from neurosnap import wire
 from neurosnap.errors import (
     InvalidValueError,
     PartDiedError,
-    RecordingError,
     SwarmError,
 )
 from neurosnap.record.layout import SMALLEST
+from neurosnap.record.lives import Lives
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.record.whole import part_paths
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm import join
 from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.endure import Restart, _whole_part, keep_furthest, run_on
+from neurosnap.swarm.endure import Restart, run_on
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.process import Seat
@@ -211,12 +211,14 @@ def test_a_run_in_several_files_comes_to_the_same(victim: str, tmp_path: Path) -
     assert sorted(tmp_path.iterdir()) == sorted([calm, *files.values()])
 
 
-def test_files_that_cannot_be_gone_on_from_are_left_alone(tmp_path: Path) -> None:
+def test_files_that_cannot_be_gone_on_from_are_kept(tmp_path: Path) -> None:
     log = tmp_path / "log"
     options = msgspec.structs.replace(
         options_for(ENDLESS), keyframe_every=50, split=SMALLEST
     )
     damaged: list[bytes] = []
+    restarts: list[Restart] = []
+    stop = asyncio.Event()
 
     def damage(tick: int) -> None:
         if not damaged and (found := part_paths(log)).keys() > {0, 1}:
@@ -228,13 +230,21 @@ def test_files_that_cannot_be_gone_on_from_are_left_alone(tmp_path: Path) -> Non
             for one in parts():
                 if one.name() == "world":
                     one.send_signal(signal.SIGKILL)
+        elif restarts and tick > restarts[0].tick:
+            stop.set()
 
-    with pytest.raises(RecordingError, match=r"must (have|unpack)"):
-        asyncio.run(
-            run_on(options, log, asyncio.Event(), Supervision(), on_progress=damage)
+    outcome = asyncio.run(
+        run_on(
+            options,
+            log,
+            stop,
+            Supervision(),
+            on_progress=damage,
+            on_restart=restarts.append,
         )
-    assert part_paths(log)[0].read_bytes() == damaged[0]
-    assert len(part_paths(log)) > 2
+    )
+    assert not outcome.complete
+    assert damaged[0] in [path.read_bytes() for path in tmp_path.iterdir()]
 
 
 ELSEWHERE = (1, 3)  # cells
@@ -347,9 +357,11 @@ def test_of_two_recordings_the_further_stays(
             recorded(path, ticks)
         elif ticks is not None:
             path.write_bytes(b"no recording")
-    keep_furthest(log, broken)
+    Lives(log).keep_furthest()
     assert verify(log).ticks == kept
-    assert list(tmp_path.iterdir()) == [log]
+    # What cannot be read is not deleted: nobody knows what is in it.
+    aside = {path.read_bytes() for path in tmp_path.iterdir() if path != log}
+    assert aside == ({b"no recording"} if -1 in (after, before) else set())
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 12])
@@ -359,7 +371,7 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
     options = msgspec.structs.replace(options_for(ticks), cells="inline")
     log, again = tmp_path / "a.mcap", tmp_path / "b.mcap"
     asyncio.run(run(options, log, asyncio.Event()))
-    past = _whole_part(log, None, options)
+    past = Lives(log).furthest(options.ticks - 1)
     assert (0 if past is None else past.tick) == ticks - 1
     outcome = asyncio.run(run(options, again, asyncio.Event(), past=past))
     assert outcome.totals.ticks == ticks
@@ -370,7 +382,7 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
 def test_a_recording_alone_is_left_alone(tmp_path: Path) -> None:
     log = recorded(tmp_path / "log", 3)
     content = log.read_bytes()
-    keep_furthest(log, tmp_path / "log.broken")
+    Lives(log).keep_furthest()
     assert log.read_bytes() == content
 
 

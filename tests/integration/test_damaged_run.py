@@ -1,0 +1,104 @@
+"""A disk that damages the recording of a run, and takes it away, while it runs."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from neurosnap.errors import RecordingError
+from neurosnap.record.reader import Recording
+
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(300)]
+
+PATIENCE = 120.0  # seconds
+
+
+class Fed:
+    """A run of standard input that is given one line after the other."""
+
+    def __init__(self, process: "subprocess.Popen[str]", log: Path) -> None:
+        self.process = process
+        self.log = log
+
+    def feed(self, until: Callable[[], bool]) -> None:
+        """Write lines until something holds."""
+        assert self.process.stdin is not None
+        deadline, number = time.monotonic() + PATIENCE, 0
+        while not until():
+            assert time.monotonic() < deadline
+            number += 1
+            bits = [number >> bit & 1 for bit in range(3)]
+            self.process.stdin.write(json.dumps({"bits": bits}) + "\n")
+            self.process.stdin.flush()
+
+    def kill(self, name: str) -> None:
+        """Kill a part; return once it has gone."""
+        children = psutil.Process(self.process.pid).children(recursive=True)
+        (victim,) = [child for child in children if child.name() == name]
+        victim.send_signal(signal.SIGKILL)
+        victim.wait(PATIENCE)
+
+    def end(self) -> tuple[dict[str, object], str]:
+        """End the input; return what the run said, and its errors."""
+        out, errors = self.process.communicate(timeout=PATIENCE)
+        return json.loads(out.splitlines()[-1]), errors
+
+
+@contextmanager
+def fed(log: Path, *more: str) -> Iterator[Fed]:
+    command = [sys.executable, "-m", "neurosnap", "run", "-", "--json"]
+    command += ["--set", "sensors=a,b,c", "--out", str(log), "--backoff", "0", *more]
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            yield Fed(process, log)
+        finally:
+            process.kill()
+
+
+def chunks(log: Path) -> int:
+    """Return how many whole chunks of a recording are on the disk."""
+    try:
+        return len(Recording.open(log).layout.chunks)
+    except RecordingError:
+        return 0
+
+
+def test_a_damaged_recording_is_kept_and_told_of(tmp_path: Path) -> None:
+    log, kept = tmp_path / "a.mcap", tmp_path / "a.damaged-1.mcap"
+    with fed(log) as running:
+        running.feed(lambda: chunks(log) >= 3)
+        place = Recording.open(log).layout.chunks[0].offset + 20
+        with log.open("r+b") as file:
+            file.seek(place)
+            (byte,) = file.read(1)
+            file.seek(place)
+            file.write(bytes([byte ^ 1]))
+        running.kill("cell/1")
+        # Lines go to the next life, too, once it has come up.
+        running.feed(lambda: kept.exists() or (tmp_path / "a.mcap.broken").exists())
+        running.feed(lambda: chunks(log) >= 2)
+        said, errors = running.end()
+    assert running.process.returncode == 3, errors
+    assert said["complete"] is False
+    assert said["kept"] == [str(kept)]
+    assert "going on from tick" in errors
+    with kept.open("rb") as file:
+        file.seek(place)
+        assert file.read(1) == bytes([byte ^ 1])
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "a.damaged-1.mcap",
+        "a.mcap",
+    ]
