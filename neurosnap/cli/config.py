@@ -34,6 +34,7 @@ FLAGS = {
     "record": "recording.record",
     "split": "recording.split",
     "keep": "recording.keep",
+    "sync": "recording.sync",
     "restart": "supervision.restart",
     "max_restarts": "supervision.max_restarts",
     "backoff": "supervision.backoff",

@@ -118,6 +118,7 @@ def coordinate(
         if as_json:
             facts = show.outcome_facts(options, outcome, None)
             # The recording, and whether it is whole, is the recorder's to say.
-            kept = {k: v for k, v in facts.items() if k not in ("log", "complete")}
+            its = ("log", "complete", "kept")
+            kept = {k: v for k, v in facts.items() if k not in its}
             told = {} if past is None else {"resumed_at": past.tick}
             print_json({"swarm": swarm, **kept, **told})

@@ -55,4 +55,12 @@ Hold = Annotated[
         metavar="TICKS", help="For how long to judge by what the first one broke."
     ),
 ]
+Sync = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Write the recording to the disk this often; 0: at the end. \\[default: 1"
+        " for readings from outside, else 0]",
+    ),
+]
 Deadline = Annotated[float, typer.Option(help="Seconds a wave may take.")]

@@ -20,6 +20,7 @@ from neurosnap.cli.options import (
     Hold,
     Seed,
     Snapshot,
+    Sync,
     Target,
     Threshold,
     Ticks,
@@ -84,6 +85,7 @@ def run(
     keep: Annotated[
         int, typer.Option(help="With --split: keep the newest files. 0: all.")
     ] = 0,
+    sync: Sync = None,
     anomalies: Anomalies = True,
     hold: Hold = 0,
     deadline: Deadline = 10.0,

@@ -89,6 +89,15 @@ def record(
             help="For a run that is resumed: its recording, to be taken over.",
         ),
     ] = None,
+    sync: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            min=0.0,
+            help="Write the recording to the disk this often; 0: at the end."
+            " \\[default: as the coordinator says]",
+        ),
+    ] = None,
     restart: Restart = "on-failure",
     patience: Patience = 60.0,
     tls: Tls = "",
@@ -110,7 +119,7 @@ def record(
         if out is not None:
             new_log(swarm, out)  # refused now, and not once the swarm is there
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        share = join.recorder(next_log, resume)
+        share = join.recorder(next_log, resume, sync)
         served = _serve("recorder", swarm, share, network, restart, patience)
         balances = [
             msgspec.json.decode(one.results["recorder"], type=Completeness)

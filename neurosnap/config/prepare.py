@@ -35,6 +35,8 @@ _logger = logging.getLogger(__name__)
 
 FOREVER = 2**31 - 1
 """Ticks of a run that ends when it is told to: the most a message can say."""
+_SYNC = 1.0
+"""Seconds of readings from outside that a power cut may cost."""
 _CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls",)}
 """The keys of what has another name where it is refused, or that of a file in it: the
 first that there is."""
@@ -168,7 +170,10 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "ticks": _at_most(config.run.ticks, fitted.length),
         "threshold": config.snapshot.threshold,
         "decay": config.snapshot.decay,
+        "sync": config.recording.sync,
     }
+    if opened.live and optional["sync"] is UNSET:
+        optional["sync"] = _SYNC
     return RunOptions(
         source=name,
         arguments=fitted.arguments,

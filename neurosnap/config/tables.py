@@ -31,6 +31,7 @@ _DEFAULTS: dict[str, Any] = {
 }
 
 Natural: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class RunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -100,6 +101,10 @@ class RecordingTable(
     """Bytes after which the recording goes on in another file; 0: never."""
     keep: Natural = _DEFAULTS["keep"]
     """How many of these files are kept, the newest; 0: all."""
+    sync: NotNegative | UnsetType = UNSET
+    """Seconds after which the recording is on the disk, and survives a power cut; 0:
+    once it has its end; left out: 1 for what comes from outside, 0 for what can be done
+    again."""
 
 
 class AnomaliesTable(

@@ -78,6 +78,18 @@ def split_of(metadata: Mapping[str, str]) -> Split | None:
         raise RecordingError(f"split: must be sizes, got {error}") from error
 
 
+def sync_of(metadata: Mapping[str, str]) -> float:
+    """Return how often a run wants its recording synced, in seconds; 0: at the end.
+
+    Raises:
+        RecordingError: What is written there is not valid.
+    """
+    try:
+        return float(metadata.get("sync", "0"))
+    except ValueError as error:
+        raise RecordingError(f"sync: must be seconds, got {error}") from error
+
+
 class _Boundary(NamedTuple):
     """Where the newest file begins."""
 
@@ -114,6 +126,8 @@ class Parts:
     ) -> None:
         self._log = Path(log)
         self._split = split or split_of(metadata)
+        self.sync_every = sync_of(metadata)
+        """Seconds between two calls of `sync` that the run wants; 0: none."""
         self._make = new_writer
         self._number = 0 if past is None else past.part
         self._begins = 0 if past is None else past.begins
@@ -333,6 +347,15 @@ class Parts:
         if self._older is not None:
             self._older.flush()
         self._newest.flush()
+
+    def sync(self) -> None:
+        """Let what was flushed be written to the disk, on a thread.
+
+        Raises:
+            RecordingError: Now or before the disk did not take it.
+        """
+        files = [file for file in (self._older, self._newest) if file is not None]
+        self._saving.sync(files)
 
     def finish(
         self, totals: Mapping[str, str], expected: Mapping[str, int]

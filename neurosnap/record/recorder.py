@@ -72,11 +72,15 @@ async def run_recorder(
 
 
 async def _flush(writer: Parts, fabric: Fabric) -> None:
-    """Bound what a crash may cost."""
+    """Bound what a crash may cost, and a power cut if the run wants that."""
+    synced = time.monotonic()
     while True:
         await asyncio.sleep(_FLUSH)
         try:
             writer.flush(time.time_ns())
+            if 0 < writer.sync_every <= time.monotonic() - synced:
+                synced = time.monotonic()
+                writer.sync()
         except RecordingError as error:
             fabric.fail(error)
             return
@@ -102,6 +106,7 @@ class _Listener:
         """Write a burst down; what comes after the end shows as missing."""
         if self.closed:
             return
+        is_first = False
         for delivery in deliveries:
             match self._writer.add(delivery, time.time_ns()):
                 case None:
@@ -110,11 +115,14 @@ class _Listener:
                     what = f"{delivery.key:.100}: {rule}"
                     self._fabric.publish(wire.Fault(self._fabric.who, what))
                 case wire.State(tick=tick):
-                    self._ticks = tick
+                    is_first, self._ticks = not self._ticks, tick
                 case wire.Leave(who=who):
                     self._left[who] = delivery.sequence + 1
                 case _:
                     pass
+        if is_first:
+            # There is something to go on from, and be it the only tick.
+            self._writer.flush(time.time_ns())
         self._find_all_left()
 
     def locate(self, who: str, place: Place) -> None:

@@ -83,14 +83,14 @@ def past_of(log: Path, options: RunOptions) -> Past:
 
     Args:
         log: As in `look_back`.
-        options: The run's; it may have more ticks by now, and other deadlines.
+        options: The run's; it may have more ticks by now, and other deadlines or syncs.
 
     Raises:
         InvalidValueError: It is another run, or has no more ticks than there are.
         RecordingError: As from `look_back`.
     """
     recorded, past = look_back(log)
-    same = {name: getattr(options, name) for name in ("ticks", "deadline")}
+    same = {name: getattr(options, name) for name in ("ticks", "deadline", "sync")}
     if msgspec.structs.replace(recorded, **same) != options:
         rule = "must be a recording of the run that is described"
         raise InvalidValueError("resume", rule, str(log))

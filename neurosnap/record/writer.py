@@ -26,6 +26,7 @@ from neurosnap.distribution import version
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.fabric.place import Place
 from neurosnap.record import schemas
+from neurosnap.record.disk import sync_folder
 from neurosnap.record.layout import (
     LIMIT,
     PLACES,
@@ -245,7 +246,8 @@ class Writer:
     def flush(self) -> None:
         """Close the chunk in progress and give it to the operating system.
 
-        What was flushed survives the end of this process, not a power cut.
+        What was flushed survives the end of this process, and a power cut once it was
+        synced, too; see `neurosnap.record.saving`.
 
         Raises:
             RecordingError: The recording is closed, or cannot be written.
@@ -327,9 +329,18 @@ class Writer:
         """
         try:
             os.fsync(self._stream.fileno())
+            with suppress(FileNotFoundError):  # then the folder was moved, or deleted
+                sync_folder(self.path.parent)
             self._stream.close()
         except OSError as error:
             raise self._failed(error) from error
+
+    def duplicate(self) -> int:
+        """Return a descriptor of the file for a thread to sync, and to close then.
+
+        The writer's own may be closed meanwhile, and its number be another file's.
+        """
+        return os.dup(self._stream.fileno())
 
     def abandon(self) -> None:
         """Close without totals and index; do nothing if closed already.

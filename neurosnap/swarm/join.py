@@ -78,19 +78,27 @@ def world(source: str) -> Share:
     return share
 
 
-def recorder(new_log: Callable[[], Path], resumed: Path | None = None) -> Share:
+def recorder(
+    new_log: Callable[[], Path],
+    resumed: Path | None = None,
+    sync: float | None = None,
+) -> Share:
     """Return the share of a recorder.
 
     Args:
         new_log: Returns where to record a swarm; asked once for each.
         resumed: What has been recorded of a run that is resumed, on this host; the new
             recording takes it over.
+        sync: As in `RunOptions.sync`; None: as the coordinator says.
     """
 
     def share(swarm: str, brief: Brief) -> list[Duty]:
         past = _taken_over(resumed, brief.past)
         heard = ("coordinator", "world", *brief.options.host_names())
-        metadata = {**describe(brief.options), "swarm": swarm}
+        options = brief.options
+        if sync is not None:
+            options = msgspec.structs.replace(options, sync=sync)
+        metadata = {**describe(options), "swarm": swarm}
         arguments = (str(new_log()), metadata, past, heard)
         return [Duty("recorder", be_recorder, arguments, lingers=True)]
 

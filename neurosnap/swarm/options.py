@@ -70,6 +70,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Bytes after which the recording goes on in another file; 0: never."""
     keep: Annotated[int, msgspec.Meta(ge=0)] = 0
     """How many of these files are kept, the newest; 0: all."""
+    sync: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Seconds after which the recording is on the disk, and survives a power cut; 0:
+    once it has its end."""
     watch: bool = False
     """Whether to tell of observations that contradict what is believed."""
     hold: Annotated[int, msgspec.Meta(ge=0)] = 0

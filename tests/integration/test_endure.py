@@ -338,6 +338,9 @@ def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
     assert list(tmp_path.iterdir()) == [log]
 
 
+NO_RECORDING = b"no recording" * 9  # shorter, it could hold no tick
+
+
 def recorded(path: Path, ticks: int) -> Path:
     options = msgspec.structs.replace(options_for(ticks), cells="inline")
     asyncio.run(run(options, path, asyncio.Event()))
@@ -356,12 +359,12 @@ def test_of_two_recordings_the_further_stays(
         if ticks is not None and ticks > 0:
             recorded(path, ticks)
         elif ticks is not None:
-            path.write_bytes(b"no recording")
+            path.write_bytes(NO_RECORDING)
     Lives(log).keep_furthest()
     assert verify(log).ticks == kept
     # What cannot be read is not deleted: nobody knows what is in it.
     aside = {path.read_bytes() for path in tmp_path.iterdir() if path != log}
-    assert aside == ({b"no recording"} if -1 in (after, before) else set())
+    assert aside == ({NO_RECORDING} if -1 in (after, before) else set())
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 12])

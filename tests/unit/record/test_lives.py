@@ -162,7 +162,7 @@ def test_what_is_kept_gets_the_next_free_name(
     earlier = log.with_name("run.damaged-1.mcap")
     earlier.write_bytes(b"of an earlier run")
     lives = Lives(log)
-    for content in (b"no recording", b"another one"):
+    for content in (b"no recording" * 9, b"another one" * 9):
         log.write_bytes(content)
         assert gone_on(lives) is None
     assert [path.name for path in lives.kept] == [
@@ -185,7 +185,7 @@ def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     last = max(part_paths(log))
     assert last >= 2
     middle = part_paths(log)[last - 1]
-    middle.write_bytes(b"no recording")
+    middle.write_bytes(b"no recording" * 9)
     newest = part_paths(log)[last].read_bytes()
     lives = Lives(log)
     # The walker's actions are in all files, so the run begins anew; nothing is lost.
@@ -239,6 +239,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
             return False, furthest
         return True, 60
 
+    folder = tmp_path
     for most in range(100):
         folder = tmp_path / str(most)
         done, furthest = dance(folder, most)
