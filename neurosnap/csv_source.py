@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError, within
+from neurosnap.formulas import as_written
 from neurosnap.sensorium import Sensorium
 
 _BITS = frozenset({"0", "1"})
@@ -17,9 +18,11 @@ class CsvSource:
     """The rows of a CSV file of readings, one after the other; actions change nothing.
 
     The first row names the sensors, every other holds a 0 or 1 for each. A first column
-    named ``time`` is left out. The file is UTF-8, with or without a byte order mark;
-    white space around a cell and blank lines at the end do not count. It is read twice,
-    once to check it and once to give it out, and never held in memory.
+    named ``time`` is left out, and so is an apostrophe that keeps a spreadsheet from
+    running a name as a formula (`neurosnap.formulas`). The file is UTF-8, with or
+    without a byte order mark; white space around a cell and blank lines at the end do
+    not count. It is read twice, once to check it and once to give it out, and never
+    held in memory.
 
     Args:
         path: Where it is.
@@ -100,7 +103,7 @@ def _parse(path: str) -> tuple[tuple[str, ...], Iterator[NDArray[np.bool_]]]:
         rule = "must have commas between the names of sensors, not tabs"
         raise InvalidValueError(f"{path}:1", rule, header[0])
     skipped = 1 if header[0] == "time" else 0
-    names = header[skipped:]
+    names = [as_written(name) for name in header[skipped:]]
     if not names or _BITS.issuperset(names):
         # Readings without a header would lose their first row unnoticed.
         raise InvalidValueError(f"{path}:1", "must be a header of sensor names", header)

@@ -20,6 +20,26 @@ from neurosnap.errors import InvalidValueError, ShapeError, UnknownSensorError
 _UNPRINTABLE = frozenset({"Cc", "Cs", "Zl", "Zp"})
 
 
+# Of the letters that show nothing themselves, those that words need: Persian and Indic
+# ones, and some emoji.
+_JOINERS = "\u200c\u200d"
+
+
+def visible(text: str) -> str:
+    r"""Return `text` with an escape for each letter that hides or turns what is shown.
+
+    Example:
+        >>> visible("door\u202eno")
+        'door\\u202eno'
+    """
+    return "".join(
+        letter
+        if letter in _JOINERS or unicodedata.category(letter) != "Cf"
+        else letter.encode("ascii", "backslashreplace").decode()
+        for letter in text
+    )
+
+
 class Sensorium:
     """The names of the sensors, in order; immutable.
 

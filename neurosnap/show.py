@@ -18,6 +18,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from neurosnap.sensorium import visible
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
@@ -133,7 +135,10 @@ def anomaly(told: Told) -> str:
         for link in told.broken
     ]
     broken = _few(links, "; ", told.more)
-    return f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong: breaks {broken}"
+    return visible(
+        f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
+        f" breaks {broken}"
+    )
 
 
 def _few(names: Sequence[str], comma: str = ", ", more: int = 0) -> str:
@@ -217,7 +222,7 @@ def _implications(
 ) -> None:
     shown = ", ".join(f"{below} → {above}" for below, above in pairs[:_MOST])
     if pairs:
-        console.print(f"  {escape(shown)}")
+        console.print(f"  {escape(visible(shown))}")
     if len(pairs) > _MOST:
         # Without a recording nobody can be asked later.
         every = "--json" if log is None else f"neurosnap graph {shlex.quote(str(log))}"

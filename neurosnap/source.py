@@ -27,7 +27,7 @@ from neurosnap.errors import InvalidValueError, within
 from neurosnap.outside.open import Argument as Argument
 from neurosnap.outside.open import is_outside, open_outside
 from neurosnap.outside.zenoh_keys import Hub
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import Sensorium, visible
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""
@@ -98,6 +98,19 @@ def open_source(
         InvalidValueError: There is no such source, it does not take such arguments, or
             it is not fit for use; for a file the text names the row and the column.
     """
+    opened = _opened(name, seed, arguments, hub)
+    # Not refused by `Sensorium`: there may be recordings with such names.
+    for called in (*opened.sensors, *opened.actions):
+        if visible(called) != called:
+            opened.close()
+            rule = "must have no letters that hide, or turn the text around"
+            raise InvalidValueError("name", rule, called)
+    return opened
+
+
+def _opened(
+    name: str, seed: int, arguments: Mapping[str, Argument] | None, hub: Hub | None
+) -> Source:
     if seed < 0:
         raise InvalidValueError("seed", "must be 0 or more", seed)
     arguments = {} if arguments is None else arguments

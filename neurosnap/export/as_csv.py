@@ -1,4 +1,7 @@
-"""A table as CSV: UTF-8, times in UTC, bits as 1 and 0, what is not known empty."""
+"""A table as CSV: UTF-8, times in UTC, bits as 1 and 0, what is not known empty.
+
+What a spreadsheet would run as a formula is marked as text, see `neurosnap.formulas`.
+"""
 
 import csv
 from collections.abc import Callable, Iterable, Sequence
@@ -7,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from neurosnap.export.columns import Cell, Column, Kind
+from neurosnap.formulas import as_text
 
 
 def write_csv(
@@ -25,7 +29,7 @@ def write_csv(
     shown = [_SHOWN[column.kind] for column in columns]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([column.name for column in columns])
+        writer.writerow([as_text(column.name) for column in columns])
         for row in rows:
             writer.writerow(
                 [
@@ -48,5 +52,5 @@ _SHOWN: dict[Kind, Callable[[Cell], object]] = {
     "time": _moment,
     "number": str,
     "bit": _bit,
-    "text": str,
+    "text": lambda cell: as_text(str(cell)),
 }

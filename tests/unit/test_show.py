@@ -72,6 +72,16 @@ def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
     assert line.endswith("s7 -> x (1 for, 0 against, since tick 1) and 92 more")
 
 
+def test_a_name_cannot_turn_the_text_around() -> None:
+    name = "door\u202eno"  # as an older recording may have it, or a stranger's
+    link = Link(f"{name} -> x", 1, 0, 1)
+    one = Told(7, 7, (name,), (name,), True, (link,), 0)
+    assert "\u202e" not in show.anomaly(one)
+    assert "door\\u202eno may be wrong" in show.anomaly(one)
+    shown = told(implications=[(name, "x")])
+    assert "  door\\u202eno → x" in shown
+
+
 def test_a_run_names_the_command_that_shows_all_it_learned() -> None:
     pairs = [(low, "top") for low in many("s", 26)]
     shown = told(implications=pairs, log=Path("my logs/a.mcap"))
