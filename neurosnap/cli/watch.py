@@ -44,7 +44,7 @@ def watch(
     from neurosnap.record.whole import open_whole
     from neurosnap.show import anomaly
     from neurosnap.swarm import registry
-    from neurosnap.swarm.watch import recorded
+    from neurosnap.swarm.watch import recorded, without_anomalies
     from neurosnap.swarm.watch import watch as look_on
     from neurosnap.swarm.watching import Told
 
@@ -56,8 +56,13 @@ def watch(
 
     with errors():
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
-            for told in recorded(open_whole(Path(what))):
+            recording = open_whole(Path(what))
+            found = False
+            for told in recorded(recording):
                 show(told)
+                found = True
+            if not found and not as_json:
+                typer.echo(without_anomalies(recording))
             return
         if connect and what is None:
             raise InvalidValueError("swarm", "must be named with --connect", what)

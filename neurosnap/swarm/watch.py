@@ -29,6 +29,18 @@ def recorded(recording: Recording) -> Iterator[Told]:
             yield told(each.message, sensors)
 
 
+def without_anomalies(recording: Recording) -> str:
+    """Return what to say of a recording that has no anomalies.
+
+    Raises:
+        RecordingError: It is damaged.
+    """
+    ticks = sum(1 for _ in recording.messages(("state",)))
+    if recording.metadata.get("watch") != "true":
+        return f"anomalies were not looked for in these {ticks:,} ticks"
+    return f"no anomalies in {ticks:,} ticks"
+
+
 async def watch(
     network: Network,
     swarm: str,
