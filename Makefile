@@ -1,16 +1,26 @@
 # Two commands do everything: `make run` shows it working, `make test` proves it.
+# `make quick` is for every save: the tests that need no processes, sockets or browser.
 PYTHON ?= python3
 BIN := .venv/bin
 LOG := logs/path-$(shell date +%Y%m%d-%H%M%S).mcap
+# Many tests wait for processes: one worker more than there are cores.
+WORKERS ?= $(shell expr $$(nproc) + 1)
+PYTEST := $(BIN)/python -m pytest --dist loadfile --numprocesses
 
-.PHONY: run test check bench clean
+# A test starts hundreds of interpreters: none is to compile everything anew.
+export PYTHONDONTWRITEBYTECODE :=
+
+.PHONY: run test quick check bench clean
 
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
 	$(BIN)/neurosnap replay $(LOG) --verify
 
 test: .venv/installed-dev
-	$(BIN)/python -m pytest
+	$(PYTEST) $(WORKERS)
+
+quick: .venv/installed-dev
+	$(PYTEST) $(shell nproc) -m "not slow and not zenoh" tests/unit tests/property
 
 check: .venv/installed-dev
 	tools/check

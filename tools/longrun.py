@@ -92,23 +92,29 @@ class Gauge:
     def __init__(self, pause: float) -> None:
         self._pause = pause
         self.tick = 0
+        self.moving = asyncio.Event()
+        """Set once there is a first tick."""
         self.samples: list[tuple[int, dict[str, int]]] = []
 
     def follow(self, tick: int) -> None:
-        """Take in how far the run is."""
+        """Take in how far the run is, and look at once when all parts are there."""
         self.tick = tick
+        if tick and not self.moving.is_set():
+            self.moving.set()
+            self.samples.append((tick, _resident()))
 
     async def watch(self) -> None:
         """Look again and again, until cancelled."""
         while True:
-            if self.tick:
-                self.samples.append((self.tick, _resident()))
+            await self.moving.wait()
             await asyncio.sleep(self._pause)
+            self.samples.append((self.tick, _resident()))
 
     def memory(self) -> dict[str, Memory]:
         """Return what it came to."""
         warm = _WARM * self.tick
         kept = [sample for sample in self.samples if sample[0] >= warm]
+        kept = kept or self.samples[:1]  # it was over before there was another
         measured = {}
         for name in sorted({name for _, found in kept for name in found}):
             # At the end some have gone already.
@@ -149,12 +155,14 @@ async def long_run(
         options: What to run.
         folder: Where it is recorded.
         pause: Seconds between two looks at the memory.
-        seconds: After so long the run is ended in order.
+        seconds: So long after its first tick the run is ended in order.
         verified: Whether to derive the recording again.
     """
     gauge, log, stop = Gauge(pause), folder / "run.mcap", asyncio.Event()
     watching = asyncio.create_task(gauge.watch(), name="longrun/gauge")
-    ending = asyncio.create_task(_end_after(seconds, stop), name="longrun/end")
+    ending = asyncio.create_task(
+        _end_after(seconds, gauge.moving, stop), name="longrun/end"
+    )
     began = time.perf_counter()
     try:
         outcome = await run(options, log, stop, gauge.follow)
@@ -175,7 +183,10 @@ async def long_run(
     )
 
 
-async def _end_after(seconds: float, stop: asyncio.Event) -> None:
+async def _end_after(
+    seconds: float, moving: asyncio.Event, stop: asyncio.Event
+) -> None:
+    await moving.wait()
     try:
         async with asyncio.timeout(None if np.isinf(seconds) else seconds):
             await stop.wait()

@@ -585,7 +585,7 @@ async def test_a_hub_that_cannot_be_reached_is_an_error_in_time(endpoint: str) -
     with pytest.raises(FabricError, match=expected):
         async with fabric:
             pass
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < PATIENCE / 2  # and not for ever
 
 
 @pytest.mark.zenoh

@@ -726,8 +726,8 @@ def wait_for_size(process: "subprocess.Popen[str]", log: Path, size: int) -> Non
         pytest.fail(f"{log} did not grow")
 
 
-def gone(processes: list[psutil.Process], seconds: float) -> bool:
-    _, alive = psutil.wait_procs(processes, timeout=seconds)
+def gone(processes: list[psutil.Process]) -> bool:
+    _, alive = psutil.wait_procs(processes, timeout=PATIENCE)
     kill(alive)
     return not alive
 
@@ -836,7 +836,7 @@ def test_a_run_that_is_interrupted_ends_in_order(
         else:
             process.send_signal(number)
         code, stdout, stderr = finish(process)
-        assert gone(family, 10)
+        assert gone(family)
     assert code == 0, stderr
     facts = last_json(stdout)
     assert (facts["stopped"], facts["complete"]) == (True, True)
@@ -852,7 +852,7 @@ def test_a_cell_that_is_killed_is_named(tmp_path: Path, endless: Path) -> None:
         *_, last = parts_of(family)
         last.kill()
         code, stdout, stderr = finish(process)
-        assert gone(family, 10)
+        assert gone(family)
     assert code == 1
     assert "cell/2" in stderr
     assert "cell/1" not in stderr
@@ -876,7 +876,7 @@ def test_a_launcher_that_is_killed_leaves_nothing(
             assert len(family) >= 7  # hub, recorder, coordinator, world, cells
             process.kill()
             process.wait()
-            assert gone(family, 15)
+            assert gone(family)
         # The hub's socket, and the fork server's own.
         left = [path.name for path in Path(folder).glob("neurosnap-*")]
     assert left == []
@@ -940,6 +940,6 @@ def test_interrupting_a_step_does_not_wait_for_enter(
                 assert letter, shown
                 shown += letter
             process.send_signal(signal.SIGINT)
-            assert process.wait(10) == 0
+            assert process.wait(PATIENCE) == 0
         finally:
             process.kill()

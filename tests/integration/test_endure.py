@@ -449,16 +449,14 @@ def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
     assert verify(log).ticks == 6
 
 
-SILENT = (
-    r"^coordinator: world: must answer the decision of tick 6 within 1\.5 s, got no"
-)
+SILENT = r"^coordinator: world: must answer the decision of tick 6 within 3 s, got no"
 
 
 @pytest.fixture
 def hanging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunOptions:
     """A run whose world is there and says no more after tick 6."""
     options = ending_world(tmp_path, monkeypatch, "threading.Event().wait()")
-    return msgspec.structs.replace(options, deadline=0.5)
+    return msgspec.structs.replace(options, deadline=1.0)
 
 
 @pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 1)])
@@ -475,7 +473,7 @@ def test_a_world_that_hangs_is_named_and_treated_like_a_cell_that_hangs(
 
 
 def test_a_world_that_is_held_is_named(tmp_path: Path) -> None:
-    options = msgspec.structs.replace(options_for(ENDLESS), deadline=0.5)
+    options = msgspec.structs.replace(options_for(ENDLESS), deadline=1.0)
     held: list[psutil.Process] = []
 
     def hold(tick: int) -> None:
@@ -493,7 +491,7 @@ def test_a_world_that_is_held_is_named(tmp_path: Path) -> None:
         # Nobody would hold the next one's world.
         on_restart=lambda event: pytest.fail(event.why),
     )
-    said = r"^coordinator: world: must answer the decision of tick \d+ within 1\.5 s"
+    said = r"^coordinator: world: must answer the decision of tick \d+ within 3 s"
     with pytest.raises(SwarmError, match=said):
         asyncio.run(running)
     assert verify(log).same

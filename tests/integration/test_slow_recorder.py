@@ -13,34 +13,26 @@ import msgspec
 import psutil
 import pytest
 
-from neurosnap import wire
 from neurosnap.agent.context import Body
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
+from neurosnap.swarm.run import Outcome, run
 from tests.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
-HELD = 20  # reports of the same tick, a twentieth of a second apart
+HELD = 4  # reports of the same tick, a quarter of a second apart
+STOPS = 5  # times that a slow recorder stands still
 OPTIONS = RunOptions(
     source="neurosnap/Path-v0",
     arguments={"places": 5},
     body=Body(
         own=("below_1", "below_2", "below_3", "below_4"), actions=("forward", "back")
     ),
-    ticks=600,
+    ticks=1_000_000,  # it is stopped, once the recorder was held up enough
     seed=3,
 )
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[wire.Message]:
-    log = tmp_path_factory.mktemp("undisturbed") / "log"
-    inline = msgspec.structs.replace(OPTIONS, cells="inline")
-    asyncio.run(run(inline, log, asyncio.Event()))
-    return course(log)
 
 
 def recorder() -> psutil.Process:
@@ -54,9 +46,13 @@ def recorder() -> psutil.Process:
 
 
 class Standstill:
-    """Stops the recorder at a tick, until no tick has been made for a while."""
+    """Stops the recorder at a tick, until no tick has been made for a while.
+
+    Ends the run once that goes on.
+    """
 
     def __init__(self, log: Path) -> None:
+        self.over = asyncio.Event()
         self.stopped_at = self.held_at = 0
         self.grown = -1  # bytes, while the recorder stood still
         self._log = log
@@ -72,6 +68,8 @@ class Standstill:
                 self._size = self._log.stat().st_size
             return
         if self.grown >= 0:
+            if tick > self.held_at:
+                self.over.set()
             return
         self._reports = self._reports + 1 if tick == self.held_at else 0
         self.held_at = tick
@@ -81,9 +79,10 @@ class Standstill:
 
 
 class Throttle:
-    """Lets the recorder work in one of every four reports' time."""
+    """Lets the recorder work in one of every four reports' time, and ends the run."""
 
     def __init__(self) -> None:
+        self.over = asyncio.Event()
         self.stops = 0
         self._process: psutil.Process | None = None
         self._reports = 0
@@ -96,47 +95,45 @@ class Throttle:
                 return
             self._process = recorder()
         self._reports += 1
-        # Near its end the run may report no more: nobody would wake the recorder up.
-        works = self._reports % 4 == 0 or tick >= OPTIONS.ticks - 100
+        works = self._reports % 4 == 0
         if works and self._stopped:
             self._process.send_signal(signal.SIGCONT)
             self._stopped = False
-        elif not works and not self._stopped:
+            if self.stops == STOPS:
+                self.over.set()
+        elif not works and not self._stopped and self.stops < STOPS:
             self._process.send_signal(signal.SIGSTOP)
             self._stopped = True
             self.stops += 1
 
 
-def check_whole(log: Path, undisturbed: list[wire.Message]) -> None:
+def check_whole(log: Path, outcome: Outcome) -> None:
+    """Check that nothing was lost: it is what an undisturbed run comes to."""
+    assert outcome.completeness is not None
+    assert outcome.completeness.whole
     recording = Recording.open(log)
     completeness = recording.completeness()
     assert (completeness.missing, completeness.foreign) == ({}, 0)
     assert recording.finished
-    assert course(log) == undisturbed
+    ticks, calm = outcome.totals.ticks, log.with_name("calm")
+    inline = msgspec.structs.replace(OPTIONS, cells="inline", ticks=ticks)
+    asyncio.run(run(inline, calm, asyncio.Event()))
+    assert course(log, ticks) == course(calm)
     verdict = verify(log)
-    assert (verdict.same, verdict.complete) == (True, True)
-    assert verdict.ticks == OPTIONS.ticks
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
 
 
-def test_a_recorder_that_stands_still_holds_the_run_up(
-    undisturbed: list[wire.Message], tmp_path: Path
-) -> None:
+def test_a_recorder_that_stands_still_holds_the_run_up(tmp_path: Path) -> None:
     log = tmp_path / "log"
     standstill = Standstill(log)
-    outcome = asyncio.run(run(OPTIONS, log, asyncio.Event(), standstill.follow))
-    assert outcome.completeness is not None
-    assert outcome.completeness.whole
-    assert 20 <= standstill.stopped_at <= standstill.held_at < OPTIONS.ticks
+    outcome = asyncio.run(run(OPTIONS, log, standstill.over, standstill.follow))
+    assert 20 <= standstill.stopped_at <= standstill.held_at < outcome.totals.ticks
     assert standstill.grown == 0
-    check_whole(log, undisturbed)
+    check_whole(log, outcome)
 
 
-def test_a_recorder_that_is_slow_loses_nothing(
-    undisturbed: list[wire.Message], tmp_path: Path
-) -> None:
+def test_a_recorder_that_is_slow_loses_nothing(tmp_path: Path) -> None:
     log, throttle = tmp_path / "log", Throttle()
-    outcome = asyncio.run(run(OPTIONS, log, asyncio.Event(), throttle.follow))
-    assert outcome.completeness is not None
-    assert outcome.completeness.whole
-    assert throttle.stops > 3
-    check_whole(log, undisturbed)
+    outcome = asyncio.run(run(OPTIONS, log, throttle.over, throttle.follow))
+    assert throttle.stops == STOPS
+    check_whole(log, outcome)
