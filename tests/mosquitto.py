@@ -1,9 +1,8 @@
 """A real Mosquitto, which every test starts for itself, and others on it."""
 
-import socket
 import subprocess
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, closing, contextmanager
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 import aiomqtt
@@ -11,6 +10,7 @@ import pytest
 
 from neurosnap.outside.mqtt_options import MqttBroker
 from tests.patience import PATIENCE
+from tests.ports import free_port
 from tests.programs import find, needs
 
 HOST = "127.0.0.1"
@@ -23,9 +23,7 @@ class Mosquitto:
     """The broker, to be started and stopped on one port."""
 
     def __init__(self, folder: Path, *lines: str) -> None:
-        with closing(socket.socket()) as free:
-            free.bind((HOST, 0))
-            self.port = free.getsockname()[1]
+        self.port = free_port()
         self._file = folder / "mosquitto.conf"
         # As root it would become a user who may not read the test's files.
         text = (

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import re
 import signal
-import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,6 +38,7 @@ from neurosnap.swarm.supervision import Supervision
 from neurosnap.swarm.supervisor import Child, Supervisor
 from tests.course import course
 from tests.patience import PATIENCE
+from tests.ports import free_port
 from tools.soak import VICTIMS, soak
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -253,9 +253,7 @@ SWARM = "demo"
 
 def endpoint() -> str:
     """Where a hub may listen now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 @pytest.mark.parametrize(

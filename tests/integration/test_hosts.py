@@ -6,7 +6,6 @@ is tried on loopback everywhere.
 
 import secrets
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ import pytest
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from tests.patience import PATIENCE
+from tests.ports import free_port
 from tests.programs import find, needs
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -32,13 +32,6 @@ def command(*arguments: object) -> list[str]:
         "neurosnap",
         *(str(argument) for argument in arguments),
     ]
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        number: int = probe.getsockname()[1]
-    return number
 
 
 @contextmanager

@@ -8,16 +8,9 @@ from typer.testing import CliRunner
 
 from neurosnap.cli import app
 from neurosnap.record.replay import verify
+from tests.ports import free_port
 
 pytestmark = pytest.mark.zenoh
-
-
-def port() -> int:
-    """Return a port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        number: int = probe.getsockname()[1]
-    return number
 
 
 def call(*arguments: object) -> tuple[int, str]:
@@ -38,7 +31,7 @@ def test_a_swarm_with_keys_comes_to_what_one_without_does(
 ) -> None:
     keys = tmp_path / "keys"
     assert call("keys", keys)[0] == 0
-    endpoint = f"tls/127.0.0.1:{port()}"
+    endpoint = f"tls/127.0.0.1:{free_port()}"
     secured = tmp_path / "secured.mcap"
     code, stderr = run(secured, "--listen", endpoint, "--tls", keys, *audit)
     assert code == 0, stderr
@@ -49,7 +42,7 @@ def test_a_swarm_with_keys_comes_to_what_one_without_does(
 @pytest.mark.slow
 def test_a_swarm_listens_on_a_port_of_loopback(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
-    code, stderr = run(log, "--listen", f"tcp/127.0.0.1:{port()}")
+    code, stderr = run(log, "--listen", f"tcp/127.0.0.1:{free_port()}")
     assert code == 0, stderr
     assert verify(log).complete
 

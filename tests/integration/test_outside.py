@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import socket
 import subprocess
 import sys
 import threading
@@ -39,6 +38,7 @@ from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.world import run_world
 from tests.patience import PATIENCE
+from tests.ports import free_port
 
 pytestmark = pytest.mark.slow
 
@@ -160,9 +160,7 @@ class Hub(msgspec.Struct, frozen=True):
 
 @contextmanager
 def hub_on(protocol: str, keys: Path | None = None) -> Iterator[Hub]:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        endpoint = f"{protocol}/127.0.0.1:{free.getsockname()[1]}"
+    endpoint = f"{protocol}/127.0.0.1:{free_port()}"
     command = [sys.executable, "-c", BE_HUB, endpoint, *([str(keys)] if keys else [])]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE

@@ -5,7 +5,6 @@ refuses is in what it said on its standard error.
 """
 
 import asyncio
-import socket
 import subprocess
 import sys
 from collections import defaultdict
@@ -50,6 +49,7 @@ from neurosnap.swarm.run import describe
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.world import run_world
 from tests.patience import PATIENCE
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -93,9 +93,7 @@ class Hub:
 
 @contextmanager
 def hub_with(keys: Path) -> Iterator[Hub]:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        hub = Hub(f"tls/127.0.0.1:{free.getsockname()[1]}", keys)
+    hub = Hub(f"tls/127.0.0.1:{free_port()}", keys)
     command = [sys.executable, "-c", BE_HUB, hub.endpoint, str(keys)]
     with subprocess.Popen(
         command,

@@ -5,7 +5,6 @@ import json
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -30,6 +29,7 @@ from neurosnap.view.film import Film
 from neurosnap.view.members import members
 from tests.course import course
 from tests.patience import PATIENCE
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -64,13 +64,6 @@ def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
     out, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == code, said + out
     return " ".join((said + out).split())
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        number: int = probe.getsockname()[1]
-    return number
 
 
 @contextmanager
