@@ -135,6 +135,8 @@ class _Fitted(NamedTuple):
     target: tuple[str, ...]
     length: int | None
     """Observations there will be at most; None: no end is known."""
+    live: bool = False
+    """Its readings come from outside, once."""
 
 
 _NOTHING = _Fitted(Body(own=()), {}, (), None)
@@ -157,7 +159,8 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     opened = open_source(name, seed, arguments)
     opened.close()
     length = FOREVER if opened.live else opened.length
-    return _Fitted(body_of(opened, agent.kind), arguments, target, length)
+    body = body_of(opened, agent.kind)
+    return _Fitted(body, arguments, target, length, opened.live)
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
@@ -172,7 +175,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
     }
-    if opened.live and optional["sync"] is UNSET:
+    if fitted.live and optional["sync"] is UNSET:
         optional["sync"] = _SYNC
     return RunOptions(
         source=name,

@@ -18,6 +18,7 @@ from neurosnap import wire
 from neurosnap.errors import (
     InvalidValueError,
     PartDiedError,
+    RecordingError,
     SwarmError,
 )
 from neurosnap.record.layout import SMALLEST

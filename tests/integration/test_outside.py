@@ -263,10 +263,7 @@ def test_the_example_says_how_it_is_called(given: tuple[str, ...]) -> None:
 
 @pytest.mark.zenoh
 def test_the_example_says_what_to_do_without_a_hub() -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))  # and never listens
-        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        told = called(endpoint, "home", "door=on")
+    told = called(f"tcp/127.0.0.1:{free_port()}", "home", "door=on")
     assert (told.returncode, told.stdout) == (1, "")
     start = f"neurosnap run ... --swarm home --listen {endpoint} (Unable to connect"
     assert told.stderr.startswith(f"no swarm listens on {endpoint}; start one")

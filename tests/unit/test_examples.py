@@ -105,6 +105,7 @@ def test_what_the_readings_were_made_by_is_learned_from_them() -> None:
     source = open_source(str(EXAMPLES / "readings.csv"), seed=0)
     memory = EmpiricalSnapshot(Sensorium(source.sensors))
     reading = source.first()
+    assert reading is not None
     for _ in range(360):
         memory.observe(reading)
         following = source.step(0)
