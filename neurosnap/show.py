@@ -205,13 +205,16 @@ def outcome(
     if log is not None:
         console.print(f"recording: {escape(str(log))}", soft_wrap=True)
     balance = outcome_.completeness
-    if balance is not None and not balance.whole:
+    if balance is not None and balance.missing:
         lost = [f"{count} of {who}" for who, count in balance.missing.items()]
         console.print(
             f"[red]the recording lacks {sum(balance.missing.values())} messages[/red]:"
             f" {escape(_few(lost))}",
             soft_wrap=True,
         )
+    for path in () if balance is None else balance.vanished:
+        text = "deleted, moved or replaced while it was written"
+        console.print(f"[red]{text}[/red]: {escape(path)}", soft_wrap=True)
     for path in outcome_.kept:
         text = "may hold ticks that the recording lacks"
         console.print(f"[red]damaged[/red]: {escape(path)} {text}", soft_wrap=True)

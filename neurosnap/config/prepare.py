@@ -24,7 +24,7 @@ from neurosnap.config.recordings import LOGS, free_path, new_path
 from neurosnap.config.sources import MqttTable
 from neurosnap.config.tables import Config, RecordingTable
 from neurosnap.errors import InvalidValueError
-from neurosnap.outside.open import ZENOH, settle
+from neurosnap.outside.open import ZENOH, is_outside, settle
 from neurosnap.source import Argument, open_source
 from neurosnap.swarm.embody import body_of, drawn_to
 from neurosnap.swarm.network import Network
@@ -135,8 +135,6 @@ class _Fitted(NamedTuple):
     target: tuple[str, ...]
     length: int | None
     """Observations there will be at most; None: no end is known."""
-    live: bool = False
-    """Its readings come from outside, once."""
 
 
 _NOTHING = _Fitted(Body(own=()), {}, (), None)
@@ -159,8 +157,7 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     opened = open_source(name, seed, arguments)
     opened.close()
     length = FOREVER if opened.live else opened.length
-    body = body_of(opened, agent.kind)
-    return _Fitted(body, arguments, target, length, opened.live)
+    return _Fitted(body_of(opened, agent.kind), arguments, target, length)
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
@@ -175,7 +172,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
     }
-    if fitted.live and optional["sync"] is UNSET:
+    if is_outside(name) and optional["sync"] is UNSET:
         optional["sync"] = _SYNC
     return RunOptions(
         source=name,

@@ -63,6 +63,11 @@ class Lives:
             )
             raise InvalidValueError("log", rule, str(self._broken))
 
+    @property
+    def recorded(self) -> bool:
+        """There is a file of the recording."""
+        return bool(part_paths(self._log))
+
     def furthest(self, most: int) -> Past | None:
         """Return where the recorded run can go on; None: it has no whole tick.
 

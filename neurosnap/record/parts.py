@@ -141,6 +141,7 @@ class Parts:
         self._saving = Saving()
         self._warned = False
         self._places: Mapping[str, Place] = {}
+        self._vanished: list[str] = []
         self._newest = self._new_writer()
         try:
             begin_recording(self._newest, self._facts(), past)
@@ -301,6 +302,7 @@ class Parts:
             return
         self._saving.wait()  # what is in here cannot be lost by an error yet
         older, self._older = self._older, None
+        self._watch(older)
         begun = self._newest.sequences.first
         ends = {
             sender: begun.get(sender, older.sequences.upcoming(sender))
@@ -344,9 +346,21 @@ class Parts:
         """
         self._saving.check()
         self._write_all(self._causes.due(now))
-        if self._older is not None:
-            self._older.flush()
-        self._newest.flush()
+        for file in self._files():
+            file.flush()
+            self._watch(file)
+
+    def _files(self) -> list[Writer]:
+        """Return the files that are written to."""
+        return [file for file in (self._older, self._newest) if file is not None]
+
+    def _watch(self, file: Writer) -> None:
+        """Say once of a file that it is not where it was."""
+        path = str(file.path)
+        if not file.in_place and path not in self._vanished:
+            self._vanished.append(path)
+            rule = "must stay where it is while it is written"
+            _log.error("log: %s, got deleted, moved or replaced %r", rule, path)
 
     def sync(self) -> None:
         """Let what was flushed be written to the disk, on a thread.
@@ -354,8 +368,7 @@ class Parts:
         Raises:
             RecordingError: Now or before the disk did not take it.
         """
-        files = [file for file in (self._older, self._newest) if file is not None]
-        self._saving.sync(files)
+        self._saving.sync(self._files())
 
     def finish(
         self, totals: Mapping[str, str], expected: Mapping[str, int]
@@ -368,8 +381,10 @@ class Parts:
         self._write_all(self._causes.rest())
         self._close(expected)
         self._saving.close()
+        self._watch(self._newest)
         balances = [*self._closed, self._newest.finish(totals, expected)]
-        return added_up(balances)
+        vanished = tuple(self._vanished)
+        return msgspec.structs.replace(added_up(balances), vanished=vanished)
 
     def abandon(self) -> None:
         """Close without totals and index; see `Writer.abandon`."""

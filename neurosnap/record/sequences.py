@@ -30,11 +30,13 @@ class Completeness(msgspec.Struct, frozen=True):
     """Messages that came again and were left out."""
     foreign: int = 0
     """Payloads that are no message of this protocol and were left out."""
+    vanished: tuple[str, ...] = ()
+    """Its files that were deleted, moved or replaced while they were written."""
 
     @property
     def whole(self) -> bool:
-        """Nothing that was sent is missing."""
-        return not self.missing
+        """Nothing that was sent is missing, nor any file."""
+        return not (self.missing or self.vanished)
 
 
 def added_up(balances: Iterable[Completeness]) -> Completeness:

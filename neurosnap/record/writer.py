@@ -10,6 +10,7 @@ would save a third of a microsecond of five, and would let through what no reade
 decode afterwards.
 """
 
+import logging
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -37,6 +38,9 @@ from neurosnap.record.layout import (
     TOTALS,
 )
 from neurosnap.record.sequences import Completeness, Sequences
+from neurosnap.record.vanished import in_place, rescued
+
+_log = logging.getLogger(__name__)
 
 Compression: TypeAlias = Literal["zstd", "none"]
 
@@ -329,6 +333,7 @@ class Writer:
         """
         try:
             os.fsync(self._stream.fileno())
+            self._rescue()
             with suppress(FileNotFoundError):  # then the folder was moved, or deleted
                 sync_folder(self.path.parent)
             self._stream.close()
@@ -342,6 +347,11 @@ class Writer:
         """
         return os.dup(self._stream.fileno())
 
+    @property
+    def in_place(self) -> bool:
+        """Its path names it: nobody has deleted, moved or replaced it."""
+        return in_place(self.path, self._stream.fileno())
+
     def abandon(self) -> None:
         """Close without totals and index; do nothing if closed already.
 
@@ -352,10 +362,24 @@ class Writer:
             return
         try:
             self._mcap.flush()
+            self._stream.flush()
+            self._rescue()
             self._stream.close()
         except OSError as error:
             raise self._failed(error) from error
         self._open = False
+
+    def _rescue(self) -> None:
+        """Copy what was written if the file was deleted meanwhile."""
+        shown = repr(str(self.path))
+        try:
+            copy = rescued(self.path, self._stream.fileno())
+        except OSError as error:
+            got = f"{error.strerror} for {shown}"
+            _log.error("log: what was deleted must be copied, got %s", got)
+            return
+        if copy is not None:
+            _log.error("log: %s was deleted; copied to %r", shown, str(copy))
 
     def __enter__(self) -> Self:
         return self

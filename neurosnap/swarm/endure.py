@@ -13,7 +13,7 @@ that had to keep a file beside its recording says so, and is not complete.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -87,6 +87,7 @@ async def run_on(
     lives.check_free()
     swarm = swarm or new_swarm_id()
     restarts, delay, reached = 0, supervision.backoff, 0
+    vanished: list[str] = []
 
     def follow(tick: int) -> None:
         nonlocal reached
@@ -119,6 +120,8 @@ async def run_on(
                 # it should.
                 found = await asyncio.to_thread(lives.furthest, options.ticks - 1)
                 kept = len(lives.kept)
+                if reached > (0 if past is None else past.tick) and not lives.recorded:
+                    vanished.append(str(log))
                 # Not on a thread, which would go on beside `keep_furthest` once this
                 # is cancelled.
                 gained, past = lives.go_on(found, past)
@@ -138,10 +141,25 @@ async def run_on(
                 await wait_at_most(stop, delay)
             else:
                 lives.settle()
-                aside = tuple(map(str, lives.kept))
-                return msgspec.structs.replace(outcome, restarts=restarts, kept=aside)
+                return _in_all(outcome, restarts, lives.kept, vanished)
     finally:
         lives.keep_furthest()
+
+
+def _in_all(
+    outcome: Outcome, restarts: int, kept: Sequence[Path], vanished: Sequence[str]
+) -> Outcome:
+    """Return what became of a run, by what became of its last life."""
+    balance = outcome.completeness
+    if balance is not None:
+        every = tuple(dict.fromkeys((*balance.vanished, *vanished)))
+        balance = msgspec.structs.replace(balance, vanished=every)
+    return msgspec.structs.replace(
+        outcome,
+        restarts=restarts,
+        completeness=balance,
+        kept=tuple(map(str, kept)),
+    )
 
 
 def _mends(supervision: Supervision, error: SwarmError) -> bool:

@@ -102,3 +102,18 @@ def test_a_damaged_recording_is_kept_and_told_of(tmp_path: Path) -> None:
         "a.damaged-1.mcap",
         "a.mcap",
     ]
+
+
+def test_a_recording_deleted_while_it_runs_is_told_of_and_copied(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "a.mcap"
+    with fed(log) as running:
+        running.feed(lambda: chunks(log) >= 2)
+        log.unlink()
+        said, errors = running.end()
+    assert running.process.returncode == 3, errors
+    assert said["complete"] is False
+    assert "must stay where it is while it is written" in errors
+    observed = list(Recording.open(log).messages(("observe",)))
+    assert len(observed) == said["ticks"]
