@@ -263,7 +263,8 @@ def test_the_example_says_how_it_is_called(given: tuple[str, ...]) -> None:
 
 @pytest.mark.zenoh
 def test_the_example_says_what_to_do_without_a_hub() -> None:
-    told = called(f"tcp/127.0.0.1:{free_port()}", "home", "door=on")
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    told = called(endpoint, "home", "door=on")
     assert (told.returncode, told.stdout) == (1, "")
     start = f"neurosnap run ... --swarm home --listen {endpoint} (Unable to connect"
     assert told.stderr.startswith(f"no swarm listens on {endpoint}; start one")

@@ -68,7 +68,8 @@ def test_options_have_the_same_rules_in_a_file() -> None:
                 if same is not None and name not in ("target", "threshold", "decay"):
                     assert field.type == same.type, name
                     assert (
-                        name in ("ticks", "watch", "sync") or field.default == same.default
+                        name in ("ticks", "watch", "sync")
+                        or field.default == same.default
                     ), name
                     compared.append(name)
     assert len(compared) == 14
