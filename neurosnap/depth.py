@@ -17,7 +17,12 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.distribution import must_have
-from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError, naming
+from neurosnap.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    RecordingError,
+    naming,
+)
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from neurosnap.swarm.launch import Plan, run_processes
@@ -205,13 +210,13 @@ def draw(rows: Sequence[Measured], path: Path) -> None:
     State waves are not drawn; see `fit`.
 
     Raises:
-        NeurosnapError: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
     """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
         rule = must_have("matplotlib", "plot")
-        raise NeurosnapError(f"depth.png: {rule}") from error
+        raise MissingExtraError(f"depth.png: {rule}") from error
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     signals = [row for row in rows if row.kind == "signal"]

@@ -24,6 +24,13 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from neurosnap.distribution import NAME
+from neurosnap.limits import (
+    BYTES_A_CELL,
+    BYTES_BESIDE,
+    THREADS_A_CELL,
+    free_memory,
+    process_limits,
+)
 
 if TYPE_CHECKING:
     import zenoh
@@ -32,9 +39,6 @@ CELLS = 1000
 """The cells a machine is examined for."""
 
 _SERVICES = 4  # hub, recorder, coordinator, world
-_THREADS_A_CELL = 9  # one of Python's, one that delivers, the rest Zenoh's
-_BYTES_A_CELL = 6_000_000
-_BYTES_BESIDE = 600_000_000  # coordinator, recorder and world with numpy and numba
 _OLDEST_PYTHON = (3, 11)
 _LONGEST_SOCKET = 107  # bytes of a path in `sockaddr_un`, the closing zero left out
 _PATIENCE = 20.0  # seconds that a child may take
@@ -163,8 +167,8 @@ def check_files() -> list[Finding]:
 
 def check_processes() -> list[Finding]:
     """Compare every limit on processes and threads with what the cells start."""
-    needed = (CELLS + _SERVICES) * _THREADS_A_CELL
-    room = {name: limit - used for name, limit, used in _process_limits()}
+    needed = (CELLS + _SERVICES) * THREADS_A_CELL
+    room = {name: limit - used for name, limit, used in process_limits()}
     what = f"processes and threads, {CELLS:,} cells"
     if not room:
         return [Finding(what, True, "no limit")]
@@ -177,55 +181,14 @@ def check_processes() -> list[Finding]:
     return [Finding(what, ok, found, _unless(ok, mend))]
 
 
-def _process_limits() -> Iterator[tuple[str, int, int]]:
-    """Yield the name of each limit that is set, its value and what is in use."""
-    if hasattr(os, "geteuid") and os.geteuid() != 0:  # root is exempt
-        soft, _ = resource.getrlimit(resource.RLIMIT_NPROC)  # nobody raises this one
-        if soft != resource.RLIM_INFINITY:
-            yield "the user's process limit (`ulimit -u`)", soft, 0
-    load = _read(Path("/proc/loadavg"))  # its fourth word: running/all
-    everyone = int(load.split()[3].split("/")[1]) if load else 0
-    for name in ("threads-max", "pid_max"):
-        limit = _read(Path("/proc/sys/kernel") / name)
-        if limit:
-            yield f"kernel.{name} (sysctl)", int(limit), everyone
-    for folder in _cgroups("pids"):
-        limit, used = _read(folder / "pids.max"), _read(folder / "pids.current")
-        if limit.isdigit():
-            yield f"{folder}/pids.max", int(limit), int(used or 0)
-
-
-def _cgroups(controller: str) -> Iterator[Path]:
-    """Yield this process's control groups for `controller`, the root's included."""
-    for line in _read(Path("/proc/self/cgroup")).splitlines():
-        _, controllers, path = line.split(":", 2)
-        if controllers and controller not in controllers.split(","):
-            continue
-        base = Path("/sys/fs/cgroup") / (controller if controllers else "")
-        inner = base / path.lstrip("/")
-        yield from (f for f in (inner, *inner.parents) if f.is_relative_to(base))
-
-
 def check_memory() -> list[Finding]:
     """Compare free memory with what the cells take; say how many would fit."""
-    free = _free_memory()
-    fit = max(0, free - _BYTES_BESIDE) // _BYTES_A_CELL
+    free = free_memory()
+    fit = max(0, free - BYTES_BESIDE) // BYTES_A_CELL
     ok = fit >= CELLS
     mend = f"Free some memory, or run at most {fit:,} cells."
     found = f"{free / 1e9:.1f} GB free, room for about {fit:,} cells"
     return [Finding(f"memory, {CELLS:,} cells", ok, found, _unless(ok, mend))]
-
-
-def _free_memory() -> int:
-    """Return the bytes that can be had, within the control group's limit."""
-    import psutil
-
-    free = int(psutil.virtual_memory().available)
-    for folder in _cgroups("memory"):
-        limit, used = _read(folder / "memory.max"), _read(folder / "memory.current")
-        if limit.isdigit() and used.isdigit():
-            free = min(free, int(limit) - int(used))
-    return free
 
 
 def check_cores() -> list[Finding]:
@@ -393,14 +356,6 @@ def _unless(ok: bool, mend: str) -> str:
 
 def _shown(limit: int) -> str:
     return "unlimited" if limit == resource.RLIM_INFINITY else f"{limit:,}"
-
-
-def _read(path: Path) -> str:
-    """Return what a file of the kernel's says; nothing where there is none."""
-    try:
-        return path.read_text().strip()
-    except OSError:
-        return ""
 
 
 _CHECKS: dict[str, Callable[[], list[Finding]]] = {

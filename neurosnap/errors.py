@@ -44,6 +44,10 @@ class UnknownSensorError(InvalidValueError, KeyError):
     __str__ = Exception.__str__
 
 
+class MissingExtraError(NeurosnapError):
+    """A package is needed that comes with an extra and is not installed."""
+
+
 class MessageError(NeurosnapError, ValueError):
     """A payload is no message of this protocol, or came under the wrong key."""
 

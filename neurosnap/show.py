@@ -253,12 +253,13 @@ def verdict(console: Console, found: Verdict) -> None:
 
 
 def depth_facts(
-    rows: Sequence[Measured], line: Line | None, out: Path
+    rows: Sequence[Measured], line: Line | None, wrote: Sequence[Path]
 ) -> dict[str, object]:
-    """Return what was measured as one JSON object."""
+    """Return what was measured as one JSON object, with the files by their kind."""
+    files = {path.suffix: str(path) for path in wrote}
     return {
-        "csv": str(out / "depth.csv"),
-        "png": str(out / "depth.png"),
+        "csv": files.get(".csv"),
+        "png": files.get(".png"),
         "waves": len(rows),
         "line": None if line is None else msgspec.structs.asdict(line),
         "rows": [msgspec.structs.asdict(row) for row in rows],
@@ -266,7 +267,7 @@ def depth_facts(
 
 
 def depths(
-    console: Console, rows: Sequence[Measured], line: Line | None, out: Path
+    console: Console, rows: Sequence[Measured], line: Line | None, wrote: Sequence[Path]
 ) -> None:
     """Print depth and time by height."""
     table = Table("sensors", "kind", "height", "waves", "depth", "pulses", "median ms")
@@ -289,9 +290,7 @@ def depths(
         console.print(
             f"time over depth: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
         )
-    console.print(
-        f"wrote {escape(str(out / 'depth.csv'))} and {escape(str(out / 'depth.png'))}"
-    )
+    console.print(f"wrote {' and '.join(escape(str(path)) for path in wrote)}")
 
 
 def _span(values: Sequence[int]) -> str:

@@ -160,7 +160,12 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only copy: moves and fields are the truth others compare with."""
+    """Return a read-only array: moves and fields are the truth others compare with.
+
+    One that can be written to is copied; a view of `thresholds` would grow by that.
+    """
+    if not array.flags.writeable:
+        return array
     copy = array.copy()
     copy.flags.writeable = False
     return copy

@@ -6,6 +6,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from neurosnap.cli.heeding import unwinding
 from neurosnap.cli.shared import Json, Log, OptionalTick, app, errors, print_json, say
 from neurosnap.errors import InvalidValueError
 
@@ -59,7 +60,11 @@ def model(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Where to draw. \\[default: NAME.png]"),
+        typer.Option(
+            metavar="FILE",
+            help="Where to draw: .png, .svg or .pdf. \\[default: NAME.png; none with"
+            " --json]",
+        ),
     ] = None,
     at: OptionalTick = None,
     limit: Annotated[
@@ -71,7 +76,7 @@ def model(
     """Draw a poc set and its dual: of the paper, of a recording, or your own."""
     from neurosnap.picture.find import find, listed
     from neurosnap.picture.numbers import in_words, measure
-    from neurosnap.picture.page import draw_model
+    from neurosnap.picture.page import check_picture, draw_model
 
     with errors():
         if names:
@@ -83,14 +88,21 @@ def model(
         if what is None:
             rule = "must be a name of --list, a recording or an expression"
             raise InvalidValueError("model", rule, "nothing")
+        if out is not None or not as_json:
+            check_picture(out or Path("a.png"))
         found = find(what, at, limit)
-        path = Path(f"{found.name}.png") if out is None else out
+        path = Path(f"{found.name}.png") if out is None and not as_json else out
         numbers = measure(found)
-        draw_model(found, numbers, path)
-        for line in (numbers.title, *in_words(numbers), f"wrote {path}"):
+        lines = [numbers.title, *in_words(numbers)]
+        if path is not None:
+            with unwinding():
+                draw_model(found, numbers, path)
+            lines.append(f"wrote {path}")
+        for line in lines:
             say(as_json).print(line, markup=False, soft_wrap=True)
         if as_json:
-            print_json({"png": str(path), **msgspec.to_builtins(numbers)})
+            drawn = None if path is None else str(path)
+            print_json({"png": drawn, **msgspec.to_builtins(numbers)})
 
 
 @app.command()

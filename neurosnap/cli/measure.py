@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from neurosnap.cli.heeding import unwinding
 from neurosnap.cli.shared import (
     LOST,
     Json,
@@ -17,7 +18,7 @@ from neurosnap.cli.shared import (
     say,
     screen,
 )
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
 from neurosnap.experiment.learning import TruthKind
 from neurosnap.swarm.options import HostKind, WiringKind
 
@@ -81,12 +82,18 @@ def depth(
         if not rows:
             raise NeurosnapError("depth: must have a wave to measure, got none")
         out.mkdir(parents=True, exist_ok=True)
-        write_csv(rows, out / "depth.csv")
-        draw(rows, out / "depth.png")
+        wrote = [out / "depth.csv"]
+        with unwinding():
+            write_csv(rows, wrote[0])
+            try:
+                draw(rows, out / "depth.png")
+                wrote.append(out / "depth.png")
+            except MissingExtraError as error:
+                screen.print(f"no picture: {error}", markup=False, soft_wrap=True)
         line = fit(rows)
-        show.depths(say(as_json), rows, line, out)
+        show.depths(say(as_json), rows, line, wrote)
         if as_json:
-            print_json(show.depth_facts(rows, line, out))
+            print_json(show.depth_facts(rows, line, wrote))
 
 
 @app.command()

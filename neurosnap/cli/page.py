@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import importlib.util
 import webbrowser
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -11,7 +12,7 @@ import typer
 
 from neurosnap.cli.shared import print_json
 from neurosnap.distribution import must_have
-from neurosnap.errors import NeurosnapError, RecordingError
+from neurosnap.errors import MissingExtraError, RecordingError
 from neurosnap.fabric.waiting import wait_at_most
 
 T = TypeVar("T")
@@ -19,6 +20,17 @@ T = TypeVar("T")
 _POLL = 0.1
 """Seconds between two looks for a recording that is to begin."""
 _NEEDED = ("starlette", "uvicorn")
+
+
+def check_page() -> None:
+    """Refuse to begin what is to be looked at where nothing can serve a page.
+
+    Raises:
+        MissingExtraError: What serves it is not installed.
+    """
+    for package in _NEEDED:
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtraError(f"view: {must_have(package, 'view')}")
 
 
 async def look(
@@ -45,14 +57,11 @@ async def look(
         NeurosnapError: The recording cannot be read, the port cannot be used, or what
             serves the page is not installed.
     """
-    try:
-        from neurosnap.swarm.registry import recorded_in
-        from neurosnap.view.desk import Desk
-        from neurosnap.view.server import serving
-    except ModuleNotFoundError as error:
-        if error.name not in _NEEDED:
-            raise
-        raise NeurosnapError(f"view: {must_have(error.name, 'view')}") from error
+    check_page()
+    from neurosnap.swarm.registry import recorded_in
+    from neurosnap.view.desk import Desk
+    from neurosnap.view.server import serving
+
     writes = grows or (lambda: bool(recorded_in(log)))
     desk = await _begun(lambda: Desk(log, writes), writes, stop)
     async with serving(desk, port) as address:

@@ -27,7 +27,7 @@ from neurosnap.cli.options import (
     Wiring,
     Workers,
 )
-from neurosnap.cli.page import viewed
+from neurosnap.cli.page import check_page, viewed
 from neurosnap.cli.shared import (
     LOST,
     Insecure,
@@ -140,15 +140,24 @@ def run(
     """Run a source through a swarm of cells and record everything."""
     from neurosnap import show
     from neurosnap.swarm.endure import run_on
+    from neurosnap.swarm.room import check_cells
     from neurosnap.swarm.run import Outcome
     from neurosnap.swarm.run import run as run_swarm
 
+    with errors():
+        if view and not record:
+            rule = "must go with a recording, which is what is looked at"
+            raise InvalidValueError("view", rule, "--no-record")
+        if view:
+            check_page()
     with errors(), brokered(broker, source) as before, ServiceManager() as service:
         # The rest of the arguments is read from the context, which knows which of
         # them were given and so go before a file.
         prepared = described(context, before)
         options, network, log = prepared.options, prepared.network, prepared.log
         away = _away(elsewhere, swarm, network, options)
+        if options.cells == "process":
+            check_cells(len(options.sensors) - len(away))
         if log is not None:
             log.parent.mkdir(exist_ok=True)
         with show.progress(screen, "ticks", options.ticks) as show_tick:

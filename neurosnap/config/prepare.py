@@ -29,6 +29,7 @@ from neurosnap.source import Argument, open_source
 from neurosnap.swarm.embody import body_of, drawn_to
 from neurosnap.swarm.network import Network
 from neurosnap.swarm.options import RunOptions
+from neurosnap.swarm.room import check_sensors
 from neurosnap.swarm.supervision import Supervision
 
 _logger = logging.getLogger(__name__)
@@ -145,7 +146,8 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     """Open the source, for the names of its sensors, and fit the agent to it.
 
     Raises:
-        InvalidValueError: The source cannot be opened, or the agent does not fit it.
+        InvalidValueError: The source cannot be opened, or has more sensors than this
+            machine can take, or the agent does not fit it.
     """
     arguments = settle(name, given)
     agent, seed = config.agent, config.run.seed
@@ -157,7 +159,9 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     opened = open_source(name, seed, arguments)
     opened.close()
     length = FOREVER if opened.live else opened.length
-    return _Fitted(body_of(opened, agent.kind), arguments, target, length)
+    body = body_of(opened, agent.kind)
+    check_sensors(len(body.sensors))  # before anything is made of all their pairs
+    return _Fitted(body, arguments, target, length)
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:

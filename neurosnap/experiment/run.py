@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from neurosnap.distribution import must_have, version
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.experiment import (
     anomalies,
     compared,
@@ -101,7 +101,7 @@ def run_figures(
 
     Raises:
         InvalidValueError: An option is out of range, or there is no such figure.
-        NeurosnapError: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
         OSError: The output folder cannot be written.
     """
     _check(options)
@@ -176,13 +176,13 @@ def _canvas() -> "CanvasType":
     """Return an empty canvas.
 
     Raises:
-        NeurosnapError: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
     """
     try:
         from matplotlib.figure import Figure as Canvas
     except ImportError as error:
         rule = must_have("matplotlib", "plot")
-        raise NeurosnapError(f"figures: {rule}") from error
+        raise MissingExtraError(f"figures: {rule}") from error
     return Canvas(layout="constrained")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from neurosnap.distribution import must_have
-from neurosnap.errors import InvalidValueError, NeurosnapError, naming
+from neurosnap.errors import InvalidValueError, MissingExtraError, naming
 from neurosnap.picture.dual import dual_panel, unit_of
 from neurosnap.picture.hasse import hasse_panel
 from neurosnap.picture.key import key_panel
@@ -29,45 +29,54 @@ if TYPE_CHECKING:
 
 _MARGIN = 0.35
 _DPI = 120
+_KINDS = (".png", ".svg", ".pdf")
 
 
 def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
     """Write the picture of a model: whole or not at all; what was there is replaced.
 
     Raises:
-        InvalidValueError: It is not to be a ``.png`` file, or its folder is missing.
-        NeurosnapError: matplotlib is not installed.
+        InvalidValueError: As from `check_picture`.
+        MissingExtraError: matplotlib is not installed.
     """
-    if path.suffix.lower() != ".png":
-        raise InvalidValueError("out", "must end in .png", str(path))
-    if not path.absolute().parent.is_dir():
-        raise InvalidValueError("out", "must be in a folder that exists", str(path))
+    check_picture(path)
     figure = figure_of(model, numbers)
     draft = path.with_name(f"{path.name}.part")
     try:
         with naming(path), warnings.catch_warnings():
             # A sensor's name may be in a script the font lacks: it shows as boxes.
             warnings.filterwarnings("ignore", message="Glyph")
-            figure.savefig(draft, dpi=_DPI, format="png")
+            figure.savefig(draft, dpi=_DPI, format=path.suffix[1:].lower())
         os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
     finally:
         draft.unlink(missing_ok=True)
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a picture that could not be written, before anything is computed for it.
+
+    Raises:
+        InvalidValueError: It is not of a kind that can be drawn, or its folder is
+            missing.
+        MissingExtraError: matplotlib is not installed.
+    """
+    if path.suffix.lower() not in _KINDS:
+        raise InvalidValueError("out", "must end in .png, .svg or .pdf", str(path))
+    if not path.absolute().parent.is_dir():
+        raise InvalidValueError("out", "must be in a folder that exists", str(path))
+    _canvas()
 
 
 def figure_of(model: Model, numbers: Numbers) -> "Figure":
     """Return the picture of a model.
 
     Raises:
-        NeurosnapError: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        rule = must_have("matplotlib", "plot")
-        raise NeurosnapError(f"picture: {rule}") from error
+    canvas = _canvas()
     page = stacked([_heading(model, numbers), *_rows(model)], 0.32)
     width, height = page.width + 2 * _MARGIN, page.height + 2 * _MARGIN
-    figure = Figure(figsize=(width, height))
+    figure = canvas(figsize=(width, height))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, width), ylim=(0, height))
     axes.set_axis_off()
@@ -121,3 +130,17 @@ def _kept(text: str) -> str:
     for sign in ("<", "="):
         text = text.replace(f" {sign} ", f"\u00a0{sign}\u00a0")
     return text
+
+
+def _canvas() -> "type[Figure]":
+    """Return what a picture is drawn on.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        rule = must_have("matplotlib", "plot")
+        raise MissingExtraError(f"picture: {rule}") from error
+    return Figure

@@ -87,6 +87,9 @@ def test_a_recording_is_drawn_with_its_state(log: Path, folder: Path) -> None:
     assert facts["sensors"] == 3
     assert facts["possible"] == 1
     assert facts["witnessed"] == 4
+    assert facts["png"] is None
+    assert not (folder / "a.png").exists()
+    assert call("model", str(log)).exit_code == 0
     assert (folder / "a.png").exists()
     assert asked(str(log), "--at", "0")["faces"] == [8, 12, 6, 1]
     early = asked(str(log), "--at", "2")
@@ -112,7 +115,7 @@ def test_a_dual_too_large_is_left_out_of_a_recordings_picture(log: Path) -> None
         (["simple", "--limit", "0"], 2, "limit: must be at least 1, got 0"),
         (["grid", "--limit", "20"], 2, "dual: must have at most 20 vertices"),
         (["simple", "--at", "3"], 2, "tick: must be of a recording"),
-        (["simple", "--out", "a.jpg"], 2, "out: must end in .png, got 'a.jpg'"),
+        (["simple", "--out", "a.jpg"], 2, "out: must end in .png, .svg or .pdf, got"),
         (["simple", "--out", "no/a.png"], 2, "out: must be in a folder that exists"),
         (["missing.mcap"], 2, "missing.mcap"),
         (["foreign.mcap"], 1, "foreign.mcap"),

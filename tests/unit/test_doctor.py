@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import pytest
 
-from neurosnap import doctor
+from neurosnap import doctor, limits
 from neurosnap.doctor import Finding, examine
 
 Check = Callable[[], list[Finding]]
@@ -127,7 +127,7 @@ def test_a_low_soft_limit_will_do_and_stays(monkeypatch: pytest.MonkeyPatch) -> 
 
 def files(monkeypatch: pytest.MonkeyPatch, **texts: str) -> None:
     """Let files of the kernel's, by their names, say `texts`; others nothing."""
-    monkeypatch.setattr(doctor, "_read", lambda path: texts.get(path.name, ""))
+    monkeypatch.setattr(limits, "_read", lambda path: texts.get(path.name, ""))
 
 
 def test_a_low_limit_of_processes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
