@@ -81,10 +81,10 @@ class NothingBegunError(NeurosnapError):
 
 
 class PartDiedError(SwarmError):
-    """A part was killed, or vanished without a word; it might live if started anew."""
+    """A part was killed, vanished or hangs; it might live if started anew."""
 
 
-class WaveLostError(SwarmError):
+class WaveLostError(PartDiedError):
     """A wave did not settle within its deadline, and neither did its repeats."""
 
 

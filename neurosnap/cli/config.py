@@ -37,6 +37,7 @@ FLAGS = {
     "sync": "recording.sync",
     "restart": "supervision.restart",
     "max_restarts": "supervision.max_restarts",
+    "restart_window": "supervision.restart_window",
     "backoff": "supervision.backoff",
     "listen": "network.listen",
     "connect": "network.connect",

@@ -92,13 +92,15 @@ def run(
     restart: Annotated[
         RestartKind,
         typer.Option(
-            help="Go on when a part dies; always: also when one says why it cannot go"
+            help="Go on when a part dies or hangs; always: also when one says why it cannot go"
             " on. Takes a recording."
         ),
     ] = "on-failure",
     max_restarts: Annotated[
-        int, typer.Option(help="How often, before the run is given up.")
+        int,
+        typer.Option(help="How often within --restart-window, before it is given up."),
     ] = 10,
+    restart_window: Annotated[float, typer.Option(help="Seconds.")] = 600.0,
     backoff: Annotated[
         float, typer.Option(help="Seconds before going on; doubles without progress.")
     ] = 0.1,

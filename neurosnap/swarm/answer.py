@@ -4,7 +4,7 @@ import logging
 import time
 
 from neurosnap import wire
-from neurosnap.errors import SwarmError
+from neurosnap.errors import PartDiedError
 
 _log = logging.getLogger(__name__)
 
@@ -42,15 +42,16 @@ class Answer:
         """Say who is waited for, once it takes long.
 
         Raises:
-            SwarmError: It takes longer than it may. The world is there all the same, so
-                nobody can say that it would do better if started anew.
+            PartDiedError: It takes longer than it may: who hangs is as good as dead.
         """
         if self._patience is None or self._tick is None:
             return
         waited = time.monotonic() - self._since
         if waited > self._patience:
             rule = f"must answer the decision of tick {self._tick}"
-            raise SwarmError(f"world: {rule} within {self._patience:g} s, got nothing")
+            raise PartDiedError(
+                f"world: {rule} within {self._patience:g} s, got nothing"
+            )
         if waited > self._patience * _WARNED and not self._warned:
             self._warned = True
             _log.warning("waiting for world: tick %d, %.1f s", self._tick + 1, waited)

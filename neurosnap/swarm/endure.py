@@ -27,7 +27,7 @@ from neurosnap.swarm.launch import new_swarm_id
 from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
-from neurosnap.swarm.supervision import Supervision
+from neurosnap.swarm.supervision import Restarts, Supervision
 
 _LONGEST = 30.0  # seconds
 
@@ -86,6 +86,7 @@ async def run_on(
     lives = Lives(log)
     lives.check_free()
     swarm = swarm or new_swarm_id()
+    allowed = Restarts(supervision)
     restarts, delay, reached = 0, supervision.backoff, 0
     vanished: list[str] = []
 
@@ -113,8 +114,9 @@ async def run_on(
                     raise
                 raise SwarmError(str(error)) from error
             except SwarmError as error:
-                given_up = restarts >= supervision.max_restarts
-                if given_up or stop.is_set() or not _mends(supervision, error):
+                if stop.is_set() or not _mends(supervision, error):
+                    raise
+                if not allowed.allow():
                     raise
                 # That is before its last tick: with that done again, too, it ends as
                 # it should.

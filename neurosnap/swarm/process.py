@@ -10,6 +10,7 @@ import contextlib
 import ctypes
 import gc
 import multiprocessing
+import multiprocessing.util
 import os
 import shutil
 import signal
@@ -287,6 +288,8 @@ def _orphanage(who: str, stop: asyncio.Event) -> Iterator[None]:
 
     def on_death() -> None:
         loop.remove_reader(sentinel)
+        # Of the fork server: its socket is there, and nobody else takes it away.
+        shutil.rmtree(multiprocessing.util.get_temp_dir(), ignore_errors=True)
         loop.call_later(linger, stop.set)
 
     loop.add_reader(sentinel, on_death)

@@ -50,7 +50,11 @@ class Part(msgspec.Struct, frozen=True, kw_only=True):
 
 @contextmanager
 def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[None]:
-    """Let a swarm of this process be found while the context is entered."""
+    """Let a swarm of this process be found while the context is entered.
+
+    Notes of launchers that were killed are taken away.
+    """
+    swarms()
     process = psutil.Process()
     note = Note(
         swarm=swarm,

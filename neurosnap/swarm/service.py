@@ -171,7 +171,7 @@ class _Host:
                 raise supervisor.error
         if late:
             rule = "every part must end when asked to"
-            raise SwarmError(f"swarm: {rule}, killed: {', '.join(late)}")
+            raise PartDiedError(f"swarm: {rule}, killed: {', '.join(late)}")
         return {
             child.process.name: child.result
             for child in children

@@ -878,7 +878,7 @@ def test_a_launcher_that_is_killed_leaves_nothing(
             process.wait()
             assert gone(family)
         # The hub's socket, and the fork server's own.
-        left = [path.name for path in Path(folder).glob("neurosnap-*")]
+        left = [path.name for path in Path(folder).iterdir()]
     assert left == []
     sound(log)
 

@@ -122,6 +122,7 @@ configs: st.SearchStrategy[Config] = st.builds(
         Supervision,
         restart=st.sampled_from(["never", "on-failure"]),
         max_restarts=st.integers(0, 99),
+        restart_window=st.floats(0, exclude_min=True, allow_infinity=False),
         backoff=st.floats(0, allow_infinity=False),
     ),
     network=st.builds(
