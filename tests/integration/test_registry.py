@@ -173,6 +173,15 @@ def test_every_part_is_shown_and_no_name_is_too_much() -> None:
     assert shown[4:] == ["cell/1"]
 
 
+def test_the_next_launcher_takes_away_a_note_that_was_left(runtime: Path) -> None:
+    with registry.noted("abcd", "x.csv", "unixsock-stream//hub", None):
+        (note,) = registry.swarms()
+    left = runtime / "neurosnap" / f"abcd-{os.getpid()}.json"
+    left.write_bytes(msgspec.json.encode(msgspec.structs.replace(note, born=0.0)))
+    with registry.noted("efgh", "x.csv", "unixsock-stream//hub", None):
+        assert not left.exists()
+
+
 def test_a_note_of_a_launcher_that_is_gone_counts_for_nothing(runtime: Path) -> None:
     with registry.noted("abcd", "x.csv", "unixsock-stream//hub", None):
         (note,) = registry.swarms()
