@@ -18,12 +18,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from neurosnap.distribution import NAME
+from neurosnap.errors import NeurosnapError
 from neurosnap.limits import (
     BYTES_A_CELL,
     BYTES_BESIDE,
@@ -60,10 +62,17 @@ class Finding(msgspec.Struct, frozen=True):
     """What to do about it, one sentence; advice where it will do as it is."""
 
 
-def examine() -> list[Finding]:
-    """Look at everything a swarm needs. Takes some seconds; leaves nothing behind."""
+def examine(keys: Path | None = None) -> list[Finding]:
+    """Look at everything a swarm needs. Takes some seconds; leaves nothing behind.
+
+    Args:
+        keys: A folder of keys to look at, too.
+    """
+    checks = dict(_CHECKS)
+    if keys is not None:
+        checks["keys"] = lambda: check_keys(keys)
     return [
-        finding for name, check in _CHECKS.items() for finding in _safely(name, check)
+        finding for name, check in checks.items() for finding in _safely(name, check)
     ]
 
 
@@ -258,6 +267,21 @@ def _writable(what: str, folder: Path, mend: str) -> Finding:
     except OSError as error:
         return Finding(what, False, str(error), mend)
     return Finding(what, True, str(folder))
+
+
+def check_keys(folder: Path) -> list[Finding]:
+    """See when the first certificate of a folder expires."""
+    from neurosnap.fabric.keyring import expiry, near
+
+    mend = "Make keys with `neurosnap keys`, or copy the folder whole."
+    try:
+        until = expiry(folder)
+    except NeurosnapError as error:
+        return [Finding("keys", False, str(error), mend)]
+    now = datetime.now(UTC)
+    advice = "Make new ones with `neurosnap keys`." if near(until, now) else ""
+    found = f"the first expires on {until:%F %H:%M} UTC"
+    return [Finding("keys", until > now, found, advice)]
 
 
 # Zenoh and processes -----------------------------------------------------------------

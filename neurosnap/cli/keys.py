@@ -1,4 +1,4 @@
-"""``neurosnap keys``: make the keys that a swarm on a network needs."""
+"""``neurosnap keys``: make the keys that a swarm on a network needs, or revoke one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,31 +6,77 @@ from typing import Annotated
 import msgspec
 import typer
 
-from neurosnap.cli.shared import Json, app, errors, print_json, say
+from neurosnap.cli.shared import Json, app, errors, print_json, ranges, say
+from neurosnap.errors import InvalidValueError
 
 
 @app.command()
 def keys(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Where; must not exist yet.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="Where; must not exist yet, but for --revoke."
+        ),
     ],
     host: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="The hub is reached under this, too."),
     ] = None,
+    parts: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND/RANGES",
+            help="One certificate a part, not one for all: cell/0-39, worker/0-1.",
+        ),
+    ] = None,
     days: Annotated[int, typer.Option(help="How long they are valid.")] = 365,
+    revoke: Annotated[
+        str,
+        typer.Option(
+            metavar="WHO",
+            help="Revoke what cell/3, or a role, has; make another in its place.",
+        ),
+    ] = "",
     as_json: Json = False,
 ) -> None:
-    """Make a private authority and a certificate a role, for --tls."""
+    """Make a private authority and a certificate a role or a part, for --tls."""
     from neurosnap.fabric.keys import make_keys
+    from neurosnap.fabric.keys import revoke as revoke_one
 
     with errors():
-        made = make_keys(folder, host or (), days=days)
+        if revoke:
+            if host or parts:
+                rule = "must come without --host and --parts"
+                raise InvalidValueError("revoke", rule, revoke)
+            until = revoke_one(folder, revoke)
+            for line in (
+                f"{revoke} has new files in {folder}, valid until {until:%F}",
+                "the old ones count for nothing once the hub has been started again"
+                " with this folder's names.json",
+            ):
+                say(as_json).print(line, markup=False, soft_wrap=True)
+            if as_json:
+                print_json({"revoked": revoke, "until": until})
+            return
+        made = make_keys(folder, host or (), _listed(parts or []), days=days)
+        several = f" and {len(made.parts)} parts" if made.parts else ""
         for line in (
-            f"keys for {', '.join(made.roles)} in {made.folder}",
+            f"keys for {', '.join(made.roles)}{several} in {made.folder}",
             f"the hub is {', '.join(made.hosts)}; valid until {made.until:%F}",
-            "another machine needs ca.pem and its role's .pem and .key, never ca.key",
+            "another machine needs ca.pem and the .pem and .key of its parts or roles,"
+            " never ca.key",
         ):
             say(as_json).print(line, markup=False, soft_wrap=True)
         if as_json:
             print_json(msgspec.to_builtins(made))
+
+
+def _listed(parts: list[str]) -> list[str]:
+    """Return the parts in ``cell/0-39`` and the like, each once."""
+    found: list[str] = []
+    for text in parts:
+        kind, _, numbers = text.partition("/")
+        found += [f"{kind}/{number}" for number in ranges("parts", numbers)]
+    if len(set(found)) < len(found):
+        raise InvalidValueError("parts", "must name each once", ", ".join(parts))
+    return found

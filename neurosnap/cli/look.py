@@ -7,7 +7,16 @@ import msgspec
 import typer
 
 from neurosnap.cli.heeding import unwinding
-from neurosnap.cli.shared import Json, Log, OptionalTick, app, errors, print_json, say
+from neurosnap.cli.shared import (
+    Json,
+    Log,
+    OptionalTick,
+    Tls,
+    app,
+    errors,
+    print_json,
+    say,
+)
 from neurosnap.errors import InvalidValueError
 
 
@@ -106,13 +115,13 @@ def model(
 
 
 @app.command()
-def doctor(as_json: Json = False) -> None:
+def doctor(tls: Tls = "", as_json: Json = False) -> None:
     """Look for what would keep a swarm from running here, and how to mend it."""
     from neurosnap import show
     from neurosnap.doctor import examine
 
     with errors():
-        findings = examine()
+        findings = examine(Path(tls) if tls else None)
         show.findings(say(as_json), findings)
         if as_json:
             print_json({"findings": msgspec.to_builtins(findings)})

@@ -97,8 +97,10 @@ FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that nobody has it."""
 
 _EVERY = f"{wire.ROOT}/*/"  # below any swarm's prefix
-_MANY = ("cell", "worker")  # roles of which there are many parts
-_EVERY_ROLE: dict[str, str] = {role: role for role in ROLES}
+MANY = ("cell", "worker")
+"""Roles of which there are many parts."""
+EVERY_ROLE: dict[str, str] = {role: role for role in ROLES}
+"""A certificate a role, each under its own name."""
 
 
 def role_of(who: str) -> Role:
@@ -123,10 +125,10 @@ def parts_of(name: str) -> str:
     Raises:
         InvalidValueError: There is no such role.
     """
-    return f"{name}/*" if role_of(name) in _MANY and "/" not in name else name
+    return f"{name}/*" if role_of(name) in MANY and "/" not in name else name
 
 
-def access_list(names: Mapping[str, str] = _EVERY_ROLE) -> dict[str, object]:
+def access_list(names: Mapping[str, str] = EVERY_ROLE) -> dict[str, object]:
     """Return Zenoh's ``access_control``: `RIGHTS`, and nothing else.
 
     A flow is seen from the hub: what comes in was sent or asked for by the part, what

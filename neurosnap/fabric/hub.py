@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import zenoh
 
 from neurosnap.errors import FabricError
-from neurosnap.fabric.access import access_list
+from neurosnap.fabric.access import EVERY_ROLE, access_list
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.session import configuration
@@ -42,7 +42,7 @@ def open_hub(
     if credentials is not None:
         guard = {
             "transport__link__tls": credentials.to_listen(),
-            "access_control": access_list(),
+            "access_control": access_list(credentials.accepted or EVERY_ROLE),
         }
     try:
         return zenoh.open(

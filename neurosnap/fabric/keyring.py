@@ -4,40 +4,59 @@ Zenoh's side of a refused handshake is a time-out; here the file and the fault h
 names.
 """
 
+import logging
 import stat
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import cast
 
+import msgspec
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.access import ROLES, Role
-from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.access import EVERY_ROLE
+from neurosnap.fabric.credentials import (
+    AUTHORITY,
+    Credentials,
+    certificate_file,
+    key_file,
+)
+from neurosnap.fabric.names import belongs_to, listed
+
+_LOG = logging.getLogger(__name__)
+
+SOON = timedelta(days=30)
+"""How long before its end a certificate is warned of."""
+_warned: set[Path] = set()
 
 
 def read_credentials(
-    folder: Path, role: Role, *, now: datetime | None = None
+    folder: Path, who: str, *, now: datetime | None = None
 ) -> Credentials:
-    """Return the credentials of `role` in a folder that `make_keys` made.
+    """Return the credentials of `who` in a folder that `make_keys` made.
+
+    Warns, once for a folder, of a certificate that expires within 30 days. About half a
+    millisecond.
 
     Args:
-        folder: What was made, or the authority's certificate and the role's two files.
-        role: Whose.
+        folder: What was made, or the authority's certificate and the two files of the
+            part or its role.
+        who: A part, ``cell/3``, or a role. A part without files of its own has those of
+            its role.
         now: When they must be valid.
 
     Raises:
         InvalidValueError: There is no such role; a file is missing, is not what it must
             be, or may be read or written by others; the certificate is not valid now,
-            is another role's, was not signed by the authority, or its key is another's.
+            was revoked, is another's, was not signed by the authority, or its key is
+            another's.
     """
-    if role not in ROLES:
-        raise InvalidValueError("role", f"must be one of {', '.join(ROLES)}", role)
-    found = Credentials.in_folder(folder, role)
+    found = Credentials.in_folder(folder, who)
     authority = _certificate(Path(found.authority))
     certificate = _certificate(Path(found.certificate))
     key = _key(Path(found.key))
@@ -45,11 +64,74 @@ def read_credentials(
     _check_time(found.authority, authority, at)
     _check_time(found.certificate, certificate, at)
     _check_signed(found, certificate, authority)
-    _check_role(found, certificate)
+    _check_name(found, certificate)
+    names = listed(folder)
+    if names is not None and _common_names(certificate)[0] not in names:
+        rule = "must not have been revoked; take the files that were made in its place"
+        raise InvalidValueError(found.certificate, rule, found.name)
     if key.public_key() != certificate.public_key():
         rule = f"must be the key of {found.certificate}"
         raise InvalidValueError(found.key, rule, "another key")
+    _warn(folder, min(authority, certificate, key=_until), at)
+    if found.name == "hub":
+        return msgspec.structs.replace(found, accepted=names or EVERY_ROLE)
     return found
+
+
+def read_authority(
+    folder: Path, now: datetime
+) -> tuple[datetime, ec.EllipticCurvePrivateKey]:
+    """Return until when the authority of a folder is valid, and its key.
+
+    Raises:
+        InvalidValueError: They are not there, not fit for use, or not valid `now`.
+    """
+    path = certificate_file(folder, AUTHORITY)
+    certificate = _certificate(path)
+    _check_time(str(path), certificate, now)
+    secret = key_file(folder, AUTHORITY)
+    key = _key(secret)
+    if not isinstance(key, ec.EllipticCurvePrivateKey) or (
+        key.public_key() != certificate.public_key()
+    ):
+        raise InvalidValueError(str(secret), f"must be the key of {path}", "another")
+    return _until(certificate), key
+
+
+def expiry(folder: Path) -> datetime:
+    """Return when the first of all certificates in a folder expires, UTC.
+
+    Raises:
+        InvalidValueError: There is none, or one that is not what it must be.
+    """
+    paths = sorted(folder.glob("*.pem")) + sorted(folder.glob("*/*.pem"))
+    if not paths:
+        rule = "must be a folder made by `neurosnap keys`"
+        raise InvalidValueError("tls", rule, str(folder))
+    return min(_until(_certificate(path)) for path in paths)
+
+
+def near(until: datetime, now: datetime) -> str:
+    """Return what to say of a certificate that expires soon; empty: nothing yet."""
+    left = until - now
+    if left > SOON:
+        return ""
+    return (
+        f"expires on {until:%F %H:%M} UTC, in {max(left.days, 0)} days; make new keys"
+        " with `neurosnap keys`"
+    )
+
+
+def _until(certificate: x509.Certificate) -> datetime:
+    return certificate.not_valid_after_utc
+
+
+def _warn(folder: Path, first: x509.Certificate, now: datetime) -> None:
+    """Warn of a certificate that expires soon: one of a folder is enough."""
+    text = near(_until(first), now)
+    if text and folder not in _warned:
+        _warned.add(folder)
+        _LOG.warning("keys in %s: %s", folder, text)
 
 
 def _read(path: Path, forbidden: int, rule: str) -> bytes:
@@ -104,14 +186,18 @@ def _check_signed(
         raise InvalidValueError(found.certificate, rule, issuer) from error
 
 
-def _check_role(found: Credentials, certificate: x509.Certificate) -> None:
+def _common_names(certificate: x509.Certificate) -> list[str]:
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    shown = [cast("str", name.value) for name in names]
-    if shown != [found.role]:
-        rule = f"must be for the role {found.role}"
+    return [cast("str", name.value) for name in names]
+
+
+def _check_name(found: Credentials, certificate: x509.Certificate) -> None:
+    shown = _common_names(certificate)
+    if len(shown) != 1 or not belongs_to(shown[0], found.name):
+        rule = f"must be for {found.name}"
         raise InvalidValueError(found.certificate, rule, ", ".join(shown))
     wanted = {ExtendedKeyUsageOID.CLIENT_AUTH}
-    if found.role == "hub":
+    if found.name == "hub":
         wanted.add(ExtendedKeyUsageOID.SERVER_AUTH)
     try:
         uses = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage)
@@ -119,6 +205,6 @@ def _check_role(found: Credentials, certificate: x509.Certificate) -> None:
     except x509.ExtensionNotFound:
         given = set()
     if not wanted <= given:
-        rule = f"must be made for what {found.role} does with it"
+        rule = f"must be made for what {found.name} does with it"
         names_given = sorted(use.dotted_string for use in given)
         raise InvalidValueError(found.certificate, rule, names_given)

@@ -15,7 +15,6 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import NothingBegunError, SwarmError
-from neurosnap.fabric.access import role_of
 from neurosnap.fabric.lookout import incarnation
 from neurosnap.fabric.waiting import wait_any
 from neurosnap.record.past import Past, first_number
@@ -116,7 +115,7 @@ async def run_processes(
         # A socket in a folder of one's own: nobody else can connect, and no port is
         # taken.
         endpoint = f"unixsock-stream/{folder}/hub"
-        plan.network.check(*{role_of(who) for who in _parts_here(plan)})
+        plan.network.check(*_parts_here(plan))
         async with Supervisor() as supervisor:
             launch = _Launch(plan, supervisor, endpoint, folder)
             reporting = asyncio.create_task(

@@ -6,7 +6,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.access import Role
-from neurosnap.fabric.credentials import Credentials
+from neurosnap.fabric.credentials import Credentials, holder
 from neurosnap.fabric.endpoint import check_endpoint, nearest
 
 
@@ -24,17 +24,17 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     one of its own."""
     tls: str = ""
     """A folder of keys (`neurosnap keys`): parts prove who they are, and may do no more
-    than their role does. Empty: nobody proves anything."""
+    than that part, or its role, does. Empty: nobody proves anything."""
     insecure: bool = False
     """Without keys, go over a network to other machines all the same."""
     audit: bool = False
     """Tell of every refused message, too; costs the hub several times as much."""
 
-    def check(self, *roles: Role) -> None:
+    def check(self, *parts: str) -> None:
         """Refuse what cannot be, before anything is started.
 
         Args:
-            roles: Whose keys have to be there; none: those that every launcher of a
+            parts: Whose keys have to be there; none: those that every launcher of a
                 run needs, the hub's where it listens and the coordinator's otherwise.
 
         Raises:
@@ -47,9 +47,9 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         endpoint = self.listen or self.connect
         if endpoint:
             check_endpoint(endpoint, tls=bool(self.tls), insecure=self.insecure)
-            own: Role = "hub" if self.listen else "coordinator"
-            for role in roles or (own,):
-                self.credentials(role)
+            own = "hub" if self.listen else "coordinator"
+            for name in sorted({self.holder(who) for who in parts or (own,)}):
+                self.credentials(name)
         elif self.tls:
             rule = "must come with an endpoint to listen on (--listen tls/HOST:PORT)"
             raise InvalidValueError("tls", rule, self.tls)
@@ -67,8 +67,12 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
             return own
         return self.listen if role == "hub" else nearest(self.listen)
 
-    def credentials(self, role: Role) -> Credentials | None:
-        """Return what a role proves itself with; None: nothing.
+    def holder(self, who: str) -> str:
+        """Return whose certificate a part shows: its own, or its role's."""
+        return holder(Path(self.tls), who)
+
+    def credentials(self, who: str) -> Credentials | None:
+        """Return what a part proves itself with; None: nothing.
 
         Raises:
             InvalidValueError: The folder lacks its keys, or they are not fit for use.
@@ -78,7 +82,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         # Only here: parts are handed paths, and need no cryptography of their own.
         from neurosnap.fabric.keyring import read_credentials
 
-        return read_credentials(Path(self.tls), role)
+        return read_credentials(Path(self.tls), who)
 
 
 PRIVATE = Network()

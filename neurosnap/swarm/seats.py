@@ -1,4 +1,4 @@
-"""The places of parts on one network; the keys of a role are read once."""
+"""The places of parts on one network; keys that several share are read once."""
 
 import asyncio
 
@@ -25,7 +25,7 @@ class Seats:
         self._network = network
         self._own = own
         self._located = located
-        self._known: dict[Role, Credentials | None] = {}
+        self._known: dict[str, Credentials | None] = {}
 
     def seat(self, who: str, swarm: str, first: int = 0) -> Seat:
         """Return the place of a part.
@@ -36,7 +36,7 @@ class Seats:
             first: The number of its first message.
 
         Raises:
-            InvalidValueError: Its role's keys are not there, or not fit for use.
+            InvalidValueError: Its keys are not there, or not fit for use.
         """
         role = role_of(who)
         return Seat(
@@ -44,7 +44,7 @@ class Seats:
             swarm,
             self._network.endpoint(role, self._own),
             first,
-            self._credentials(role),
+            self._credentials(who),
             self._network.insecure,
             self._located,
         )
@@ -82,7 +82,8 @@ class Seats:
             insecure=self._network.insecure,
         )
 
-    def _credentials(self, role: Role) -> Credentials | None:
-        if role not in self._known:  # and not read for every cell
-            self._known[role] = self._network.credentials(role)
-        return self._known[role]
+    def _credentials(self, who: str) -> Credentials | None:
+        name = self._network.holder(who)
+        if name not in self._known:  # and not read for every cell of a role
+            self._known[name] = self._network.credentials(name)
+        return self._known[name]

@@ -5,20 +5,32 @@ strikes while the run is under way.
 """
 
 import asyncio
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
+from typer.testing import CliRunner, Result
 
 from neurosnap import wire
-from neurosnap.fabric.keys import make_keys
+from neurosnap.cli import app
+from neurosnap.fabric.keyring import read_credentials
+from neurosnap.fabric.keys import make_keys, revoke
 from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.record.sequences import Completeness
 from neurosnap.swarm.options import RunOptions
-from tests.integration.test_security import SWARM, Hub, hub_with, options, run_swarm
+from tests.integration.test_security import (
+    SWARM,
+    Heard,
+    Hub,
+    Seen,
+    hub_with,
+    options,
+    run_swarm,
+)
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -114,3 +126,90 @@ async def test_nobody_can_say_the_last_word_of_another(
         f"cell refused: Put on neurosnap/{SWARM}/leave/{who}" for who in (*others, "**")
     }
     check_untouched(log)
+
+
+# A certificate a part -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def parted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("parted") / "keys"
+    sensors = len(options().sensors)
+    make_keys(folder, parts=[f"cell/{number}" for number in range(sensors + 1)])
+    return folder
+
+
+async def test_a_part_speaks_for_itself_alone(parted: Path, tmp_path: Path) -> None:
+    """Neither the last word, nor a fault, nor a pulse, nor a report of another cell."""
+    log = tmp_path / "log.mcap"
+    sensors = len(options().sensors)
+    thief = f"cell/{sensors}"  # none of the run's, and so never in its way
+    as_another: list[wire.Message] = [
+        wire.Leave("cell/0"),
+        wire.Leave("world"),
+        wire.Fault("cell/0", "mine"),
+        wire.Settled(1, 0, 0, (0,), (0,), (0,), 0),
+        *(wire.Pulse(n, 0, 2, 1, 1) for n in range(1, 300)),
+    ]
+    attack = [delivery for m in as_another for delivery in forged(m, m.key, 3)]
+    own = [each for m in as_another for each in forged(m, f"fault/{thief}", 1)]
+    with hub_with(parted) as hub:
+        _, balance = await struck(hub, [*attack, *own], log, thief)
+    assert balance.whole, balance
+    assert (balance.duplicates, balance.foreign) == (0, len(own))
+    tried = {f"{thief} refused: Put on neurosnap/{SWARM}/{m.key}" for m in as_another}
+    assert tried <= set(hub.refused)
+    check_untouched(log)
+
+
+async def test_who_was_revoked_is_heard_no_more(parted: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    shutil.copytree(parted, folder)
+    stolen = tmp_path / "stolen"
+    shutil.copytree(parted, stolen)
+    (stolen / "names.json").unlink()
+    revoke(folder, "cell/1")
+    heard, last = Heard(), wire.Leave("cell/0")
+    mine = wire.Leave("cell/1")
+    with hub_with(folder) as hub:
+        async with (
+            hub.end("recorder") as ears,
+            hub.end_with("cell/1", read_credentials(stolen, "cell/1")) as thief,
+            hub.end("cell/0") as cell,
+        ):
+            seen = Seen()
+            await ears.subscribe(("**",), heard)
+            await ears.watch(seen)
+            thief.publish(mine)
+            await thief.announce()
+            async with hub.end("cell/1") as honest:
+                await honest.announce()
+                await seen.wait("cell/1", True)
+                honest.publish(mine, mine)
+            await cell.announce()
+            await seen.wait("cell/0", True)
+            cell.publish(last)
+            assert await heard.wait(last) == [mine, mine, last]
+    assert seen.changes.count(("cell/1", True)) == 1
+    shown = f"refused: Liveliness Token on neurosnap/{SWARM}/alive/cell/1"
+    assert any(line.endswith(shown) for line in hub.refused)
+
+
+def test_the_command_makes_keys_a_part_and_revokes_one(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+
+    def call(*more: str) -> Result:
+        return CliRunner().invoke(app, ["keys", str(folder), *more, "--json"])
+
+    made = call("--parts", "cell/0-2,7", "--parts", "worker/0")
+    assert made.exit_code == 0, made.output
+    facts = msgspec.json.decode(made.stdout.splitlines()[-1])
+    assert facts["parts"] == ["cell/0", "cell/1", "cell/2", "cell/7", "worker/0"]
+    assert "cell" not in facts["roles"]
+    assert read_credentials(folder, "cell/7").name == "cell/7"
+    revoked = call("--revoke", "cell/7")
+    assert revoked.exit_code == 0, revoked.output
+    assert "once the hub has been started again" in revoked.stderr
+    assert "cell/7#1" in read_credentials(folder, "hub").accepted
+    assert call("--revoke", "cell/8").exit_code == 2
+    assert call("--revoke", "cell/7", "--parts", "cell/9").exit_code == 2

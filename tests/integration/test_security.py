@@ -82,7 +82,7 @@ class Hub:
 
     def end(self, who: str, role: Role | None = None) -> ZenohFabric:
         """Return an end with the certificate of `role`, by default the right one."""
-        own = role_of(who) if role is None else role
+        own = who if role is None else role
         return self.end_with(who, Credentials.in_folder(self.keys, own))
 
     def end_with(self, who: str, credentials: Credentials) -> ZenohFabric:
@@ -612,7 +612,7 @@ def test_the_command_makes_keys(tmp_path: Path) -> None:
     assert facts["hosts"][-1] == "hub.example"
     until = datetime.fromisoformat(facts["until"])
     assert timedelta(days=1) < until - datetime.now(UTC) <= timedelta(days=2)
-    assert read_credentials(folder, "hub").role == "hub"
+    assert read_credentials(folder, "hub").name == "hub"
     again = CliRunner().invoke(app, command)
     assert again.exit_code == 2
     assert "keys: must not exist yet" in again.stderr

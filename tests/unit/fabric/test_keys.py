@@ -11,11 +11,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from neurosnap.doctor import check_keys
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.access import ROLES, Role
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.keyring import read_credentials
-from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.keys import make_keys, revoke
 
 
 @pytest.fixture
@@ -39,6 +40,7 @@ def mode(path: Path) -> int:
 def test_there_are_two_files_a_role_and_two_of_the_authority(keys: Path) -> None:
     stems = ("ca", *ROLES)
     wanted = {f"{stem}{end}" for stem in stems for end in (".pem", ".key")}
+    wanted.add("names.json")
     assert {path.name for path in keys.iterdir()} == wanted
     assert [path.name for path in keys.parent.iterdir()] == ["keys"]
 
@@ -156,7 +158,7 @@ def test_a_host_is_a_name_or_an_address(tmp_path: Path, host: str) -> None:
 # Reading ------------------------------------------------------------------------------
 
 
-def refused(folder: Path, rule: str, role: Role = "cell") -> None:
+def refused(folder: Path, rule: str, role: str = "cell") -> None:
     with pytest.raises(InvalidValueError, match=rule):
         read_credentials(folder, role)
 
@@ -164,8 +166,11 @@ def refused(folder: Path, rule: str, role: Role = "cell") -> None:
 @pytest.mark.parametrize("role", ROLES)
 def test_what_was_made_can_be_read(keys: Path, role: Role) -> None:
     found = read_credentials(keys, role)
+    accepted: dict[str, str] = {}
+    if role == "hub":
+        accepted = {name: name for name in ROLES}
     assert found == Credentials(
-        role, f"{keys}/ca.pem", f"{keys}/{role}.pem", f"{keys}/{role}.key"
+        role, f"{keys}/ca.pem", f"{keys}/{role}.pem", f"{keys}/{role}.key", accepted
     )
 
 
@@ -175,7 +180,7 @@ def test_a_part_needs_its_own_files_and_the_authoritys_certificate_alone(
     for path in keys.iterdir():
         if path.name not in ("ca.pem", "cell.pem", "cell.key"):
             path.unlink()
-    assert read_credentials(keys, "cell").role == "cell"
+    assert read_credentials(keys, "cell").name == "cell"
     refused(keys, r"/hub\.pem: must be a file that can be read, got 'No such", "hub")
 
 
@@ -194,7 +199,7 @@ def test_a_key_others_can_get_at_is_refused(keys: Path, bits: int) -> None:
 @pytest.mark.parametrize("name", ["ca.pem", "cell.pem"])
 def test_a_certificate_others_can_write_is_refused(keys: Path, name: str) -> None:
     (keys / name).chmod(0o644)
-    assert read_credentials(keys, "cell").role == "cell"
+    assert read_credentials(keys, "cell").name == "cell"
     (keys / name).chmod(0o664)
     refused(keys, rf"/{re.escape(name)}: must be writable by its owner only")
 
@@ -240,7 +245,7 @@ def test_another_authoritys_certificate_is_refused(keys: Path, tmp_path: Path) -
 def test_another_roles_certificate_is_refused(keys: Path) -> None:
     for end in ("pem", "key"):
         (keys / f"cell.{end}").write_bytes((keys / f"world.{end}").read_bytes())
-    refused(keys, r"/cell\.pem: must be for the role cell, got 'world'$")
+    refused(keys, r"/cell\.pem: must be for cell, got 'world'$")
 
 
 def test_another_certificates_key_is_refused(keys: Path) -> None:
@@ -249,6 +254,157 @@ def test_another_certificates_key_is_refused(keys: Path) -> None:
 
 
 def test_a_role_nobody_has_is_refused(keys: Path) -> None:
-    rule = r"^role: must be one of hub, .*, got '\.\./secret'$"
+    rule = r"^part: must be of hub, .*, got '\.\./secret'$"
     with pytest.raises(InvalidValueError, match=rule):
-        read_credentials(keys, "../secret")  # type: ignore[arg-type]
+        read_credentials(keys, "../secret")
+
+
+@pytest.mark.parametrize("who", ["cell/../hub", "cell//3", "cell/*", "cell/3#1"])
+def test_a_part_nobody_can_be_is_refused(keys: Path, who: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^part: must be like cell/3, got"):
+        read_credentials(keys, who)
+
+
+# Parts --------------------------------------------------------------------------------
+
+PARTS = ("cell/0", "cell/1", "worker/0")
+
+
+@pytest.fixture
+def parted(tmp_path: Path) -> Path:
+    folder = tmp_path / "parted"
+    make_keys(folder, parts=PARTS)
+    return folder
+
+
+def test_a_part_has_files_of_its_own_and_its_role_has_none(parted: Path) -> None:
+    assert {path.name for path in parted.glob("*/*")} == {
+        "0.pem",
+        "0.key",
+        "1.pem",
+        "1.key",
+    }
+    assert not (parted / "cell.pem").exists()
+    assert not (parted / "worker.key").exists()
+    assert mode(parted / "cell") == 0o700
+    for who in PARTS:
+        found = read_credentials(parted, who)
+        assert (found.name, found.certificate) == (who, f"{parted}/{who}.pem")
+    accepted = read_credentials(parted, "hub").accepted
+    assert {*PARTS} <= accepted.keys()
+    assert not {"cell", "worker"} & accepted.keys()
+
+
+def test_a_host_needs_the_files_of_its_own_parts_alone(
+    parted: Path, tmp_path: Path
+) -> None:
+    there = tmp_path / "there"
+    (there / "cell").mkdir(parents=True, mode=0o700)
+    for name in ("ca.pem", "cell/1.pem", "cell/1.key"):
+        (there / name).write_bytes((parted / name).read_bytes())
+        (there / name).chmod(0o600)
+    assert read_credentials(there, "cell/1").name == "cell/1"
+    refused(there, r"/cell\.pem: must be a file that can be read", "cell/0")
+
+
+def test_a_part_cannot_pass_for_another_by_the_name_of_a_file(parted: Path) -> None:
+    for end in (".pem", ".key"):
+        (parted / f"cell/1{end}").replace(parted / f"cell/0{end}")
+    with pytest.raises(InvalidValueError, match=r"must be for cell/0, got 'cell/1'$"):
+        read_credentials(parted, "cell/0")
+
+
+@pytest.mark.parametrize(
+    "part", ["hub", "cell", "cell/", "cell/x", "cell/03", "world/1", "cell/1/2", "../x"]
+)
+def test_only_cells_and_workers_are_parts_of_a_number(
+    tmp_path: Path, part: str
+) -> None:
+    with pytest.raises(InvalidValueError, match=r"^parts: must be a cell or a worker"):
+        make_keys(tmp_path / "keys", parts=["cell/0", part])
+    assert list(tmp_path.iterdir()) == []
+
+
+# Revoking -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("who", ["cell/1", "world"])
+def test_who_is_revoked_has_other_files_and_the_old_ones_are_refused(
+    parted: Path, who: str
+) -> None:
+    old = {end: (parted / f"{who}{end}").read_bytes() for end in (".pem", ".key")}
+    until = revoke(parted, who)
+    assert until == certificate(parted, "ca").not_valid_after_utc
+    assert read_credentials(parted, who).name == who
+    accepted = read_credentials(parted, "hub").accepted
+    assert f"{who}#1" in accepted
+    assert who not in accepted
+    assert mode(parted / f"{who}.key") == 0o600
+    for end, content in old.items():
+        assert (parted / f"{who}{end}").read_bytes() != content
+        (parted / f"{who}{end}").write_bytes(content)
+    with pytest.raises(InvalidValueError, match="must not have been revoked"):
+        read_credentials(parted, who)
+    revoke(parted, who)
+    assert f"{who}#2" in read_credentials(parted, "hub").accepted
+
+
+def test_keys_from_before_there_were_lists_go_on_and_can_be_revoked(keys: Path) -> None:
+    (keys / "names.json").unlink()
+    for role in ROLES:
+        assert read_credentials(keys, role).name == role
+    revoke(keys, "cell")
+    accepted = read_credentials(keys, "hub").accepted
+    assert sorted(accepted.values()) == sorted(ROLES)
+    assert accepted["cell#1"] == "cell"
+
+
+@pytest.mark.parametrize("who", ["hub", "cell", "cell/9", "ca", ""])
+def test_who_has_no_certificate_cannot_be_revoked_nor_can_the_hub(
+    parted: Path, who: str
+) -> None:
+    before = (parted / "names.json").read_bytes()
+    with pytest.raises(InvalidValueError, match=r"^revoke: must be a part or a role"):
+        revoke(parted, who)
+    assert (parted / "names.json").read_bytes() == before
+
+
+def test_revoking_takes_the_authoritys_key(parted: Path) -> None:
+    (parted / "ca.key").unlink()
+    with pytest.raises(
+        InvalidValueError, match=r"/ca\.key: must be a file that can be"
+    ):
+        revoke(parted, "cell/0")
+
+
+def test_a_list_that_others_may_write_is_refused(parted: Path) -> None:
+    (parted / "names.json").chmod(0o620)
+    with pytest.raises(InvalidValueError, match=r"/names\.json: must be writable by"):
+        read_credentials(parted, "hub")
+
+
+# Expiry -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("days", "warned"), [(29, True), (31, False)])
+def test_what_expires_within_thirty_days_is_warned_of_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, days: int, warned: bool
+) -> None:
+    folder = tmp_path / "keys"
+    made = make_keys(folder, days=days)
+    for role in ROLES:
+        read_credentials(folder, role)
+    said = [record.getMessage() for record in caplog.records]
+    text = f"keys in {folder}: expires on {made.until:%F %H:%M} UTC, in 28 days; "
+    assert [line.startswith(text) for line in said] == [True] * warned
+
+
+def test_the_doctor_looks_at_keys(tmp_path: Path) -> None:
+    make_keys(tmp_path / "long")
+    make_keys(tmp_path / "soon", days=3)
+    make_keys(tmp_path / "old", days=1, now=datetime.now(UTC) - timedelta(days=9))
+    found = {
+        name: check_keys(tmp_path / name)[0] for name in ("long", "soon", "old", "x")
+    }
+    assert [each.ok for each in found.values()] == [True, True, False, False]
+    assert [bool(each.mend) for each in found.values()] == [False, True, True, True]

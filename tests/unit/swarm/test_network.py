@@ -44,7 +44,7 @@ def test_a_service_needs_its_own_keys_and_the_watchers(
     who = role if role in ("world", "recorder") else f"{role}/0"
     own = seats.seat(who, "demo", 5)
     assert own.credentials is not None
-    assert (own.credentials.role, own.endpoint, own.first) == (role, WHERE, 5)
+    assert (own.credentials.name, own.endpoint, own.first) == (role, WHERE, 5)
     with pytest.raises(InvalidValueError, match=r"coordinator\.pem: must be a file"):
         network.check()
 
