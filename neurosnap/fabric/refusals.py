@@ -17,7 +17,7 @@ import re
 import sys
 import threading
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TypeVar
@@ -28,7 +28,8 @@ T = TypeVar("T")
 
 _LOG = logging.getLogger(__name__)
 _WINDOW = 10.0  # seconds
-_MOST = 20  # different refusals told in one window
+_MOST = 300  # different refusals told in one window, of all subjects
+_MOST_OF_A_KIND = 10  # and of one subject's at one kind of message
 _LONGEST = 300  # characters of one
 _CHUNK = 1 << 16
 _SESSIONS = 1 << 14  # whose role is remembered
@@ -53,8 +54,10 @@ _DECISION = re.compile(
 class Refusals:
     """Finds refusals in the lines of Zenoh's log, and tells of them.
 
-    In each window of some seconds a refusal is told once and at most a few different
-    ones are; how many were left out is said when the next window begins.
+    In each window of some seconds a refusal is told once, and at most a few different
+    ones of each certificate at each kind of message: so nobody's noise hides what
+    somebody else tries, nor what he himself puts. How many were left out is said, for
+    each of these, when the next window begins.
 
     Args:
         tell: Gets a line for people. Control characters in it are escaped.
@@ -69,8 +72,10 @@ class Refusals:
         self._tell = tell
         self._clock = clock
         self._until = 0.0
-        self._told: set[str] = set()
-        self._untold = 0
+        # By what a refusal begins with: who, and what kind of message.
+        self._told: dict[str, set[str]] = {}
+        self._untold: Counter[str] = Counter()
+        self._count = 0  # told, in all
         self._roles = _Latest[str](_SESSIONS)  # by session
         # By thread: key, session.
         self._caching = _Latest[tuple[str, str | None]](_THREADS)
@@ -83,7 +88,7 @@ class Refusals:
         if found["target"] == _ACCESS:
             self._decided(found["thread"], found["text"])
         elif found["level"] == "WARN" and _LINKS.match(found["target"]):
-            self._refuse(f"session refused: {found['text'].removesuffix(_HINT)}")
+            self._refuse("session refused:", found["text"].removesuffix(_HINT))
         return True
 
     def _decided(self, thread: str, text: str) -> None:
@@ -110,26 +115,29 @@ class Refusals:
         self._caching.pop(thread, None)
         if made["not"]:
             role = self._roles.get(made["zid"], "stranger")
-            self._refuse(f"{role} refused: {made['what']} on {made['key']}")
+            self._refuse(f"{role} refused: {made['what']}", f"on {made['key']}")
 
-    def _refuse(self, what: str) -> None:
+    def _refuse(self, kind: str, rest: str) -> None:
         now = self._clock()
         if now >= self._until:
             self.close()
-            self._told.clear()
             self._until = now + _WINDOW
-        kind = re.sub(r"\d+", "0", what)
-        if kind in self._told or len(self._told) == _MOST:
-            self._untold += 1
+        told = self._told.setdefault(kind, set())
+        alike = re.sub(r"\d+", "0", rest)
+        if alike in told or len(told) == _MOST_OF_A_KIND or self._count == _MOST:
+            self._untold[kind] += 1
             return
-        self._told.add(kind)
-        self._tell(_plain(what))
+        told.add(alike)
+        self._count += 1
+        self._tell(_plain(f"{kind} {rest}"))
 
     def close(self) -> None:
-        """Say how many were left out."""
-        if self._untold:
-            self._tell(f"and {self._untold} more refusals like these")
-            self._untold = 0
+        """Say how many were left out, and begin anew."""
+        for kind, count in self._untold.items():
+            self._tell(_plain(f"{kind} and {count} more like these"))
+        self._untold.clear()
+        self._told.clear()
+        self._count = 0
 
 
 class _Latest(OrderedDict[str, T]):

@@ -104,7 +104,7 @@ def test_the_same_is_told_once_a_window_and_counted(told: Told) -> None:
     told.refusals.take(NO_CERTIFICATE)
     told.refusals.close()
     reason = "session refused: peer sent no certificates."
-    assert told.lines == [reason, "and 4 more refusals like these", reason]
+    assert told.lines == [reason, "session refused: and 4 more like these", reason]
 
 
 def test_a_flood_of_different_ones_is_bounded(told: Told) -> None:
@@ -112,8 +112,31 @@ def test_a_flood_of_different_ones_is_bounded(told: Told) -> None:
         name = "".join(chr(97 + int(digit)) for digit in str(number))
         told.decided(decision("ab1", "cell", "Put (ingress)", f"n/s/{name}"))
     told.refusals.close()
-    assert len(told.lines) == 21
-    assert told.lines[-1] == "and 980 more refusals like these"
+    assert len(told.lines) == 11
+    assert told.lines[-1] == "cell refused: Put and 990 more like these"
+
+
+def test_a_flood_hides_neither_its_own_puts_nor_those_of_others(told: Told) -> None:
+    for number in range(1000):
+        name = "".join(chr(97 + int(digit)) for digit in str(number))
+        what = "Declare Subscriber (ingress)"
+        told.decided(decision("ab1", "cell/3", what, f"n/s/{name}"))
+        told.refusals.take(NO_CERTIFICATE.replace("peer", name))
+    told.decided(decision("ab1", "cell/3", "Put (ingress)", "n/s/wiring/1"))
+    told.decided(decision("cd2", "world", "Put (ingress)", "n/s/decide"))
+    assert told.lines[-2:] == [
+        "cell/3 refused: Put on n/s/wiring/1",
+        "world refused: Put on n/s/decide",
+    ]
+    assert len(told.lines) == 22
+
+
+def test_many_intruders_at_once_are_bounded(told: Told) -> None:
+    for intruder in range(1000):
+        told.decided(
+            decision(f"{intruder:x}", f"cell/{intruder}", "Put (ingress)", "k")
+        )
+    assert len(told.lines) == 300
 
 
 def test_what_an_intruder_sends_cannot_act_on_a_terminal(told: Told) -> None:
