@@ -6,6 +6,7 @@ for nothing and is removed by whoever comes across it.
 """
 
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -198,15 +199,32 @@ def _launcher(note: Note) -> psutil.Process | None:
 def _folder() -> Path:
     """Return where notes are, entered by this user alone.
 
+    Anybody may make the folder in the temporary one first; it is then theirs, and never
+    used. There is another in this user's home for that.
+
     Raises:
-        SwarmError: Somebody else made it, or may enter it.
+        SwarmError: It is this user's, but others may enter it.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
-    name = "neurosnap" if base else f"neurosnap-{os.getuid()}"
-    folder = Path(base or tempfile.gettempdir()) / name
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = folder.stat()
-    if found.st_uid != os.getuid() or found.st_mode & 0o077:
-        rule = "must be this user's own, and closed to others"
-        raise SwarmError(f"{folder}: {rule}, got mode {found.st_mode & 0o777:o}")
+    if base:
+        return _own(Path(base) / "neurosnap")
+    shared = Path(tempfile.gettempdir()) / f"neurosnap-{os.getuid()}"
+    with suppress(FileExistsError):
+        shared.mkdir(mode=0o700, parents=True)
+    if shared.lstat().st_uid != os.getuid():
+        return _own(Path.home() / ".local" / "state" / "neurosnap" / "swarms")
+    return _own(shared)
+
+
+def _own(folder: Path) -> Path:
+    """Return a folder that is made if it is not there; refuse one that others enter."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    found = folder.lstat()  # not where a link leads
+    is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+    if not is_own or found.st_mode & 0o077:
+        rule = "must be a folder of this user's own, closed to others (chmod 700)"
+        got = f"mode {stat.S_IMODE(found.st_mode):o} of user {found.st_uid}"
+        raise SwarmError(f"{folder}: {rule}, got {got}")
     return folder

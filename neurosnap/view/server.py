@@ -24,6 +24,7 @@ from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.view import api
 from neurosnap.view.answers import answer, refusal, whole
 from neurosnap.view.assets import asset
+from neurosnap.view.connection import MOST, Connection
 from neurosnap.view.desk import Desk
 from neurosnap.view.film import Film
 from neurosnap.view.guard import LARGEST_HEAD, Guard
@@ -32,8 +33,6 @@ from neurosnap.view.news import news
 from neurosnap.view.weighing import weighed
 
 _LOOPBACK = "127.0.0.1"
-_MOST_AT_ONCE = 64
-"""Connections, at most."""
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
 
@@ -157,14 +156,14 @@ async def serving(desk: Desk, port: int = 0) -> AsyncIterator[Address]:
         server = _Server(
             uvicorn.Config(
                 application(desk, address, stop),
-                http="h11",
+                http=Connection,
                 ws="none",
                 lifespan="off",
                 log_config=None,
                 access_log=False,  # it would hold the token
                 server_header=False,
                 proxy_headers=False,
-                limit_concurrency=_MOST_AT_ONCE,
+                limit_concurrency=MOST,
                 timeout_graceful_shutdown=_GRACE,
                 h11_max_incomplete_event_size=2 * LARGEST_HEAD,
             )
