@@ -216,7 +216,7 @@ def outcome(
         text = "deleted, moved or replaced while it was written"
         console.print(f"[red]{text}[/red]: {escape(path)}", soft_wrap=True)
     for path in outcome_.kept:
-        text = "may hold ticks that the recording lacks"
+        text = "may hold ticks that cannot be read"
         console.print(f"[red]damaged[/red]: {escape(path)} {text}", soft_wrap=True)
 
 

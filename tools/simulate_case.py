@@ -7,6 +7,7 @@ on from the last whole tick of what is on disk.
 
 import logging
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -20,6 +21,7 @@ from neurosnap.source import Argument, open_source
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import describe
 from tools.simulate_check import WrongError, check
+from tools.simulate_disk import Disk
 from tools.simulate_swarm import Life
 from tools.simulate_weather import Tally, Weather, random_weather
 
@@ -45,7 +47,11 @@ def simulate(seed: int, folder: Path) -> Tally:
 
 
 def live_on(
-    options: RunOptions, weather: Weather, chance: random.Random, folder: Path
+    options: RunOptions,
+    weather: Weather,
+    chance: random.Random,
+    folder: Path,
+    new_lives: Callable[[Path], Lives] = Lives,
 ) -> Tally:
     """Let one life follow the other until one comes to its end; see `simulate`."""
     tally, past = Tally(schedules=1), None
@@ -53,19 +59,26 @@ def live_on(
     split = chance.choice([None, Split(500), Split(5000)])
     facts = {**describe(options), "swarm": "simulated"}
     log = folder / "run.mcap"
-    lives = Lives(log)
+    lives, disk = new_lives(log), Disk(log, chance, tally)
     while True:
         current = weather if tally.restarts < bad else _CALM
-        life = Life(options, facts, log, past, split, current, chance, tally)
         try:
+            life = Life(options, facts, log, past, split, current, chance, tally, disk)
             completeness, sent = life.live()
         except SwarmError:
-            _, past = lives.go_on(lives.furthest(options.ticks - 1), past)
+            disk.decay(current)
+            _, past = lives.go_on(lives.furthest(options), past)
             tally.restarts += 1
             continue
         lives.settle()
-        if lives.kept:
-            raise WrongError(f"{log}: must hold all, {lives.kept} are beside it")
+        if lost := disk.lost():
+            raise WrongError(f"{log}: {len(lost)} damaged files must be kept")
+        if lives.kept or lives.unread:
+            tally.kept += 1
+            if not (tally.flips or tally.powercuts):
+                raise WrongError(f"{log}: must hold all that is in {lives.kept}")
+        if lives.unread:
+            return tally  # some of it cannot be read, and it says so
         if past is not None and past.part:
             # The files of lives before it say what they lack by themselves.
             completeness = open_whole(log).completeness()

@@ -1,17 +1,42 @@
 """The recorder of a simulated swarm: real files, without a clock to flush them by."""
 
-import random
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 from neurosnap import wire
+from neurosnap.errors import RecordingError, SwarmError
 from neurosnap.record.parts import Parts, Split
 from neurosnap.record.past import Past
-from neurosnap.record.reader import Recording
 from neurosnap.record.sequences import Completeness
-from neurosnap.record.whole import part_paths
-from neurosnap.record.writer import Writer
+from neurosnap.record.writer import Compression, Writer
+from tools.simulate_disk import Disk
+from tools.simulate_weather import Weather
+
+
+class _Writer(Writer):
+    """Writes to a disk that may be full."""
+
+    def __init__(
+        self,
+        check_space: Callable[[], None],
+        path: Path,
+        *,
+        compression: Compression,
+        chunk: int,
+    ) -> None:
+        super().__init__(path, compression=compression, chunk=chunk)
+        self._check_space = check_space
+
+    def put(
+        self, message: wire.Message, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        try:
+            self._check_space()
+        except OSError as error:
+            raise self._failed(error) from error
+        super().put(message, delivery, log_time)
 
 
 class Recorder:
@@ -24,6 +49,8 @@ class Recorder:
         parts: Whose last word is awaited.
         chunk: Bytes after which a chunk is written.
         split: How it is spread over files; None: it is one.
+        disk: What it writes to.
+        weather: How bad that is.
     """
 
     def __init__(
@@ -34,20 +61,30 @@ class Recorder:
         parts: Collection[str],
         chunk: int,
         split: Split | None,
+        disk: Disk,
+        weather: Weather,
     ) -> None:
-        self._log = log
+        self.failed = False
+        self._disk = disk
         self._parts = parts
         self._left: set[str] = set()
         self._time = 0
         # Not packed, so that a file is as long as what it holds says.
-        new_writer = partial(Writer, compression="none", chunk=chunk)
-        self._writer = Parts(log, facts, past, split=split, new_writer=new_writer)
+        full = partial(disk.check_space, weather)
+        new_writer = partial(_Writer, full, compression="none", chunk=chunk)
+        with self._failing():
+            self._writer = Parts(log, facts, past, split=split, new_writer=new_writer)
 
     def hear(self, deliveries: list[wire.Delivery]) -> None:
-        """Write a burst down."""
+        """Write a burst down.
+
+        Raises:
+            SwarmError: The disk is full.
+        """
         for delivery in deliveries:
             self._time += 1
-            message = self._writer.add(delivery, self._time)
+            with self._failing():
+                message = self._writer.add(delivery, self._time)
             if isinstance(message, wire.Leave):
                 self._left.add(message.who)
 
@@ -55,33 +92,29 @@ class Recorder:
         """End the recording in order; return what it says of itself.
 
         Who has not said a last word lacks at least that.
+
+        Raises:
+            SwarmError: The disk is full.
         """
         upcoming = self._writer.upcoming
-        return self._writer.finish(
-            {}, {who: upcoming(who) + (who not in self._left) for who in self._parts}
-        )
+        ends = {who: upcoming(who) + (who not in self._left) for who in self._parts}
+        with self._failing():
+            return self._writer.finish({}, ends)
 
-    def lose(self, chance: random.Random) -> None:
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """End the life of the swarm if the recorder cannot go on."""
+        try:
+            yield
+        except RecordingError as error:
+            self.failed = True
+            raise SwarmError(f"recorder: {error}") from error
+
+    def lose(self, weather: Weather) -> None:
         """Die: what was on the disk is left, any beginning of each file without end."""
         self._writer.abandon()
-        paths = list(part_paths(self._log).values())
-        for path in paths:
-            if not Recording.open(path).finished:
-                # What a run begins with may be lost; a later file begins on the disk.
-                torn = [0, 20] if paths == [self._log] else []
-                size = chance.choice([*torn, *_ends(path)])
-                with path.open("r+b") as file:
-                    file.truncate(size)
+        self._disk.lose(weather)
 
     def close(self) -> None:
         """Close the files, unless they are."""
         self._writer.abandon()
-
-
-def _ends(log: Path) -> Iterator[int]:
-    """Yield where a file can end with some of its chunks, the next one torn or not."""
-    layout = Recording.open(log).layout
-    yield layout.size
-    for chunk in layout.chunks:
-        yield chunk.offset
-        yield chunk.offset + chunk.packed

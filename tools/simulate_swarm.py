@@ -26,6 +26,7 @@ from neurosnap.swarm.shares import shares
 from neurosnap.swarm.worker import Worker
 from neurosnap.swarm.world import World
 from tools.simulate_check import WrongError
+from tools.simulate_disk import Disk
 from tools.simulate_recorder import Recorder
 from tools.simulate_source import source_of
 from tools.simulate_weather import Tally, Weather
@@ -47,6 +48,7 @@ class Life:
         weather: What goes wrong, and how often.
         chance: Draws all that happens.
         tally: Takes note of it.
+        disk: What it is recorded on.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Life:
         weather: Weather,
         chance: random.Random,
         tally: Tally,
+        disk: Disk,
     ) -> None:
         self._options = options
         self._past = past
@@ -75,8 +78,9 @@ class Life:
         self._known_lost = 0
         self._dead: list[str] = []
         self._core = jobs.coordinator_for(options, past)
+        chunk = chance.choice([100, 1000])
         self._recorder = Recorder(
-            log, facts, past, self._parts, chance.choice([100, 1000]), split
+            log, facts, past, self._parts, chunk, split, disk, weather
         )
 
     def _breakable(self) -> list[tuple[str, str]]:
@@ -294,9 +298,11 @@ class Life:
         """
         for who in self._parts:
             self._hub.leave(who)
-        if {"hub", "recorder"}.isdisjoint(self._dead):
+        if self._recorder.failed:
+            self._recorder.close()
+        elif {"hub", "recorder"}.isdisjoint(self._dead):
             while self._hub.step():
                 self._tally.deliveries += 1
             self._recorder.finish()
         else:
-            self._recorder.lose(self._chance)
+            self._recorder.lose(self._weather)

@@ -22,6 +22,14 @@ class Weather(msgspec.Struct, frozen=True, kw_only=True):
     """That a wave's deadline passes although nothing of it is lost."""
     crash: float = 0.0
     """That a part dies."""
+    flip: float = 0.0
+    """That a bit of the recording flips, by life."""
+    vanish: float = 0.0
+    """That a file of it is taken away, by life."""
+    power: float = 0.0
+    """That a death of the recorder is a power cut, by death."""
+    full: float = 0.0
+    """That the disk is full, by message."""
 
 
 class Tally(msgspec.Struct):
@@ -44,6 +52,12 @@ class Tally(msgspec.Struct):
     """Lives that ended because a wave was lost for good."""
     stalled: int = 0
     """Lives that ended because the world and the coordinator lost each other."""
+    flips: int = 0
+    vanished: int = 0
+    powercuts: int = 0
+    full: int = 0
+    kept: int = 0
+    """Runs that had to keep a damaged file, and say so."""
     incomplete: int = 0
     """Runs that ended with a recording that says what it lacks."""
 
@@ -64,4 +78,8 @@ def random_weather(chance: random.Random) -> Weather:
         deaf=chance.random() < 0.5,
         late=chance.choice([0.0, 0.0, 0.002]),
         crash=chance.choice([0.0, 0.001, 0.001, 0.005]),
+        flip=chance.choice([0.0, 0.0, 0.0, 0.5]),
+        vanish=chance.choice([0.0, 0.0, 0.0, 0.1]),
+        power=chance.choice([0.0, 0.5]),
+        full=chance.choice([0.0, 0.0, 0.0, 0.0005]),
     )

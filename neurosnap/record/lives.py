@@ -26,6 +26,7 @@ from neurosnap.record.past import Past
 from neurosnap.record.reader import Recording
 from neurosnap.record.resume import look_back, whole_ticks
 from neurosnap.record.whole import part_path, part_paths
+from neurosnap.swarm.options import RunOptions
 
 _Tick: TypeAlias = tuple[int, bytes, bytes, bool]
 _LEAST = len(MAGIC) + HEAD.size + CHUNK_HEAD.size
@@ -48,6 +49,8 @@ class Lives:
         self._broken = log.with_name(f"{log.name}.broken")
         self.kept: list[Path] = []
         """What could not be gone on from, and is not known to be in the recording."""
+        self.unread: list[Path] = []
+        """Files of the recording that are damaged, and that it goes on without."""
 
     def check_free(self) -> None:
         """Refuse to record where a run left something that was cut short.
@@ -68,22 +71,29 @@ class Lives:
         """There is a file of the recording."""
         return bool(part_paths(self._log))
 
-    def furthest(self, most: int) -> Past | None:
+    def furthest(self, options: RunOptions) -> Past | None:
         """Return where the recorded run can go on; None: it has no whole tick.
 
         Of several files, one that is damaged may be skipped: then the last is taken
         that can be gone on from alone.
 
         Args:
-            most: Go on from no tick after this one.
+            options: The run's. It goes on from no later tick than the one before its
+                last: with that done again, it ends as it should.
         """
         paths = part_paths(self._log)
         later = [path for number, path in paths.items() if number]
         for path in (self._log, *reversed(later)):
             try:
-                return look_back(path, most)[1]
+                recorded, found = look_back(path, options.ticks - 1)
             except RecordingError:
                 continue
+            if recorded != options:
+                continue  # a cut file has no checksum for what it says of its run
+            before = [each for number, each in paths.items() if number < found.part]
+            self.unread = [each for each in before if not _is_sound(each)]
+            return found
+        self.unread = []
         return None
 
     def go_on(
@@ -200,11 +210,18 @@ def _hold(files: Sequence[Path], path: Path) -> bool:
     Raises:
         RecordingError: One of them cannot be read.
     """
-    recording = Recording.open(path)
-    if recording.cut is not None and _has_chunk(path, recording.cut.offset):
-        return False
     held = _ticks(files)
-    return all(tick in held for tick in _ticks([path]))  # both in order
+    return _is_sound(path) and all(tick in held for tick in _ticks([path]))  # in order
+
+
+def _is_sound(path: Path) -> bool:
+    """Tell whether a file can be read to its end, or to where it was cut."""
+    try:
+        recording = Recording.open(path)
+        cut = recording.cut
+        return cut is None or not _has_chunk(path, cut.offset)
+    except RecordingError:
+        return False
 
 
 def _ticks(files: Sequence[Path]) -> Iterator[_Tick]:

@@ -141,7 +141,12 @@ def _last_file(log: Path, most: int | None) -> Recording:
     """
     files: list[Recording] = []
     for path in part_paths(log).values():
-        recording = Recording.open(path)
+        try:
+            recording = Recording.open(path)
+        except RecordingError:
+            if files and _is_blank(path):
+                break
+            raise
         if path == log and recording.part != 0:
             return recording
         if most is not None and files and recording.begins > most:
@@ -149,9 +154,16 @@ def _last_file(log: Path, most: int | None) -> Recording:
         files.append(recording)
         if not recording.finished:
             break
+    if len(files) > 1 and files[-1].share is None:
+        del files[-1]  # its beginning did not reach the disk, its name did
     if len(files) > 1 and not files[-2].noted().completeness.whole:
         del files[-1]
     return files[-1] if files else Recording.open(log)  # which says why not
+
+
+def _is_blank(path: Path) -> bool:
+    """Tell whether a file has a name and no content, as a power cut leaves one."""
+    return not path.read_bytes().strip(b"\0")
 
 
 def _derive(recording: Recording, most: int | None) -> _Point:

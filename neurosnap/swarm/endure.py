@@ -118,9 +118,7 @@ async def run_on(
                     raise
                 if not allowed.allow():
                     raise
-                # That is before its last tick: with that done again, too, it ends as
-                # it should.
-                found = await asyncio.to_thread(lives.furthest, options.ticks - 1)
+                found = await asyncio.to_thread(lives.furthest, options)
                 kept = len(lives.kept)
                 if reached > (0 if past is None else past.tick) and not lives.recorded:
                     vanished.append(str(log))
@@ -143,7 +141,9 @@ async def run_on(
                 await wait_at_most(stop, delay)
             else:
                 lives.settle()
-                return _in_all(outcome, restarts, lives.kept, vanished)
+                return _in_all(
+                    outcome, restarts, [*lives.unread, *lives.kept], vanished
+                )
     finally:
         lives.keep_furthest()
 

@@ -41,8 +41,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     restarts: int = 0
     """How often it went on after a part had died."""
     kept: tuple[str, ...] = ()
-    """Files beside the recording that it could not go on from, and that may hold ticks
-    which the recording lacks."""
+    """Files that it could not go on from, beside the recording or of it, which may hold
+    ticks that cannot be read."""
 
     @property
     def complete(self) -> bool:

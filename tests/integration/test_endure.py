@@ -373,7 +373,7 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
     options = msgspec.structs.replace(options_for(ticks), cells="inline")
     log, again = tmp_path / "a.mcap", tmp_path / "b.mcap"
     asyncio.run(run(options, log, asyncio.Event()))
-    past = Lives(log).furthest(options.ticks - 1)
+    past = Lives(log).furthest(options)
     assert (0 if past is None else past.tick) == ticks - 1
     outcome = asyncio.run(run(options, again, asyncio.Event(), past=past))
     assert outcome.totals.ticks == ticks

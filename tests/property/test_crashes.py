@@ -6,6 +6,7 @@ names the seed, and ``tools/simulate.py --only SEED`` repeats it.
 
 import asyncio
 import random
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -15,16 +16,17 @@ from neurosnap import wire
 from neurosnap.agent.context import Body
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.memory import Faults, MemoryHub
+from neurosnap.record.lives import Lives
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of, verify
 from neurosnap.record.resume import look_back
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
 from tools import simulate
-from tools.simulate_case import live_on
+from tools.simulate_case import live_on, random_options
 from tools.simulate_case import simulate as schedule
 from tools.simulate_check import WrongError, check
-from tools.simulate_weather import Tally, Weather
+from tools.simulate_weather import Tally, Weather, random_weather
 
 BATCH = 25
 
@@ -74,6 +76,28 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
     )
     with pytest.raises(SystemExit, match=expected):
         simulate.gathered(simulate.outcomes(5, 5, 1, third))
+
+
+class _Deleting(Lives):
+    """Deletes what a run cannot go on from, whatever is in it."""
+
+    def _discard(self, path: Path, held_by: Sequence[Path]) -> None:
+        path.unlink()
+
+
+@pytest.mark.parametrize("seed", [7, 11, 20])
+def test_a_restart_that_deletes_a_damaged_recording_is_found(
+    seed: int, tmp_path: Path
+) -> None:
+    def living(lives: type[Lives]) -> Tally:
+        folder, chance = tmp_path / lives.__name__, random.Random(seed)
+        folder.mkdir()
+        options = random_options(chance, folder)
+        return live_on(options, random_weather(chance), chance, folder, lives)
+
+    with pytest.raises(WrongError, match="damaged files must be kept"):
+        living(_Deleting)
+    assert living(Lives).kept
 
 
 # What is wrong is found ---------------------------------------------------------------

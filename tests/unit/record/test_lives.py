@@ -17,8 +17,6 @@ from neurosnap.swarm.embody import body_of
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import run
 
-MANY = 10**6  # ticks
-
 
 def options_for(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
     arguments: dict[str, Argument] = {"places": 5}
@@ -81,9 +79,11 @@ def observed(*files: Path) -> set[tuple[int, bytes]]:
     return found
 
 
-def gone_on(lives: Lives, before: Past | None = None) -> Past | None:
+def gone_on(
+    lives: Lives, options: RunOptions, before: Past | None = None
+) -> Past | None:
     """Let a life go on from what there is."""
-    return lives.go_on(lives.furthest(MANY), before)[1]
+    return lives.go_on(lives.furthest(options), before)[1]
 
 
 def test_a_damaged_recording_is_kept_beside(
@@ -93,7 +93,7 @@ def test_a_damaged_recording_is_kept_beside(
     bad = flipped(recordings[30, 3], in_chunk(log))
     log.write_bytes(bad)
     lives = Lives(log)
-    past = gone_on(lives)
+    past = gone_on(lives, options_for(30))
     left = log.with_name("run.mcap.broken" if past else "run.damaged-1.mcap")
     assert left.read_bytes() == bad
     # Even once the run has come to its end.
@@ -116,7 +116,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     bad = flipped(grown, length_at + 3)
     log.write_bytes(bad)
     lives = Lives(log)
-    gone_on(lives)
+    gone_on(lives, options_for(30))
     log.write_bytes(recordings[5, 3])
     lives.settle()
     (kept,) = lives.kept
@@ -128,12 +128,12 @@ def test_what_the_recording_holds_is_not_kept(
 ) -> None:
     log.write_bytes(recordings[30, 3])
     lives = Lives(log)
-    past = gone_on(lives)
+    past = gone_on(lives, options_for(30))
     assert past is not None
-    assert (past.tick, names(log.parent)) == (30, ["run.mcap.broken"])
+    assert (past.tick, names(log.parent)) == (29, ["run.mcap.broken"])
     # A life that got no further leaves nothing.
     log.write_bytes(recordings[5, 3])
-    assert gone_on(lives, past) == past
+    assert gone_on(lives, options_for(5), past) == past
     assert names(log.parent) == ["run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
     lives.settle()
@@ -146,9 +146,9 @@ def test_readings_that_another_life_did_not_see_are_kept(
 ) -> None:
     log.write_bytes(recordings[30, 3])
     lives = Lives(log)
-    past = gone_on(lives)
+    past = gone_on(lives, options_for(30))
     log.write_bytes(recordings[30, 4])  # as many ticks, of another world
-    assert gone_on(lives, past) == past
+    assert gone_on(lives, options_for(30, seed=4), past) == past
     assert names(log.parent) == ["run.damaged-1.mcap", "run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
     lives.settle()
@@ -164,7 +164,7 @@ def test_what_is_kept_gets_the_next_free_name(
     lives = Lives(log)
     for content in (b"no recording" * 9, b"another one" * 9):
         log.write_bytes(content)
-        assert gone_on(lives) is None
+        assert gone_on(lives, options_for(30)) is None
     assert [path.name for path in lives.kept] == [
         "run.damaged-2.mcap",
         "run.damaged-3.mcap",
@@ -175,7 +175,7 @@ def test_what_is_kept_gets_the_next_free_name(
 def test_an_empty_file_is_nothing_to_keep(log: Path) -> None:
     log.touch()
     lives = Lives(log)
-    assert gone_on(lives) is None
+    assert gone_on(lives, options_for(30)) is None
     assert (names(log.parent), lives.kept) == ([], [])
 
 
@@ -190,7 +190,7 @@ def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     lives = Lives(log)
     # The walker's actions are in all files, so the run begins anew; nothing is lost.
     before = {path.read_bytes() for path in part_paths(log).values()}
-    past = gone_on(lives)
+    past = gone_on(lives, options)
     assert {path.read_bytes() for path in log.parent.iterdir()} == before
     assert newest in before
     assert past is None or past.part <= last
@@ -232,7 +232,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
             for ticks in (5, 30, 5):
                 log.write_bytes(recordings[ticks, 3])
                 furthest = max(furthest, ticks)
-                past = gone_on(lives, past)
+                past = gone_on(lives, options_for(ticks), past)
             log.write_bytes(recordings[60, 3])
             lives.settle()
         except KilledError:
