@@ -31,6 +31,7 @@ from neurosnap.swarm.worker import be_worker
 
 _SERVICES = 5  # hub, recorder, coordinator, world, outlet
 _GRACE = 10.0  # seconds a part may take to end
+_LAST_WRITE = 2.0  # seconds a recorder may take to end without the hub
 # Seconds more where it is coming up still: it compiles, once, and cannot be asked then.
 _COMING_UP = 60.0
 
@@ -246,13 +247,14 @@ class _Launch:
         """End everything in order; return who had to be killed.
 
         Once a part has failed no wave settles, and nobody is waited for but the
-        recorder, who writes down what there is; without the hub, there is nothing.
+        recorder, which writes down what there is. Without the hub it hears no last
+        word, and gets only as long as it takes to write what it has.
         """
         end = self._supervisor.end
         if self._supervisor.error is not None:
             await self._supervisor.kill(["coordinator", "world", *self._hosts])
             if self._supervisor.has_ended("hub"):
-                await self._supervisor.kill(["recorder"])
+                await end(["recorder"], _LAST_WRITE)
         more = 0.0 if self._supervisor.has_begun else _COMING_UP
         late = await end(["coordinator"], self._plan.patience + more)
         grace = _GRACE + 0.02 * len(self._hosts) + more

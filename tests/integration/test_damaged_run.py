@@ -14,6 +14,9 @@ import pytest
 
 from neurosnap.errors import RecordingError
 from neurosnap.record.reader import Recording
+from neurosnap.swarm import launch
+from neurosnap.swarm.endure import Restart
+from tests.integration.test_endure import ENDLESS, Disturbed, options_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(300)]
 
@@ -66,6 +69,39 @@ def fed(log: Path, *more: str) -> Iterator[Fed]:
             yield Fed(process, log)
         finally:
             process.kill()
+
+
+class Mourning(Disturbed):
+    """Looks, each time the run goes on, whether the recorder had ended in order."""
+
+    def __init__(self, log: Path) -> None:
+        super().__init__(options_for(ENDLESS), log)
+        self.finished: list[bool] = []
+        self.restarts = _Told(self._look)
+
+    def _look(self) -> None:
+        self.finished.append(Recording.open(f"{self._log}.broken").finished)
+
+
+class _Told(list[Restart]):
+    """Calls somebody for each restart."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        super().__init__()
+        self._call = call
+
+    def append(self, restart: Restart) -> None:
+        super().append(restart)
+        self._call()
+
+
+def test_a_recorder_without_a_hub_writes_down_what_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(launch, "_LAST_WRITE", PATIENCE)
+    mourning = Mourning(tmp_path / "log")
+    mourning.run((20, ("hub",)))
+    assert mourning.finished == [True]
 
 
 def chunks(log: Path) -> int:
