@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,14 @@ COMMANDS = [
 ]
 MAKE = [line for line in COMMANDS if line.startswith("make ")]
 VERBS = [line for line in COMMANDS if not line.startswith("make ")]
+# What the README shows of the output of a command among those.
+SHOWN = {
+    command: shown.splitlines()
+    for language, text in BLOCKS
+    if language == "console"
+    for command, shown in re.findall(r"^\$ (.*)\n((?:[^$].*\n)+)", text, re.MULTILINE)
+    if command in VERBS
+}
 
 
 @pytest.mark.parametrize("text", [t for kind, t in BLOCKS if kind == "python"])
@@ -43,11 +52,11 @@ def test_make_targets_exist() -> None:
 @pytest.mark.zenoh
 @pytest.mark.slow
 def test_shell_blocks_run(tmp_path: Path) -> None:
-    rows = ["door,motion,light", *["0,0,0", "0,1,0", "1,1,0", "0,0,1"] * 2]
-    (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
     bin_folder = str(Path(sys.executable).parent)
     environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}"}
-    assert len(VERBS) == 15
+    assert len(VERBS) == 14
+    said = {}
     for line in VERBS:
         done = subprocess.run(
             line.split(),
@@ -58,5 +67,9 @@ def test_shell_blocks_run(tmp_path: Path) -> None:
             timeout=PATIENCE,
         )
         assert done.returncode == 0, f"{line}: {done.stderr}"
+        said[line] = done.stdout.splitlines()
+    assert len(SHOWN) == 2
+    for line, shown in SHOWN.items():
+        assert set(shown) <= set(said[line]), line
     assert (tmp_path / "depths" / "depth.png").stat().st_size > 0
     assert (tmp_path / "b.mcap").exists()

@@ -107,10 +107,9 @@ def test_what_the_readings_were_made_by_is_learned_from_them() -> None:
     reading = source.first()
     assert reading is not None
     for _ in range(360):
+        assert reading is not None
         memory.observe(reading)
-        following = source.step(0)
-        assert following is not None
-        reading = following
+        reading = source.step(0)
     source.close()
     graph = memory.poc_graph()
     names = memory.sensorium
