@@ -8,9 +8,7 @@ child, and a cell must not pay for the command line.
 def main() -> None:
     """Run the command line."""
     import neurosnap
-    from neurosnap.ending import quit_at_once
 
-    quit_at_once()  # before the imports: they take the longest of the start
     if not hasattr(neurosnap, "__all__"):
         # PyPI's project of the same name came later and put its own file in the place
         # of ours, and with it the warning that ours gives.
@@ -20,6 +18,9 @@ def main() -> None:
 
         sys.exit(f"error: {namesake()}")
 
+    from neurosnap.ending import quit_at_once
+
+    quit_at_once()  # before the imports: they take the longest of the start
     from neurosnap.cli import app
     from neurosnap.cli.terminal import write_ascii_where_needed
 
