@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
+from neurosnap.cli.options import FLAG
 from neurosnap.cli.shared import Json, app, errors, print_json, say, was_given
 from neurosnap.errors import InvalidValueError
 from neurosnap.source import Argument
@@ -50,19 +51,26 @@ _PATHS = {"out", "tls"}
 _RECORDING = {"out", "split", "keep"}
 """Flags of no use where nothing is recorded."""
 
-config = typer.Typer(help="Check files that describe a run.", no_args_is_help=True)
+config = typer.Typer(help="Check TOML files that describe a run.", no_args_is_help=True)
 app.add_typer(config, name="config")
 
 
 @config.command()
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A TOML file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="The TOML file to check.")
+    ],
     static: Annotated[
-        bool, typer.Option("--static", help="Open nothing that the file names.")
+        bool,
+        typer.Option(
+            "--static",
+            metavar=FLAG,
+            help="Check the file alone, and open nothing that it names.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Find all that would keep a run from starting, with the lines it stands in."""
+    """Find everything that would keep a run from starting, with line numbers."""
     from neurosnap.config.faults import ConfigError
     from neurosnap.config.load import load, look
     from neurosnap.config.prepare import prepare
@@ -85,7 +93,7 @@ def check(
 
 @config.command()
 def schema() -> None:
-    """Print the JSON Schema of such files, for editors."""
+    """Print the JSON Schema of these files, which editors use to check them."""
     from neurosnap.config.schema import schema as schema_of_config
 
     with errors():

@@ -8,6 +8,10 @@ import typer
 from neurosnap.agent.policy import EXPLORE
 from neurosnap.cli.config import described
 from neurosnap.cli.options import (
+    CELLS,
+    FLAG,
+    NETWORK,
+    RECORDING,
     Agent,
     Anomalies,
     Deadline,
@@ -46,7 +50,14 @@ def coordinate(
     context: typer.Context,
     source: Described,
     connect: Connect,
-    swarm: Annotated[str, typer.Option(metavar="ID", help="Its id.")],
+    swarm: Annotated[
+        str,
+        typer.Option(
+            metavar="ID",
+            rich_help_panel=NETWORK,
+            help="Name of the swarm, the same for all its parts: letters and digits.",
+        ),
+    ],
     ticks: Ticks = None,
     seed: Seed = 0,
     agent: Agent = "walker",
@@ -56,32 +67,51 @@ def coordinate(
     snapshot: Snapshot = "empirical",
     threshold: Threshold = None,
     decay: Decay = None,
-    wiring: Wiring = "hasse",
     cells: Annotated[
-        HostKind, typer.Option(help="One OS process a cell, or one for many.")
+        HostKind,
+        typer.Option(
+            rich_help_panel=CELLS,
+            help="Process: each cell is a process of its own. Worker: --workers processes"
+            " share them.",
+        ),
     ] = "process",
     workers: Workers = 2,
-    record: Annotated[bool, typer.Option(help="Wait for a recorder.")] = True,
+    wiring: Wiring = "hasse",
+    record: Annotated[
+        bool,
+        typer.Option(
+            metavar=FLAG,
+            rich_help_panel=RECORDING,
+            help="Wait for a recorder (`neurosnap record`) before starting.",
+        ),
+    ] = True,
     resume: Annotated[
         Path | None,
         typer.Option(
             metavar="LOG",
-            help="Go on with the same run, from the last whole tick of its recording.",
+            rich_help_panel=RECORDING,
+            help="Go on with the run of this recording, after its last whole tick.",
         ),
     ] = None,
     anomalies: Anomalies = True,
     hold: Hold = 0,
     deadline: Deadline = 10.0,
     patience: Annotated[
-        float, typer.Option(help="Seconds until all parts must be there.")
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            rich_help_panel=NETWORK,
+            help="How long to wait until all other parts have connected.",
+        ),
     ] = 60.0,
     tls: Tls = "",
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Be the coordinator of a swarm whose other parts are started elsewhere.
+    """Coordinate a run whose other parts are started by hand, here or elsewhere.
 
-    They are `neurosnap world`, `record` and `join`, in any order, on any host.
+    Start `neurosnap hub` first; then this, `neurosnap world`, `record` and
+    `join`, in any order, on any machine. SOURCE and options are those of `run`.
     """
     from neurosnap import show
     from neurosnap.record.resume import past_of

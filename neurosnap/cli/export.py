@@ -7,6 +7,7 @@ import msgspec
 import typer
 
 from neurosnap.cli.heeding import unwinding
+from neurosnap.cli.options import FLAG
 from neurosnap.cli.shared import (
     LOST,
     Json,
@@ -27,28 +28,38 @@ def export(
         str,
         typer.Option(
             "--format",
-            help="csv or parquet: a table with a row a tick. graphml: what was learned."
-            " foxglove: what Foxglove and Lichtblick draw; layout: panels for that.",
+            help="Csv or parquet: a table with a row for each tick. Graphml: the"
+            " implications that were learned. Foxglove: a file for Foxglove and"
+            " Lichtblick; layout: the panels to import there.",
         ),
     ] = "csv",
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Where to. \\[default: beside the recording]"),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Where to write; must not exist yet.",
+            show_default="beside the recording",
+        ),
     ] = None,
     at: OptionalTick = None,
     only_readings: Annotated[
         bool,
         typer.Option(
             "--only-readings",
-            help="With csv: time and readings alone, as `neurosnap run` takes them.",
+            metavar=FLAG,
+            help="With csv: the time and the sensors only, a file that `neurosnap run`"
+            " takes.",
         ),
     ] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace what is there.")
+        bool,
+        typer.Option("--force", metavar=FLAG, help="Replace the file that is there."),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a recording in another format: a table, a graph, or for a viewer."""
+    """Convert a recording: to a table, a graph, or a file for a viewer."""
     from neurosnap.export.write import export as write
     from neurosnap.export.write import parse_form
 

@@ -15,31 +15,38 @@ def keys(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", help="Where; must not exist yet, but for --revoke."
+            metavar="DIR",
+            help="The folder to make them in; must not exist yet, but with --revoke.",
         ),
     ],
     host: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="The hub is reached under this, too."),
+        typer.Option(
+            metavar="NAME",
+            help="A name or address under which other machines reach the hub. May be"
+            " repeated.",
+        ),
     ] = None,
     parts: Annotated[
         list[str] | None,
         typer.Option(
             metavar="KIND/RANGES",
-            help="One certificate a part, not one for all: cell/0-39, worker/0-1.",
+            help="Make a certificate for each of these parts, which lets it speak for"
+            " itself alone: cell/0-39, worker/0-1. May be repeated.",
         ),
     ] = None,
-    days: Annotated[int, typer.Option(help="How long they are valid.")] = 365,
+    days: Annotated[int, typer.Option(help="How many days the keys are valid.")] = 365,
     revoke: Annotated[
         str,
         typer.Option(
             metavar="WHO",
-            help="Revoke what cell/3, or a role, has; make another in its place.",
+            help="Revoke the certificate of a part (cell/3) or a role, and make another"
+            " in its place.",
         ),
     ] = "",
     as_json: Json = False,
 ) -> None:
-    """Make a private authority and a certificate a role or a part, for --tls."""
+    """Make the keys and certificates of a swarm on several machines, for --tls."""
     from neurosnap.fabric.keys import make_keys
     from neurosnap.fabric.keys import revoke as revoke_one
 

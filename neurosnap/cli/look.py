@@ -7,6 +7,7 @@ import msgspec
 import typer
 
 from neurosnap.cli.heeding import unwinding
+from neurosnap.cli.options import FLAG
 from neurosnap.cli.shared import (
     Json,
     Log,
@@ -22,7 +23,7 @@ from neurosnap.errors import InvalidValueError
 
 @app.command()
 def info(log: Log, as_json: Json = False) -> None:
-    """Say what is in a recording, cut short or not."""
+    """Show what a recording holds, its settings, and whether it is complete."""
     from neurosnap.record.info import describe, render
     from neurosnap.record.reader import Recording
 
@@ -38,11 +39,12 @@ def graph(
     log: Log,
     at: OptionalTick = None,
     form: Annotated[
-        str, typer.Option("--format", help="json, dot or graphml.")
+        str,
+        typer.Option("--format", help="One of json, dot (for Graphviz) and graphml."),
     ] = "json",
     as_json: Json = False,
 ) -> None:
-    """Print the implications learned, by name."""
+    """Print the implications that were learned: which sensor implies which."""
     from neurosnap.diagram import diagram, parse_format, render
     from neurosnap.record.history import snapshot_at
     from neurosnap.record.whole import open_whole
@@ -64,25 +66,31 @@ def model(
         str | None,
         typer.Argument(
             metavar="NAME|LOG|EXPR",
-            help='A named model (--list), a recording, or "a, b : a < b*".',
+            help="The name of a model (--list shows them), or a recording, or sensors"
+            ' and the implications between them: "a, b : a < b*".',
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Where to draw: .png, .svg or .pdf. \\[default: NAME.png; none with"
-            " --json]",
+            help="Where to put the picture, a .png, .svg or .pdf; replaces what is"
+            " there.",
+            show_default="NAME.png; none with --json",
         ),
     ] = None,
     at: OptionalTick = None,
     limit: Annotated[
-        int, typer.Option(help="The most vertices of a dual to draw.")
+        int,
+        typer.Option(help="Do not draw the dual if it has more vertices than this."),
     ] = 256,
-    names: Annotated[bool, typer.Option("--list", help="List the names.")] = False,
+    names: Annotated[
+        bool,
+        typer.Option("--list", metavar=FLAG, help="List the names of the models."),
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Draw a poc set and its dual: of the paper, of a recording, or your own."""
+    """Draw a poc set (an order on sensors) and its dual (the space of their states)."""
     from neurosnap.picture.find import find, listed
     from neurosnap.picture.numbers import in_words, measure
     from neurosnap.picture.page import check_picture, draw_model
@@ -116,7 +124,7 @@ def model(
 
 @app.command()
 def doctor(tls: Tls = "", as_json: Json = False) -> None:
-    """Look for what would keep a swarm from running here, and how to mend it."""
+    """Check whether this machine can run a swarm, and say how to mend what it lacks."""
     from neurosnap import show
     from neurosnap.doctor import examine
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from neurosnap.cli.heeding import unwinding
+from neurosnap.cli.options import FLAG
 from neurosnap.cli.shared import (
     LOST,
     Json,
@@ -27,32 +28,64 @@ from neurosnap.swarm.options import HostKind, WiringKind
 def depth(
     log: Annotated[
         Path | None,
-        typer.Argument(metavar="[LOG]", help="Measure this recording instead."),
+        typer.Argument(
+            metavar="[LOG]",
+            help="Measure the waves in this recording, and start no swarm.",
+        ),
     ] = None,
     heights: Annotated[
-        str, typer.Option(help="Heights of the chains, with commas.")
+        str,
+        typer.Option(
+            metavar="A,B",
+            help="How long the chains of implications are, one after another.",
+        ),
     ] = "1,2,4,8,16,32,64",
     wiring: Annotated[
-        WiringKind, typer.Option(help="Which edges carry pulses.")
+        WiringKind,
+        typer.Option(
+            help="Which implications are connections between cells: those that do not"
+            " follow from others (hasse), or all (derived)."
+        ),
     ] = "hasse",
     sensors: Annotated[
         str,
-        typer.Option(help="Cells in each swarm. \\[default: 1 and 2 × the tallest]"),
+        typer.Option(
+            metavar="A,B",
+            help="How many sensors the swarms have, one after another.",
+            show_default="what the longest chain takes, and twice as many",
+        ),
     ] = "",
-    waves: Annotated[int, typer.Option(help="Waves at each height.")] = 10,
+    waves: Annotated[
+        int, typer.Option(help="How many waves to start at each height.")
+    ] = 10,
     cells: Annotated[
-        HostKind, typer.Option(help="One OS process a cell, or one for many.")
+        HostKind,
+        typer.Option(
+            help="Process: each cell is a process of its own. Worker: --workers processes"
+            " share them."
+        ),
     ] = "process",
-    workers: Annotated[int, typer.Option(help="Processes that have many cells.")] = 2,
+    workers: Annotated[
+        int, typer.Option(help="With --cells worker: how many processes there are.")
+    ] = 2,
     edges: Annotated[
         int,
-        typer.Option(help="Covers of a random order, both ways. \\[default: a chain]"),
+        typer.Option(
+            help="Measure random orders with so many implications instead of chains.",
+            show_default="0: chains",
+        ),
     ] = 0,
-    seed: Annotated[int, typer.Option(help="Draws random orders.")] = 0,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write.")] = Path(),
+    seed: Annotated[int, typer.Option(help="Seed of the random orders.")] = 0,
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="The folder for depth.csv and depth.png."),
+    ] = Path(),
     as_json: Json = False,
 ) -> None:
-    """Measure how deep waves travel against the height of the order."""
+    """Measure how far a wave of messages travels, and how long that takes.
+
+    Starts swarms whose implications form chains; writes a table and a picture.
+    """
     from neurosnap import show
     from neurosnap.depth import draw, fit, from_recording, measure, write_csv
     from neurosnap.record.whole import open_whole
@@ -99,28 +132,50 @@ def depth(
 @app.command()
 def figures(
     only: Annotated[
-        str, typer.Option(metavar="A,B", help="By name or number. \\[default: all]")
+        str,
+        typer.Option(
+            metavar="A,B",
+            help="Make these figures only, by name or number.",
+            show_default="all",
+        ),
     ] = "",
-    runs: Annotated[int, typer.Option(help="Runs of everything.")] = 50,
-    steps: Annotated[int, typer.Option(help="Observations in each.")] = 8000,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write.")] = Path(
-        "figures"
-    ),
-    seed: Annotated[int, typer.Option(help="Draws all that is random.")] = 0,
+    runs: Annotated[
+        int, typer.Option(help="How many times to run each experiment.")
+    ] = 50,
+    steps: Annotated[
+        int, typer.Option(help="How many observations to take in each run.")
+    ] = 8000,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="The folder for pictures and data.")
+    ] = Path("figures"),
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     truth: Annotated[
-        TruthKind, typer.Option(help="What learned graphs are compared with.")
+        TruthKind,
+        typer.Option(
+            help="Compare what is learned with the implications that hold everywhere in"
+            " the world (contained), or with those that an endless walk would learn"
+            " (thresholded)."
+        ),
     ] = "contained",
     equivalences: Annotated[
-        bool, typer.Option(help="Let learned graphs have equivalences.")
+        bool,
+        typer.Option(
+            metavar=FLAG, help="Let a snapshot learn that two sensors are the same."
+        ),
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(help="Threads. \\[default: one a core]")
+        int | None,
+        typer.Option(
+            help="How many threads compute.", show_default="one for each processor core"
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Make the paper's experiments again: pictures, data, and what agrees.
+    """Repeat the paper's experiments: pictures, data, and whether its claims hold.
 
-    Finished cells are kept in DIR/cells: interrupted, the same command goes on.
+    What is finished is kept in DIR/cells: after Ctrl-C the same command goes on.
+
+    With fewer --runs and --steps it takes less time, and proves less.
     """
     from neurosnap import show
     from neurosnap.experiment.figure import FigureOptions

@@ -6,6 +6,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from neurosnap.cli.options import FLAG, NETWORK
 from neurosnap.cli.shared import (
     Insecure,
     Json,
@@ -24,17 +25,38 @@ from neurosnap.swarm.network import Network
 @app.command()
 def hub(
     listen: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where it listens.")
+        str,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub listens. For other machines, such as"
+            " tls/0.0.0.0:7447 with --tls.",
+        ),
     ] = "tcp/127.0.0.1:7447",
     tls: Tls = "",
     insecure: Insecure = False,
     audit: Annotated[
-        bool, typer.Option("--audit", help="Log every refused message; slow.")
+        bool,
+        typer.Option(
+            "--audit",
+            metavar=FLAG,
+            rich_help_panel=NETWORK,
+            help="Log every message that the hub refuses. Slow.",
+        ),
     ] = False,
-    sessions: Annotated[int, typer.Option(help="How many parts may connect.")] = 10_000,
+    sessions: Annotated[
+        int,
+        typer.Option(
+            rich_help_panel=NETWORK,
+            help="How many parts and programs may be connected at once.",
+        ),
+    ] = 10_000,
     as_json: Json = False,
 ) -> None:
-    """Be a hub for swarms that are started with --connect, until Ctrl-C."""
+    """Start a hub, through which the parts of swarms reach each other, until Ctrl-C.
+
+    `neurosnap run` starts one itself, unless it is given --connect.
+    """
     from neurosnap.fabric.hub import open_hub
     from neurosnap.fabric.refusals import telling_refusals
 
@@ -66,7 +88,10 @@ def hub(
 def ps(
     swarm: Annotated[
         str | None,
-        typer.Argument(metavar="[SWARM]", help="Show the parts of this one."),
+        typer.Argument(
+            metavar="[SWARM]",
+            help="The id of a swarm, to list its parts.",
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -91,13 +116,19 @@ def ps(
 
 @app.command()
 def stop(
-    swarm: Annotated[str, typer.Argument(help="Its id, as `neurosnap ps` says it.")],
+    swarm: Annotated[
+        str,
+        typer.Argument(
+            metavar="SWARM", help="The id of the swarm; `neurosnap ps` lists them."
+        ),
+    ],
     patience: Annotated[
-        float, typer.Option(help="Seconds to wait for its end.")
+        float,
+        typer.Option(metavar="SECONDS", help="How long to wait until it has ended."),
     ] = 30.0,
     as_json: Json = False,
 ) -> None:
-    """End one swarm in order: its recording is finished, nothing is left running."""
+    """End a swarm of this machine in order, with its recording finished."""
     from neurosnap.swarm import registry
 
     with errors():

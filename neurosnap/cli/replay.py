@@ -10,6 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from neurosnap.cli.options import FLAG, NETWORK
 from neurosnap.cli.shared import (
     LOST,
     Insecure,
@@ -34,47 +35,78 @@ _ONLY_WITH = {"begin": "verify", "ticks": "resume", "out": "resume"}
 _ONLY_PLAYING = ("rate", "start", "step", "listen", "tls", "insecure")
 
 
-@app.command()
+@app.command(epilog="Example: neurosnap replay a.mcap --verify")
 def replay(
     context: typer.Context,
     log: Log,
     verify: Annotated[
-        bool, typer.Option("--verify", help="Derive all again, and compare.")
+        bool,
+        typer.Option(
+            "--verify",
+            metavar=FLAG,
+            help="Compute every state and decision again from the recorded observations,"
+            " and compare bit for bit with what was recorded.",
+        ),
     ] = False,
     rate: Annotated[
-        float, typer.Option(help="Play back at this many times the speed.")
+        float,
+        typer.Option(help="Play this many times as fast as it was recorded."),
     ] = 1.0,
     begin: Annotated[
         int,
         typer.Option(
             "--from",
             metavar="TICK",
-            help="With --verify: begin with the last key-frame up to there.",
+            help="With --verify: skip what comes before the last key-frame up to this"
+            " tick.",
         ),
     ] = 0,
     start: Annotated[
-        int, typer.Option(metavar="TICK", help="Play back from this tick on.")
+        int, typer.Option(metavar="TICK", help="The first tick to play.")
     ] = 1,
     step: Annotated[
-        bool, typer.Option("--step", help="Play back a tick for each Enter.")
+        bool,
+        typer.Option("--step", metavar=FLAG, help="Wait for Enter before each tick."),
     ] = False,
     listen: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where to play back.")
+        str,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where programs connect to hear what is played.",
+        ),
     ] = "tcp/127.0.0.1:7447",
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from the last whole tick.")
+        bool,
+        typer.Option(
+            "--resume",
+            metavar=FLAG,
+            help="Go on with the run after its last whole tick, into a new recording.",
+        ),
     ] = False,
     ticks: Annotated[
-        int | None, typer.Option(help="With --resume: ticks in all. \\[default: +300]")
+        int | None,
+        typer.Option(
+            help="With --resume: how many ticks there are to be in all.",
+            show_default="300 more than there are",
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="With --resume: where to record.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.mcap",
+            help="With --resume: where to record; must not exist yet.",
+            show_default="logs/SOURCE-DATE.mcap",
+        ),
     ] = None,
     tls: Tls = "",
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Verify a recording, play it back over Zenoh, or go on with its run."""
+    """Verify a recording, play it back over Zenoh, or go on with its run.
+
+    Without --verify and --resume it is played back.
+    """
     with errors():
         if verify and resume:
             raise InvalidValueError("replay", "must verify or resume", "both")

@@ -10,6 +10,12 @@ from neurosnap.agent.policy import EXPLORE
 from neurosnap.cli.broker import brokered
 from neurosnap.cli.config import described
 from neurosnap.cli.options import (
+    CELLS,
+    FLAG,
+    NETWORK,
+    RECORDING,
+    SOURCE,
+    SUPERVISION,
     Agent,
     Anomalies,
     Deadline,
@@ -49,8 +55,10 @@ from neurosnap.swarm.notify import ServiceManager
 from neurosnap.swarm.options import CellKind, RunOptions
 from neurosnap.swarm.supervision import RestartKind
 
+_EXAMPLE = "Example: neurosnap run neurosnap/Path-v0 --ticks 300 --out a.mcap"
 
-@app.command()
+
+@app.command(epilog=_EXAMPLE)
 def run(
     context: typer.Context,
     source: Described,
@@ -63,27 +71,53 @@ def run(
     snapshot: Snapshot = "empirical",
     threshold: Threshold = None,
     decay: Decay = None,
-    wiring: Wiring = "hasse",
     cells: Annotated[
         CellKind,
-        typer.Option(help="One OS process a cell, one for many, or all in this one."),
+        typer.Option(
+            rich_help_panel=CELLS,
+            help="Where the cells are. Process: each is a process of its own. Worker:"
+            " --workers processes share them; the fastest for many sensors. Inline: all"
+            " in this process, without a network; the easiest to debug.",
+        ),
     ] = "process",
     workers: Workers = 2,
+    wiring: Wiring = "hasse",
     out: Annotated[
-        Path | None, typer.Option(help="Where to record. \\[default: logs/…]")
+        Path | None,
+        typer.Option(
+            metavar="FILE.mcap",
+            rich_help_panel=RECORDING,
+            help="Where to record; must not exist yet.",
+            show_default="logs/SOURCE-DATE.mcap",
+        ),
     ] = None,
-    record: Annotated[bool, typer.Option(help="Record at all.")] = True,
+    record: Annotated[
+        bool,
+        typer.Option(
+            metavar=FLAG,
+            rich_help_panel=RECORDING,
+            help="Record everything. Without a recording nothing can be replayed, and"
+            " the run cannot go on after a failure.",
+        ),
+    ] = True,
     split: Annotated[
         int,
         typer.Option(
             metavar="SIZE",
             parser=in_bytes,
-            help="Go on in another file at the first key-frame after so much: bytes,"
-            " or 256MiB. 0: never.",
+            rich_help_panel=RECORDING,
+            help="Begin another file once one is this large, such as 256MiB. 0: record"
+            " in one file.",
         ),
     ] = 0,
     keep: Annotated[
-        int, typer.Option(help="With --split: keep the newest files. 0: all.")
+        int,
+        typer.Option(
+            metavar="FILES",
+            rich_help_panel=RECORDING,
+            help="With --split: keep this many of the newest files and delete the"
+            " others. 0: keep all.",
+        ),
     ] = 0,
     sync: Sync = None,
     anomalies: Anomalies = True,
@@ -92,54 +126,104 @@ def run(
     restart: Annotated[
         RestartKind,
         typer.Option(
-            help="Go on when a part dies or hangs; always: also when one says why it cannot go"
-            " on. Takes a recording."
+            rich_help_panel=SUPERVISION,
+            help="When to start the parts again and go on from the recording. On-failure:"
+            " when one was killed, vanished or hangs. Always: also when one gave an"
+            " error.",
         ),
     ] = "on-failure",
     max_restarts: Annotated[
         int,
-        typer.Option(help="How often within --restart-window, before it is given up."),
+        typer.Option(
+            rich_help_panel=SUPERVISION,
+            help="How many restarts there may be within --restart-window before the run"
+            " is given up.",
+        ),
     ] = 10,
-    restart_window: Annotated[float, typer.Option(help="Seconds.")] = 600.0,
+    restart_window: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            rich_help_panel=SUPERVISION,
+            help="How long a restart counts towards --max-restarts.",
+        ),
+    ] = 600.0,
     backoff: Annotated[
-        float, typer.Option(help="Seconds before going on; doubles without progress.")
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            rich_help_panel=SUPERVISION,
+            help="How long to wait before a restart. Twice as long each time when no tick"
+            " was made in between.",
+        ),
     ] = 0.1,
     listen: Annotated[
         str,
         typer.Option(
-            metavar="ENDPOINT", help="Where the hub listens. \\[default: on a socket]"
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub listens for parts and programs from elsewhere, such as"
+            " tcp/127.0.0.1:7447.",
+            show_default="a private socket on this machine",
         ),
     ] = "",
     connect: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="A hub that is there already.")
+        str,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Use the hub that listens there (`neurosnap hub`), and start none.",
+        ),
     ] = "",
     swarm: Annotated[
-        str, typer.Option(metavar="ID", help="Its id. \\[default: a random one]")
+        str,
+        typer.Option(
+            metavar="ID",
+            rich_help_panel=NETWORK,
+            help="Name of this swarm, by which others find it: letters and digits.",
+            show_default="a random one",
+        ),
     ] = "",
     elsewhere: Annotated[
         str,
         typer.Option(
-            metavar="RANGES", help="Cells, or workers, that `neurosnap join` starts."
+            metavar="RANGES",
+            rich_help_panel=NETWORK,
+            help="The cells (or workers) that are started on other machines with"
+            " `neurosnap join`, such as 0-499 or 3,7.",
         ),
     ] = "",
     tls: Tls = "",
     insecure: Insecure = False,
     audit: Annotated[
-        bool, typer.Option("--audit", help="Log every refused message; slow.")
+        bool,
+        typer.Option(
+            "--audit",
+            metavar=FLAG,
+            rich_help_panel=NETWORK,
+            help="Log every message that the hub refuses. Slow.",
+        ),
     ] = False,
     broker: Annotated[
         str,
         typer.Option(
             metavar="embedded|HOST[:PORT]",
-            help="The MQTT broker to use, whatever the file says; or a small one here.",
+            rich_help_panel=SOURCE,
+            help="Use this MQTT broker instead of the one in the TOML file. Embedded:"
+            " start a small one, to try things out.",
         ),
     ] = "",
     view: Annotated[
-        bool, typer.Option("--view", help="Look at it in the browser meanwhile.")
+        bool,
+        typer.Option(
+            "--view",
+            metavar=FLAG,
+            help="Show the run in the browser while it goes on.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Run a source through a swarm of cells and record everything."""
+    """Learn from a world, a file or live sensors, and record everything."""
     from neurosnap import show
     from neurosnap.swarm.endure import run_on
     from neurosnap.swarm.room import check_cells

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from neurosnap.cli.options import Source
+from neurosnap.cli.options import CELLS, NETWORK, RECORDING, SUPERVISION, Source
 from neurosnap.cli.shared import (
     LOST,
     Connect,
@@ -37,16 +37,28 @@ if TYPE_CHECKING:
     from neurosnap.swarm.join import Share
     from neurosnap.swarm.service import Served
 
-Swarm = Annotated[str, typer.Argument(metavar="SWARM", help="The swarm's id.")]
+Swarm = Annotated[
+    str,
+    typer.Argument(
+        metavar="SWARM", help="Name of the swarm, as the coordinator's --swarm has it."
+    ),
+]
 Restart = Annotated[
     RestartKind,
     typer.Option(
-        help="What follows a swarm: on-failure, where a part had died, the one that"
-        " goes on in its place; always, whatever comes under this id, until Ctrl-C."
+        rich_help_panel=SUPERVISION,
+        help="When the swarm has ended: leave (never); wait for the one that goes on in"
+        " its place, if a part had died (on-failure); wait for the next of this name,"
+        " until Ctrl-C (always).",
     ),
 ]
 Patience = Annotated[
-    float, typer.Option(help="Seconds until its coordinator must be there.")
+    float,
+    typer.Option(
+        metavar="SECONDS",
+        rich_help_panel=NETWORK,
+        help="How long to wait for the coordinator.",
+    ),
 ]
 
 
@@ -61,7 +73,10 @@ def world(
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Be the world of a swarm; its arguments and its seed come from the coordinator."""
+    """Provide the observations of a swarm: a part of `neurosnap coordinate`.
+
+    SOURCE must be the coordinator's; the arguments and the seed come from there.
+    """
     from neurosnap.swarm import join
 
     with errors():
@@ -79,14 +94,19 @@ def record(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Where to record; a second swarm goes beside it. \\[default: logs/…]"
+            metavar="FILE.mcap",
+            rich_help_panel=RECORDING,
+            help="Where to record; must not exist yet. A swarm that follows is recorded"
+            " beside it, as FILE-1.mcap.",
+            show_default="logs/SWARM-DATE.mcap",
         ),
     ] = None,
     resume: Annotated[
         Path | None,
         typer.Option(
             metavar="LOG",
-            help="For a run that is resumed: its recording, to be taken over.",
+            rich_help_panel=RECORDING,
+            help="The recording that the coordinator's --resume names, to go on with.",
         ),
     ] = None,
     sync: Annotated[
@@ -94,8 +114,10 @@ def record(
         typer.Option(
             metavar="SECONDS",
             min=0.0,
-            help="Write the recording to the disk this often; 0: at the end."
-            " \\[default: as the coordinator says]",
+            rich_help_panel=RECORDING,
+            help="How often to force the recording to the disk, against a power cut. 0:"
+            " only at the end.",
+            show_default="as the coordinator says",
         ),
     ] = None,
     restart: Restart = "on-failure",
@@ -104,7 +126,7 @@ def record(
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Be the recorder of a swarm."""
+    """Record a swarm on this machine: a part of `neurosnap coordinate`."""
     from neurosnap.record.sequences import Completeness
     from neurosnap.swarm import join
 
@@ -143,10 +165,21 @@ def join(
     swarm: Swarm,
     connect: Connect,
     cells: Annotated[
-        str, typer.Option(metavar="RANGES", help="Which cells: 0-499 or 3,7,9-12.")
+        str,
+        typer.Option(
+            metavar="RANGES",
+            rich_help_panel=CELLS,
+            help="The numbers of the cells to run here: 0-499 or 3,7,9-12.",
+        ),
     ] = "",
     workers: Annotated[
-        str, typer.Option(metavar="RANGES", help="Or which workers, with their cells.")
+        str,
+        typer.Option(
+            metavar="RANGES",
+            rich_help_panel=CELLS,
+            help="The numbers of the workers to run here, where the run has --cells"
+            " worker.",
+        ),
     ] = "",
     restart: Restart = "on-failure",
     patience: Patience = 60.0,
@@ -154,7 +187,7 @@ def join(
     insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
-    """Be a share of a swarm's cells, or of its workers."""
+    """Run some of a swarm's cells, or workers, on this machine."""
     from neurosnap.swarm import join
 
     with errors():

@@ -6,6 +6,7 @@ import signal
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Annotated, NoReturn, TypeVar
 
 import msgspec
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.text import Text
 
 from neurosnap.cli.heeding import heard
+from neurosnap.cli.options import FLAG, NETWORK
 from neurosnap.config.recordings import free_path, new_path
 from neurosnap.distribution import version
 from neurosnap.ending import INTERRUPTED
@@ -29,6 +31,8 @@ T = TypeVar("T")
 LOST = 3
 _RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
 """A number or a range. No swarm has a million cells, and a list of them takes room."""
+_WIDE = 70
+"""Columns of a terminal that a table of options fits."""
 _TWICE = 0.5
 """Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
 program and to its group."""
@@ -37,6 +41,8 @@ app = typer.Typer(
     name="neurosnap",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    # Where a table would cut the names of options, plain text has room for them.
+    rich_markup_mode="rich" if get_terminal_size().columns >= _WIDE else None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 screen = Console(stderr=True, highlight=False)
@@ -56,6 +62,7 @@ def _main(
             "--version",
             callback=_print_version,
             is_eager=True,
+            metavar=FLAG,
             help="Print the version.",
         ),
     ] = False,
@@ -64,18 +71,46 @@ def _main(
 
 
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object last.")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        metavar=FLAG,
+        help="Print the result as one JSON object, on the last line of standard output.",
+    ),
+]
 Tls = Annotated[
-    str, typer.Option(metavar="DIR", help="Keys, made by `neurosnap keys DIR`.")
+    str,
+    typer.Option(
+        metavar="DIR",
+        rich_help_panel=NETWORK,
+        help="Encrypt, with the keys in this folder (made by `neurosnap keys DIR`).",
+    ),
 ]
 Connect = Annotated[
-    str, typer.Option(metavar="ENDPOINT", help="Where the swarm's hub listens.")
+    str,
+    typer.Option(
+        metavar="ENDPOINT",
+        rich_help_panel=NETWORK,
+        help="Where the swarm's hub listens, such as tcp/127.0.0.1:7447.",
+    ),
 ]
 Insecure = Annotated[
-    bool, typer.Option("--insecure", help="Go over a network without keys.")
+    bool,
+    typer.Option(
+        "--insecure",
+        metavar=FLAG,
+        rich_help_panel=NETWORK,
+        help="Allow other machines to connect without encryption and without keys.",
+    ),
 ]
 OptionalTick = Annotated[
-    int | None, typer.Option(metavar="TICK", help="As it was after this tick.")
+    int | None,
+    typer.Option(
+        metavar="TICK",
+        help="Show what was learned by this tick.",
+        show_default="the last one",
+    ),
 ]
 
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from neurosnap.cli.options import FLAG
 from neurosnap.cli.page import look
 from neurosnap.cli.shared import app, errors, run_async
 from neurosnap.errors import InvalidValueError
@@ -20,17 +21,30 @@ def view(
         ),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Follow a swarm that runs here.")
+        bool,
+        typer.Option(
+            "--live", metavar=FLAG, help="Follow a swarm that runs on this machine."
+        ),
     ] = False,
     port: Annotated[
-        int, typer.Option(help="Where to listen, on this machine only; 0: anywhere.")
+        int,
+        typer.Option(
+            help="The port of the page, on this machine only. 0: any that is free."
+        ),
     ] = 0,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    browser: Annotated[
+        bool, typer.Option(metavar=FLAG, help="Open the browser.")
+    ] = True,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Say where it is as a JSON object.")
+        bool,
+        typer.Option(
+            "--json",
+            metavar=FLAG,
+            help="Print the address of the page as a JSON object.",
+        ),
     ] = False,
 ) -> None:
-    """Look at a recording, or at a swarm while it runs, in the browser."""
+    """Show a recording, or a swarm while it runs, in the browser."""
     with errors():
         log = _followed(what) if live else _named(what)
         run_async(

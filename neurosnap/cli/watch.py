@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from neurosnap.cli.options import FLAG, NETWORK
 from neurosnap.cli.shared import (
     Insecure,
     Tls,
@@ -25,22 +26,33 @@ def watch(
         str | None,
         typer.Argument(
             metavar="[SWARM|LOG]",
-            help="A swarm's id, or a recording. \\[default: the one that runs here]",
+            help="The id of a swarm that runs, or a recording.",
+            show_default="the swarm that runs on this machine",
         ),
     ] = None,
     connect: Annotated[
         str,
         typer.Option(
-            metavar="ENDPOINT", help="Where its hub is. \\[default: as `ps` has it]"
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub of a swarm on another machine listens.",
         ),
     ] = "",
     tls: Tls = "",
     insecure: Insecure = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print each as a JSON object on a line.")
+        bool,
+        typer.Option(
+            "--json", metavar=FLAG, help="Print each as a JSON object on a line."
+        ),
     ] = False,
 ) -> None:
-    """Show observations that contradict what was learned, as they come."""
+    """Show anomalies: observations that contradict what was learned before.
+
+    Each names the sensors that may be wrong, and the implications it breaks.
+
+    Of a recording all are shown; of a swarm, those that come, until Ctrl-C.
+    """
     from neurosnap.record.whole import open_whole
     from neurosnap.show import anomaly
     from neurosnap.swarm import registry

@@ -220,7 +220,9 @@ def test_a_verb_explains_itself(verb: str) -> None:
 
 
 def test_help_says_what_happens_without_an_option() -> None:
-    assert "[default: logs/" in call("run", "--help").stdout  # not taken for a style
+    said = call("run", "--help").stdout
+    assert "[default: (logs/" in said  # not taken for a style
+    assert "Example: neurosnap run" in said
 
 
 def test_help_lists_the_verbs() -> None:
