@@ -265,3 +265,18 @@ def test_of_two_lives_that_saw_other_things_none_is_deleted(
     (kept,) = lives.kept
     assert kept.read_bytes() == recordings[30, 4]
     assert len(names(log.parent)) == 2
+
+
+@pytest.mark.parametrize("content", [b"", bytes(300)], ids=["empty", "zeros"])
+def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
+    content: bytes, log: Path
+) -> None:
+    options = options_for(500, split=SMALLEST)
+    asyncio.run(run(options, log, asyncio.Event()))
+    last = max(part_paths(log))
+    assert last >= 1
+    blank = log.with_name(f"run_{last + 1:04d}.mcap")
+    blank.write_bytes(content)
+    found = Lives(log).furthest(options)
+    assert found is not None
+    assert found.part == last
