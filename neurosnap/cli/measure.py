@@ -19,7 +19,12 @@ from neurosnap.cli.shared import (
     say,
     screen,
 )
-from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
+from neurosnap.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    NeurosnapError,
+    NothingBegunError,
+)
 from neurosnap.experiment.learning import TruthKind
 from neurosnap.swarm.options import HostKind, WiringKind
 
@@ -89,6 +94,7 @@ def depth(
     from neurosnap import show
     from neurosnap.depth import draw, fit, from_recording, measure, write_csv
     from neurosnap.record.whole import open_whole
+    from neurosnap.swarm.probe import Measured
 
     with errors():
         tall = _numbers("heights", heights)
@@ -98,8 +104,9 @@ def depth(
         else:
             total = len(sizes) * len(tall) * waves
             with show.progress(screen, "waves", total) as on_progress:
-                rows = run_async(
-                    lambda stop: measure(
+
+                async def work(stop: asyncio.Event) -> list[Measured]:
+                    found = await measure(
                         tall,
                         wiring,
                         sizes,
@@ -111,7 +118,12 @@ def depth(
                         edges=edges,
                         seed=seed,
                     )
-                )
+                    if not found and stop.is_set():
+                        rule = "must measure a wave, was asked to end first"
+                        raise NothingBegunError(f"depth: {rule}")
+                    return found
+
+                rows = run_async(work)
         if not rows:
             raise NeurosnapError("depth: must have a wave to measure, got none")
         out.mkdir(parents=True, exist_ok=True)
