@@ -42,6 +42,7 @@ from neurosnap.swarm.registry import parts_of
 
 PATIENCE = 120.0  # seconds a run may take to end, on a busy machine
 _GONE = 10.0  # seconds what a run leaves may take to go
+_NEWS = ("going on", "first start:")  # what a run may say that goes well
 CELLS = {"process": (), "worker": ("--cells", "worker")}
 
 
@@ -160,8 +161,7 @@ class Struggle:
 
     def _misbehaved(self, code: int, lines: list[str]) -> Iterator[str]:
         """Yield what is wrong with how it ended."""
-        restarts = [line for line in lines if line.startswith("going on")]
-        others = [line for line in lines if line not in restarts]
+        others = [line for line in lines if not line.startswith(_NEWS)]
         if code == 130:
             if self.log.exists():
                 yield "must not have begun to record, with exit code 130"
