@@ -21,18 +21,22 @@ from neurosnap.cli.shared import (
 )
 from neurosnap.swarm.network import Network
 
+_HERE = "tcp/127.0.0.1:7447"
+
 
 @app.command()
 def hub(
     listen: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
             metavar="ENDPOINT",
             rich_help_panel=NETWORK,
             help="Where the hub listens. For other machines, such as"
-            " tls/0.0.0.0:7447 with --tls.",
+            " tls/0.0.0.0:7447 with --tls. Give it several times, and a flood of"
+            " connections to one endpoint leaves the others free."
+            " \\[default: tcp/127.0.0.1:7447]",
         ),
-    ] = "tcp/127.0.0.1:7447",
+    ] = None,
     tls: Tls = "",
     insecure: Insecure = False,
     audit: Annotated[
@@ -61,19 +65,26 @@ def hub(
     from neurosnap.fabric.refusals import telling_refusals
 
     with errors():
-        network = convert(Network, listen=listen, tls=tls, insecure=insecure)
-        network.check()
+        endpoints = listen or [_HERE]
+        networks = [
+            convert(Network, listen=endpoint, tls=tls, insecure=insecure)
+            for endpoint in endpoints
+        ]
+        for network in networks:
+            network.check()
+        credentials = networks[0].credentials("hub")
 
         async def serve(stop: asyncio.Event) -> None:
             session = await asyncio.to_thread(
                 open_hub,
-                [listen],
+                endpoints,
                 sessions,
-                credentials=network.credentials("hub"),
+                credentials=credentials,
                 insecure=insecure,
             )
             try:
-                screen.print(f"listening on {listen}", markup=False)
+                where = ", ".join(endpoints)
+                screen.print(f"listening on {where}", markup=False)
                 await stop.wait()
             finally:
                 await asyncio.to_thread(session.close)
@@ -81,7 +92,7 @@ def hub(
         with telling_refusals(audit=audit):
             run_async(serve)
         if as_json:
-            print_json({"listened": listen})
+            print_json({"listened": endpoints})
 
 
 @app.command()
