@@ -27,9 +27,10 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def hub_process() -> psutil.Process:
-    """Return the process of the one hub that runs as our child."""
-    (found,) = psutil.Process().children()
+def process_of(hub: Hub) -> psutil.Process:
+    """Return the process of a hub, which is our child and has others beside it."""
+    children = psutil.Process().children()
+    (found,) = [each for each in children if hub.endpoint in each.cmdline()]
     return found
 
 
@@ -47,7 +48,7 @@ async def test_a_huge_message_fills_nobodys_memory(keys: Path) -> None:
     heard = Heard()
     key = f"neurosnap/{SWARM}/{PULSE.key}"
     with hub_with(keys) as hub:
-        process = hub_process()
+        process = process_of(hub)
         async with hub.end("recorder") as ears, hub.end("cell/0") as cell:
             await ears.subscribe(("**",), heard)
             session = stranger(hub)
