@@ -103,6 +103,7 @@ def outcome_facts(
         "stopped": outcome.stopped,
         "complete": outcome.complete,
         "kept": outcome.kept,
+        "lost": outcome.lost,
         "implications": outcome.implications,
     }
 
@@ -204,6 +205,13 @@ def outcome(
         console.print(f"stopped after tick {totals.ticks}, as asked")
     if log is not None:
         console.print(f"recording: {escape(str(log))}", soft_wrap=True)
+    if outcome_.lost:
+        rule = "came in that were no readings, or had no tick"
+        console.print(f"[red]{outcome_.lost} messages or lines {rule}[/red]")
+    if outcome_.waiting:
+        kept = f"{outcome_.waiting} readings came in and had no tick; they are kept in"
+        then = "and are taken in when the run is resumed"
+        console.print(f"{kept} {escape(outcome_.journal)} {then}", soft_wrap=True)
     balance = outcome_.completeness
     if balance is not None and balance.missing:
         lost = [f"{count} of {who}" for who, count in balance.missing.items()]

@@ -153,7 +153,10 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
     from neurosnap.record.resume import look_back
     from neurosnap.record.whole import part_path
     from neurosnap.source import open_source
+    from neurosnap.swarm.kept import run_kept
+    from neurosnap.swarm.run import Outcome
     from neurosnap.swarm.run import run as run_swarm
+    from neurosnap.swarm.world import WayIn
 
     options, past = look_back(log)
     source = open_source(options.source, options.seed, options.arguments)
@@ -167,15 +170,23 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
     options = msgspec.structs.replace(options, ticks=most)
     new = new_log(options.source, out)
     with show.progress(screen, "ticks", options.ticks) as on_progress:
-        outcome = run_async(
-            lambda stop: run_swarm(options, new, stop, on_progress, past)
-        )
+
+        async def work(stop: asyncio.Event) -> Outcome:
+            async def swarm_of(way_in: WayIn | None) -> Outcome:
+                return await run_swarm(
+                    options, new, stop, on_progress, past, way_in=way_in
+                )
+
+            return await run_kept(options, new, swarm_of, past)
+
+        outcome = run_async(work)
     written = part_path(new, past.part)
     show.outcome(say(as_json), options, outcome, written)
     if as_json:
         facts = show.outcome_facts(options, outcome, written)
         print_json({**facts, "resumed": str(log), "resumed_at": past.tick})
-    if outcome.completeness is not None and not outcome.completeness.whole:
+    whole = outcome.completeness is None or outcome.completeness.whole
+    if outcome.lost or not whole:
         raise typer.Exit(LOST)
 
 

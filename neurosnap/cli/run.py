@@ -226,9 +226,11 @@ def run(
     """Learn from a world, a file or live sensors, and record everything."""
     from neurosnap import show
     from neurosnap.swarm.endure import run_on
+    from neurosnap.swarm.kept import run_kept
     from neurosnap.swarm.room import check_cells
     from neurosnap.swarm.run import Outcome
     from neurosnap.swarm.run import run as run_swarm
+    from neurosnap.swarm.world import WayIn
 
     with errors():
         if view and not record:
@@ -256,6 +258,11 @@ def run(
                 show.outcome(say(as_json), options, outcome, log)
 
             async def work(stop: asyncio.Event) -> Outcome:
+                return await run_kept(
+                    options, log, lambda way_in: swarm_of(stop, way_in)
+                )
+
+            async def swarm_of(stop: asyncio.Event, way_in: WayIn | None) -> Outcome:
                 if log is None or options.cells == "inline":
                     return await run_swarm(
                         options,
@@ -265,6 +272,7 @@ def run(
                         network=network,
                         swarm=swarm,
                         elsewhere=away,
+                        way_in=way_in,
                     )
                 return await run_on(
                     options,
@@ -276,6 +284,7 @@ def run(
                     network=network,
                     swarm=swarm,
                     elsewhere=away,
+                    way_in=way_in,
                 )
 
             if not view:
@@ -288,7 +297,8 @@ def run(
                 outcome = run_async(lambda stop: viewed(log, stop, work, tell))
         if as_json:
             print_json(show.outcome_facts(options, outcome, log))
-        if outcome.completeness is not None and not outcome.complete:
+        whole = outcome.completeness is None or outcome.complete
+        if outcome.lost or not whole:
             raise typer.Exit(LOST)
 
 

@@ -5,13 +5,14 @@ from neurosnap.outside.reading import Names, Single, read
 from neurosnap.outside.source import OutsideSource
 
 
-def hand_in(source: OutsideSource, payload: bytes, *, wait: bool) -> None:
+def hand_in(source: OutsideSource, payload: bytes, *, spare: bool) -> None:
     """Hand in what one JSON object says.
 
     Args:
         source: Takes it.
         payload: The object, as `neurosnap.outside.reading` has it.
-        wait: Wait while too many whole readings do; see `OutsideSource.give`.
+        spare: Do not drop a whole reading while too many wait; see
+            `OutsideSource.give`.
 
     Raises:
         InvalidValueError: It is no reading, or none of this source.
@@ -26,4 +27,4 @@ def hand_in(source: OutsideSource, payload: bytes, *, wait: bool) -> None:
     else:
         for name in reading.strangers(source.sensors):
             source.put(name, None)
-        source.give(reading.in_order(source.sensors), reading.at, wait=wait)
+        source.give(reading.in_order(source.sensors), reading.at, spare=spare)

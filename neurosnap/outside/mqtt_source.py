@@ -12,6 +12,7 @@ again, since silence says nothing then.
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.outside.board import Board
+from neurosnap.outside.journal import Journal
 from neurosnap.outside.loop_thread import LoopThread
 from neurosnap.outside.mqtt_link import MqttLink
 from neurosnap.outside.mqtt_options import MqttOptions
@@ -22,12 +23,19 @@ from neurosnap.outside.mqtt_topics import Topics
 from neurosnap.outside.source import OutsideSource
 
 
-def mqtt_source(options: MqttOptions) -> OutsideSource:
+def mqtt_source(
+    options: MqttOptions, *, journal: Journal | None = None, most: int | None = None
+) -> OutsideSource:
     """Return the source that `options` describe; it connects with its first tick.
 
     At each step exactly one action is taken: its payload is published, if the broker
     can be told within `neurosnap.outside.mqtt_outbox.LASTS` seconds. The first action
     is to do nothing.
+
+    Args:
+        options: What is read and done.
+        journal: As for `OutsideSource`.
+        most: As for `OutsideSource`.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -48,6 +56,8 @@ def mqtt_source(options: MqttOptions) -> OutsideSource:
         feeder=feeder,
         actions=options.action_names,
         actuate=feeder.actuate,
+        journal=journal,
+        most=most,
     )
 
 

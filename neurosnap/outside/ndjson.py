@@ -1,9 +1,10 @@
 """Standard input as a source: a reading a line, as `neurosnap.outside.reading` has it.
 
-A whole reading is never skipped: while too many wait for their tick nothing more is
-read, and the pipe holds back whoever writes. Single readings go to the board, and the
-pace decides when it is shown. A line that is no reading is told of with its number, and
-the run goes on; the end of the input ends it in order.
+A whole reading is never skipped: what was read is handed in at once, and while too many
+wait for their tick nothing more is read: the pipe holds back whoever writes. Single
+readings go to the board, and the pace decides when it is shown. A line that is no
+reading is told of with its number, and the run goes on; the end of the input ends it in
+order.
 """
 
 import os
@@ -65,10 +66,13 @@ class NdjsonFeeder:
                 for number, line in self._lines.feed(self._head + b"\n"):
                     if not source.resumed:
                         self._take(source, number, line)
-            while piece := self._read():
+            while source.wait_for_room():
+                piece = self._read()
                 for number, line in self._lines.feed(piece):
                     self._take(source, number, line)
-            if self._open:
+                if not piece:
+                    break
+            if self._open and not source.is_full:
                 for number, line in self._lines.finish():
                     self._take(source, number, line)
             source.end()
@@ -88,12 +92,14 @@ class NdjsonFeeder:
         return os.read(self._descriptor, _PIECE)
 
     def _take(self, source: OutsideSource, number: int, line: bytes | None) -> None:
+        if source.is_full:
+            return  # the run has all its ticks: nobody asked for more
         place = f"{_NAME}:{number}"
         if line is None:
             source.refuse(str(within(place, too_long("a longer line"))))
         elif line.strip():
             try:
-                hand_in(source, line, wait=True)
+                hand_in(source, line, spare=True)
             except InvalidValueError as error:
                 source.refuse(str(within(place, error)))
 

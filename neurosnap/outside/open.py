@@ -13,6 +13,7 @@ import msgspec
 from neurosnap.distribution import must_have
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.outside.board import Board
+from neurosnap.outside.journal import Journal
 from neurosnap.outside.mqtt_options import MqttOptions
 from neurosnap.outside.ndjson import NdjsonFeeder, first_line, names_in
 from neurosnap.outside.pace import Pace, pace_of
@@ -97,7 +98,12 @@ def settle(spec: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
 
 
 def open_outside(
-    spec: str, arguments: Mapping[str, Argument] | None = None, hub: Hub | None = None
+    spec: str,
+    arguments: Mapping[str, Argument] | None = None,
+    hub: Hub | None = None,
+    *,
+    journal: Journal | None = None,
+    most: int | None = None,
 ) -> OutsideSource:
     """Return the source called `spec`; nothing is started before its first tick.
 
@@ -107,6 +113,8 @@ def open_outside(
             ``mqtt:`` one alone, `options`: `MqttOptions` as JSON, as a file of ours
             has it in its table `[source]`.
         hub: The swarm's; None: for a look only, ``zenoh:`` cannot be started.
+        journal: As for `OutsideSource`.
+        most: As for `OutsideSource`.
 
     Raises:
         InvalidValueError: There is no such source, or an argument is wrong.
@@ -122,7 +130,7 @@ def open_outside(
         raise InvalidValueError("source", rule, spec)
     arguments = {} if arguments is None else arguments
     if spec == MQTT:
-        return _open_mqtt(mqtt_options(arguments))
+        return _open_mqtt(mqtt_options(arguments), journal, most)
     given = _converted(arguments)
     if not given.sensors:
         rule = "must be named for such a source (--set sensors=a,b,c)"
@@ -134,7 +142,7 @@ def open_outside(
         feeder = NdjsonFeeder(head=given.head.encode() if given.head else None)
     else:
         feeder = _Nobody() if hub is None else ZenohFeeder(hub)
-    return OutsideSource(board, pace, feeder=feeder)
+    return OutsideSource(board, pace, feeder=feeder, journal=journal, most=most)
 
 
 def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:
@@ -150,13 +158,15 @@ def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:
         raise InvalidValueError("arguments", rule, str(error)) from error
 
 
-def _open_mqtt(options: MqttOptions) -> OutsideSource:
+def _open_mqtt(
+    options: MqttOptions, journal: Journal | None, most: int | None
+) -> OutsideSource:
     try:
         from neurosnap.outside.mqtt_source import mqtt_source
     except ImportError as error:  # an extra
         rule = must_have(error.name or "aiomqtt", "mqtt")
         raise InvalidValueError("source", rule, MQTT) from error
-    return mqtt_source(options)
+    return mqtt_source(options, journal=journal, most=most)
 
 
 class _Nobody:

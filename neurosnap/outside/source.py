@@ -3,10 +3,16 @@
 Two threads meet here. A feeder's thread hands readings in; the world's thread waits in
 `first` or `step` until a tick is due. Both hold one lock for a few microseconds, and
 what waits between them is bounded: a reading replaces the one before it, and of whole
-readings no more than `WAITING` are kept.
+readings no more than `WAITING` are kept, and what a feeder had read by then.
 
 Whole readings come first: each is a tick of its own, in the order they came, and the
 pace is not asked. Only when none waits does the pace decide when the board is shown.
+
+With a journal each row, the readings of one tick, is written down as soon as it is
+known that it gets one: a whole reading when it comes, the board when it is shown. Who
+goes on after a death gets the same rows again (`go_on`). While nobody asks
+(`keep_changes`) the board is not shown by the clock, but each change of it is a row, as
+far as the pace and `WAITING` allow: so a restart hides no more than a busy swarm does.
 """
 
 import logging
@@ -14,16 +20,18 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from neurosnap.errors import ShapeError
+from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.outside.board import Bits, Board
+from neurosnap.outside.journal import Journal, Row
 from neurosnap.outside.pace import Pace
 from neurosnap.outside.refusals import Refusals
 from neurosnap.outside.stamps import Stamps
 from neurosnap.outside.statistics import Statistics
+from neurosnap.sensorium import pack, unpack
 
 WAITING = 1024
 """Whole readings that may wait for their tick."""
@@ -31,6 +39,21 @@ WAITING = 1024
 _logger = logging.getLogger(__name__)
 
 _LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
+
+
+class Shown(NamedTuple):
+    """The readings of one tick."""
+
+    bits: Bits
+    known: Bits
+    begins: bool
+    """It follows no action, since nobody listened before it."""
+
+    def is_same(self, seen: tuple[Bits, Bits]) -> bool:
+        """Tell whether `seen`, readings and which are known, is no change."""
+        return np.array_equal(self.bits, seen[0]) and np.array_equal(
+            self.known, seen[1]
+        )
 
 
 class Feeder(Protocol):
@@ -47,7 +70,7 @@ class Feeder(Protocol):
     def stop(self) -> None:
         """End, and return once nothing more is handed in; also without a start, twice.
 
-        The source is closed already: a feeder that waits in `give` is on its way out.
+        The source is closed already: a feeder that waits for room is on its way out.
         """
 
 
@@ -79,6 +102,8 @@ class OutsideSource:
         feeder: Feeder | None = None,
         actions: Sequence[str] = (),
         actuate: Callable[[int], None] | None = None,
+        journal: Journal | None = None,
+        most: int | None = None,
         clock: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
         condition: threading.Condition | None = None,
@@ -88,8 +113,11 @@ class OutsideSource:
         self.actions: tuple[str, ...] = tuple(actions)
         self.begins: bool = False
         self.known: Bits | None = None
-        self.resumed = False
+        self.journal = journal
+        self.resumed = journal is not None and journal.last > 0
         """It goes on with a run that had its first tick before."""
+        self.given = 0
+        """The tick of the row that was given last."""
         self._board = board
         self._pace = pace
         self._feeder = feeder
@@ -98,8 +126,13 @@ class OutsideSource:
         self._wall = wall
         self._condition = threading.Condition() if condition is None else condition
         self._number = {name: k for k, name in enumerate(board.sensors)}
-        self._waiting: deque[tuple[Bits, Bits]] = deque()
-        self._shown: tuple[Bits, Bits] | None = None
+        self._most = most
+        self._rows = 0 if journal is None else journal.last  # rows there are, in all
+        self._fresh = True  # nobody has listened before the next row
+        self._waiting: deque[Shown] = deque()
+        self._shown: Shown | None = None  # the last row, be it given or waiting
+        self._turn = 0  # whoever asks and is not of this turn is let go
+        self._away = False
         self._unshown: Bits = np.zeros(len(board.sensors), np.bool_)
         self._stamps = Stamps(clock(), wall())
         # A feeder is not started once it was stopped, and not stopped halfway.
@@ -109,6 +142,7 @@ class OutsideSource:
         self._error: BaseException | None = None
         self._refusals = Refusals(clock)
         self._ticks = self._taken = self._coalesced = self._dropped = 0
+        self._missing = 0
 
     def first(self) -> Bits | None:
         """Start the feeder, unless it is on its way, and wait for the first tick.
@@ -119,8 +153,9 @@ class OutsideSource:
         Raises:
             NeurosnapError: As `step`.
         """
-        self._shown = None
-        return self._tick(begins=True)
+        if self.journal is None:
+            self._shown, self._fresh = None, True
+        return self._tick()
 
     def step(self, action: int) -> Bits | None:
         """Let `action` be carried out, and wait for the next tick.
@@ -137,11 +172,74 @@ class OutsideSource:
         Raises:
             NeurosnapError: What the feeder failed of.
         """
-        if self.actions and self._actuate is not None:
+        if self._actuate is not None and self._is_new_action():
             self._actuate(action)
-        begins = not self._started
-        self.resumed |= begins
-        return self._tick(begins=begins)
+        self.resumed |= not self._started
+        return self._tick()
+
+    def go_on(self, tick: int) -> None:
+        """Let the row after `tick` be given next; `known` is as it was at `tick`.
+
+        With a journal this comes before anything is asked; without one it does nothing.
+
+        Raises:
+            NeurosnapError: The journal cannot be read.
+        """
+        with self._condition:
+            if self.journal is None:
+                return
+            before, rows, missing = self.journal.after(tick)
+            if missing:
+                self._missing += missing
+                _logger.warning("journal: readings missing from it: %d", missing)
+            shown = None if before is None else self._read(before)
+            self._waiting = deque(map(self._read, rows))
+            self._shown = self._waiting[-1] if rows else shown
+            self._rows = self.journal.last
+            self.given = tick
+            self.resumed |= tick > 0
+            self.known = None
+            if shown is not None and not shown.known.all():
+                self.known = shown.known
+
+    def let_go(self) -> None:
+        """Let whoever waits for a row get None; from any thread."""
+        with self._condition:
+            self._turn += 1
+            self._away = False
+            self._condition.notify_all()
+
+    def keep_changes(self) -> None:
+        """Write down each change that would have been a row, until `let_go`.
+
+        For while nobody asks. What the journal fails of, whoever asks next gets.
+        """
+        if not self._started:
+            self._start()
+        with self._condition:
+            self._away = True
+            try:
+                while self._away and not self._closed and self._error is None:
+                    self._keep_change()
+            except NeurosnapError as error:
+                self._error = error
+            finally:
+                self._away = False
+
+    def _keep_change(self) -> None:
+        """Write the board down if it is due and has changed; else wait a while."""
+        now = self._clock()
+        seen = self._board.observation(now)
+        patience = self._patience(seen, now)
+        self._sensitive = True
+        changed = self._shown is None or not self._shown.is_same(seen)
+        has_room = len(self._waiting) < WAITING and not self.is_full
+        if changed and has_room and patience == 0:
+            self._waiting.append(self._row(*seen))
+            self._unshown[:] = False
+            self._pace.given(now)
+            return
+        self._wait(now, patience if changed and has_room else None)
 
     def close(self) -> None:
         """Let go whoever waits, and stop the feeder; from any thread, also twice.
@@ -155,9 +253,16 @@ class OutsideSource:
         with self._feeding:
             if self._feeder is not None:
                 self._feeder.stop()
+        if self.journal is not None:
+            self.journal.close()
         losses = self.statistics().losses
         if losses and not told:
             _logger.warning("source: lost or out of time: %s", losses)
+
+    @property
+    def is_full(self) -> bool:
+        """There are all the rows that there are to be."""
+        return self._most is not None and self._rows >= self._most
 
     def put(self, sensor: str, on: bool | None, at: float | None = None) -> None:
         """Take in one reading; from any thread, and without waiting.
@@ -201,17 +306,18 @@ class OutsideSource:
         readings: Sequence[bool | None],
         at: float | None = None,
         *,
-        wait: bool = False,
+        spare: bool = False,
     ) -> None:
         """Take in a whole reading, which gets a tick of its own; from any thread.
+
+        Where `WAITING` of them wait already, it is dropped and counted.
 
         Args:
             readings: One a sensor; None: unknown. A reading without any known one is
                 taken in and gets no tick.
             at: When they were read, as for `put`. Staleness and lateness do not matter
                 for its own tick, only for what is left on the board.
-            wait: Where `WAITING` of them wait, wait as well, until one had its tick or
-                the source is closed. Otherwise the oldest is dropped and counted.
+            spare: It is not dropped: the feeder waits for room before it reads more.
 
         Raises:
             ShapeError: There is not one a sensor.
@@ -222,19 +328,32 @@ class OutsideSource:
         on = np.array([reading is True for reading in readings])
         known = np.array([reading is not None for reading in readings])
         with self._condition:
-            while wait and len(self._waiting) >= WAITING and not self._closed:
-                self._condition.wait()
+            if self.is_full or self._closed:
+                return
             now = self._clock()
             taken = self._board.put_all(on, known, self._as_of(at, now), now)
             self._taken += int(np.count_nonzero(taken))
             self._coalesced += int(np.count_nonzero(taken & self._unshown))
             self._unshown &= ~taken  # a whole reading is shown by a tick of its own
-            if known.any():
-                if len(self._waiting) >= WAITING:
-                    self._waiting.popleft()
-                    self._dropped += 1
-                self._waiting.append((on, known))
+            if known.any() and (spare or len(self._waiting) < WAITING):
+                try:
+                    self._waiting.append(self._row(on, known))
+                except NeurosnapError as error:
+                    self._error = error
+            elif known.any():
+                self._dropped += 1
             self._condition.notify_all()
+
+    def wait_for_room(self) -> bool:
+        """Wait while too many whole readings do; from a feeder's thread.
+
+        Returns:
+            There is room; otherwise no reading is wanted any more.
+        """
+        with self._condition:
+            while len(self._waiting) >= WAITING and not self._closed:
+                self._condition.wait()
+            return not self._closed and not self.is_full
 
     def refuse(self, text: str) -> None:
         """Count what is no reading, and say so; a line a second at most.
@@ -285,9 +404,10 @@ class OutsideSource:
                 refused=self._refusals.count,
                 dropped=self._dropped,
                 skipped=self._pace.skipped,
+                missing=self._missing,
             )
 
-    def _tick(self, *, begins: bool) -> Bits | None:
+    def _tick(self) -> Bits | None:
         if not self._started:
             self._start()
         with self._condition:
@@ -296,12 +416,35 @@ class OutsideSource:
                 return None
             self._pace.given(self._clock())
             self._ticks += 1
-            self._shown = shown
+            self.given += 1
             self._condition.notify_all()  # there is room for one more
-        bits, known = shown
-        self.begins = begins
-        self.known = None if known.all() else known
-        return bits
+        self.begins = shown.begins
+        self.known = None if shown.known.all() else shown.known
+        return shown.bits
+
+    def _is_new_action(self) -> bool:
+        """Tell whether an action is to be carried out, and note that it is.
+
+        It may have been asked for before, in a swarm that died then.
+        """
+        if not self.actions or self.journal is None:
+            return bool(self.actions)
+        with self._condition:
+            return self.journal.act(self.given)
+
+    def _row(self, bits: Bits, known: Bits) -> Shown:
+        """Return the next row, once it is written down."""
+        if self.journal is not None:
+            self.journal.row(pack(bits), pack(known), begins=self._fresh)
+        self._shown = Shown(bits, known, self._fresh)
+        self._fresh = False
+        self._rows += 1
+        return self._shown
+
+    def _read(self, row: Row) -> Shown:
+        """Return a row that was written down."""
+        count = len(self.sensors)
+        return Shown(unpack(row.bits, count), unpack(row.known, count), row.begins)
 
     def _start(self) -> None:
         with self._condition:
@@ -313,9 +456,10 @@ class OutsideSource:
             if self._feeder is not None and not self._closed:
                 self._feeder.start(self)
 
-    def _next(self) -> tuple[Bits, Bits] | None:
+    def _next(self) -> Shown | None:
         """Wait for what is to be shown next; None: nothing any more."""
-        while not self._closed:
+        turn = self._turn
+        while not self._closed and turn == self._turn:
             if self._waiting:
                 return self._waiting.popleft()
             if self._error is not None:
@@ -325,23 +469,23 @@ class OutsideSource:
             patience = self._patience(seen, now)
             if patience == 0:
                 self._unshown[:] = False
-                return seen
+                return self._row(*seen)
             if self._ended:
                 return None
-            turn = self._board.next_change(now)
-            until = _LONGEST if turn is None else min(_LONGEST, turn - now)
-            self._condition.wait(until if patience is None else min(until, patience))
+            self._wait(now, patience)
         return None
+
+    def _wait(self, now: float, patience: float | None) -> None:
+        """Wait until what is known may change, `patience` seconds at most."""
+        turn = self._board.next_change(now)
+        until = _LONGEST if turn is None else min(_LONGEST, turn - now)
+        self._condition.wait(until if patience is None else min(until, patience))
 
     def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
         """Return for how long to wait before showing `seen`; None: it is no reason."""
-        bits, known = seen
-        changed = self._shown is None or not (
-            np.array_equal(bits, self._shown[0])
-            and np.array_equal(known, self._shown[1])
-        )
+        changed = self._shown is None or not self._shown.is_same(seen)
         self._sensitive = True
-        if not known.any():
+        if not seen[1].any():
             return None
         if self._ended:
             return 0.0 if changed else None

@@ -22,12 +22,20 @@ class Statistics(msgspec.Struct, frozen=True):
     """Whole readings that lost their tick because too many waited."""
     skipped: int
     """Ticks that were due and not given; see `Clocked`."""
+    missing: int = 0
+    """Readings that the journal should hold and does not, since it was damaged."""
+
+    @property
+    def lost(self) -> int:
+        """What came and had no tick although it should have: not to be had again."""
+        return self.refused + self.dropped + self.missing
 
     @property
     def losses(self) -> str:
         """What got lost or came at a wrong time, in words; empty: nothing did."""
         counts = {
             "whole readings dropped": self.dropped,
+            "readings missing from the journal": self.missing,
             "late readings dropped": self.late,
             "readings from a clock that is ahead": self.ahead,
             "ticks skipped": self.skipped,

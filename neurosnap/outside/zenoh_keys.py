@@ -9,7 +9,7 @@ Below ``neurosnap/<swarm>/``, without any attachment:
   gets a tick of its own, or a single one, for sensors whose names cannot stand in a key
   (Zenoh keeps ``*``, ``$``, ``?`` and ``#`` to itself).
 
-While the swarm is busy up to `WAITING` whole readings wait; then the oldest is dropped
+While the swarm is busy up to `WAITING` whole readings wait; then what comes is dropped
 and counted. Nothing here can hold a program back: a callback that blocks would stop
 every message of the process. Who needs a tick for each reading without exception waits
 for the ``state`` of one before putting the next. What is put before the world listens
@@ -128,7 +128,7 @@ def hand_over(source: OutsideSource, key: str, payload: zenoh.ZBytes) -> None:
         text = payload.to_bytes()
         _, named, sensor = key.partition("/")
         if not named:
-            hand_in(source, text, wait=False)
+            hand_in(source, text, spare=False)
         else:
             source.put(sensor, *read_on(text))
     except InvalidValueError as error:

@@ -362,13 +362,16 @@ class Parts:
             rule = "must stay where it is while it is written"
             _log.error("log: %s, got deleted, moved or replaced %r", rule, path)
 
-    def sync(self) -> None:
+    def sync(self) -> bool:
         """Let what was flushed be written to the disk, on a thread.
+
+        Returns:
+            It begins. Otherwise the last time is not over.
 
         Raises:
             RecordingError: Now or before the disk did not take it.
         """
-        self._saving.sync(self._files())
+        return self._saving.sync(self._files())
 
     def finish(
         self, totals: Mapping[str, str], expected: Mapping[str, int]

@@ -8,11 +8,14 @@ to be whole.
 import asyncio
 import time
 from collections.abc import Collection, Mapping
+from pathlib import Path
 
 from neurosnap import wire
-from neurosnap.errors import RecordingError
+from neurosnap.errors import NeurosnapError
 from neurosnap.fabric.place import Place
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.outside.journal import cut as cut_journal
+from neurosnap.outside.journal import journal_of
 from neurosnap.record.parts import Parts
 from neurosnap.record.past import Past
 from neurosnap.record.sequences import Completeness
@@ -30,6 +33,7 @@ async def run_recorder(
     *,
     parts: Collection[str],
     grace: float = 5.0,
+    journal: Path | None = None,
 ) -> Completeness:
     """Record all traffic until every one of `parts` has left; finish the recording.
 
@@ -42,6 +46,7 @@ async def run_recorder(
         stop: Once set, those who have not left get `grace` seconds to do so.
         parts: Whose last word is awaited.
         grace: Seconds.
+        journal: Where outside readings are kept until they are recorded.
 
     Returns:
         What the recording holds of what was sent; a part that never said its last word
@@ -55,7 +60,9 @@ async def run_recorder(
     await fabric.locate(listener.locate)
     await fabric.watch(listener.change)
     await fabric.announce()
-    flushing = asyncio.create_task(_flush(writer, fabric), name="recorder/flush")
+    flushing = asyncio.create_task(
+        _flush(writer, fabric, listener, journal), name="recorder/flush"
+    )
     serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
     stopping = asyncio.create_task(stop.wait(), name="recorder/stop")
     try:
@@ -71,17 +78,30 @@ async def run_recorder(
     return writer.finish(listener.totals(), listener.expected())
 
 
-async def _flush(writer: Parts, fabric: Fabric) -> None:
-    """Bound what a crash may cost, and a power cut if the run wants that."""
+async def _flush(
+    writer: Parts, fabric: Fabric, listener: "_Listener", journal: Path | None
+) -> None:
+    """Bound what a crash may cost, and a power cut if the run wants that.
+
+    What is safe, the journal need not keep.
+    """
     synced = time.monotonic()
+    safe = syncing = cut = 0  # ticks
     while True:
         await asyncio.sleep(_FLUSH)
+        framed = listener.framed
         try:
             writer.flush(time.time_ns())
-            if 0 < writer.sync_every <= time.monotonic() - synced:
+            if not writer.sync_every:
+                safe = framed
+            elif writer.sync_every <= time.monotonic() - synced:
                 synced = time.monotonic()
-                writer.sync()
-        except RecordingError as error:
+                if writer.sync():  # the one before is over
+                    safe, syncing = syncing, framed
+            if journal is not None and safe > cut:
+                await asyncio.to_thread(cut_journal, journal, safe)
+                cut = safe
+        except NeurosnapError as error:
             fabric.fail(error)
             return
 
@@ -101,6 +121,9 @@ class _Listener:
         self._awaited = set(parts)  # who has not come yet
         self._places: dict[str, Place] = {}
         self._ticks = 0
+        self._frame = 0  # the tick of the last key-frame
+        self.framed = 0
+        """The tick of the last key-frame but one: nobody goes on from before it."""
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
         """Write a burst down; what comes after the end shows as missing."""
@@ -116,6 +139,8 @@ class _Listener:
                     self._fabric.publish(wire.Fault(self._fabric.who, what))
                 case wire.State(tick=tick):
                     is_first, self._ticks = not self._ticks, tick
+                case wire.KeyFrame(tick=tick) if tick > self._frame:
+                    self.framed, self._frame = self._frame, tick
                 case wire.Leave(who=who):
                     self._left[who] = delivery.sequence + 1
                 case _:
@@ -184,5 +209,7 @@ async def be_recorder(
     """Record everything, after what there is of a resumed run."""
     with Parts(path, metadata, past) as writer:
         async with seat.fabric() as fabric:
-            balance = await run_recorder(writer, fabric, stop, parts=parts)
+            balance = await run_recorder(
+                writer, fabric, stop, parts=parts, journal=journal_of(Path(path))
+            )
     reporter.done(balance)

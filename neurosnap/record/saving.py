@@ -28,7 +28,7 @@ class Saving:
         self._syncing: Future[None] | None = None
         self._named: set[Path] = set()  # whose names the disk has; the thread's own
 
-    def sync(self, files: Sequence[Writer]) -> None:
+    def sync(self, files: Sequence[Writer]) -> bool:
         """Let what files were given so far be written to the disk; do not wait for it.
 
         Does nothing while the last sync is under way.
@@ -36,13 +36,18 @@ class Saving:
         Args:
             files: They are open.
 
+        Returns:
+            It begins: what the last one was to write is on the disk.
+
         Raises:
             RecordingError: As `check`.
         """
         self.check()
-        if self._syncing is None:
-            opened = [(file.duplicate(), file.path) for file in files]
-            self._syncing = self._thread.submit(self._sync, opened)
+        if self._syncing is not None:
+            return False
+        opened = [(file.duplicate(), file.path) for file in files]
+        self._syncing = self._thread.submit(self._sync, opened)
+        return True
 
     def _sync(self, opened: Sequence[tuple[int, Path]]) -> None:
         try:

@@ -28,6 +28,7 @@ from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.run import Outcome, run
 from neurosnap.swarm.supervision import Restarts, Supervision
+from neurosnap.swarm.world import WayIn
 
 _LONGEST = 30.0  # seconds
 
@@ -59,6 +60,7 @@ async def run_on(
     network: Network = PRIVATE,
     swarm: str = "",
     elsewhere: frozenset[str] = frozenset(),
+    way_in: WayIn | None = None,
 ) -> Outcome:
     """Run a swarm of processes to its end, whoever dies on the way.
 
@@ -75,6 +77,7 @@ async def run_on(
         swarm: As in `run`; each time the run goes on, it does so as the next
             incarnation of this id.
         elsewhere: As in `run`; who starts these parts does so in every incarnation.
+        way_in: As in `run`.
 
     Raises:
         InvalidValueError: Something of an earlier run is beside `log`.
@@ -108,6 +111,7 @@ async def run_on(
                     swarm=swarm,
                     incarnation=restarts,
                     elsewhere=elsewhere,
+                    way_in=way_in,
                 )
             except NothingBegunError as error:
                 if not restarts:
@@ -133,7 +137,7 @@ async def run_on(
                         why=str(error),
                         tick=tick,
                         lost=max(0, reached - tick),
-                        outside=is_outside(options.source),
+                        outside=way_in is None and is_outside(options.source),
                         kept=tuple(map(str, lives.kept[kept:])),
                     )
                 )

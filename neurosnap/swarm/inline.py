@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
+from neurosnap.outside.source import OutsideSource
 from neurosnap.record.parts import Parts
 from neurosnap.record.past import Past, first_number
 from neurosnap.record.recorder import run_recorder
 from neurosnap.record.sequences import Completeness
-from neurosnap.source import open_source
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.launch import new_swarm_id
@@ -27,7 +27,7 @@ from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shares import shares
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.worker import run_worker
-from neurosnap.swarm.world import run_world
+from neurosnap.swarm.world import WayIn, lost_of, open_world, run_world, synced
 
 T = TypeVar("T")
 Work = Callable[[MemoryFabric], Coroutine[Any, Any, T]]
@@ -42,6 +42,8 @@ class InlineEnding:
     seconds: float
     """From the call to the end."""
     stopped: bool
+    lost: int = 0
+    """Outside readings that were lost."""
 
 
 async def run_inline(
@@ -51,6 +53,7 @@ async def run_inline(
     past: Past | None,
     stop: asyncio.Event,
     on_progress: Callable[[int], None],
+    way_in: WayIn | None = None,
 ) -> InlineEnding:
     """Run a swarm in this process; see `neurosnap.swarm.run.run`."""
     began = time.perf_counter()
@@ -59,7 +62,7 @@ async def run_inline(
         if log is not None:
             facts = {**metadata, "swarm": new_swarm_id()}
             writer = stack.enter_context(Parts(log, facts, past))
-        swarm = _Inline(options, writer, past)
+        swarm = _Inline(options, writer, past, way_in)
         stack.callback(swarm.source.close)
         try:
             async with asyncio.TaskGroup() as group:
@@ -71,6 +74,7 @@ async def run_inline(
         balance,
         time.perf_counter() - began,
         stop.is_set(),
+        lost_of(swarm.source),
     )
 
 
@@ -87,10 +91,16 @@ class _Inline:
     """One run with a task a part."""
 
     def __init__(
-        self, options: RunOptions, writer: Parts | None, past: Past | None
+        self,
+        options: RunOptions,
+        writer: Parts | None,
+        past: Past | None,
+        way_in: WayIn | None,
     ) -> None:
         self.core = jobs.coordinator_for(options, past)
-        self.source = open_source(options.source, options.seed, options.arguments)
+        self.source = open_world(options, way_in)
+        if isinstance(self.source, OutsideSource):
+            self.source.go_on(0 if past is None else past.tick)
         self._options = options
         self._writer = writer
         self._past = past
@@ -159,9 +169,9 @@ class _Inline:
         return lambda fabric: run_worker(number, hosted, fabric, self._leave)
 
     async def _world(self, fabric: MemoryFabric) -> None:
-        await run_world(
-            self.source, self._options.body, fabric, self._leave, past=self._past
-        )
+        body = self._options.body
+        async with synced(self.source):
+            await run_world(self.source, body, fabric, self._leave, past=self._past)
 
     async def _tell(self) -> None:
         async with self._hub.fabric(OUTLET) as fabric:

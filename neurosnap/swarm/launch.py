@@ -85,6 +85,8 @@ class Ending:
     """From the start of the first process until the conductor was done."""
     stopped: bool
     """It was asked to stop before it was done."""
+    lost: int = 0
+    """Outside readings that the world lost."""
 
 
 def new_swarm_id() -> str:
@@ -172,7 +174,10 @@ class _Launch:
         completeness = None
         if recorder is not None:
             completeness = msgspec.json.decode(_result(recorder), type=Completeness)
-        return Ending(_result(conductor), completeness, ended - began, stopped)
+        lost = 0
+        if world is not None and world.result is not None:
+            lost = msgspec.json.decode(world.result, type=int)
+        return Ending(_result(conductor), completeness, ended - began, stopped, lost)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
         sessions = len(self._hosts) + _SERVICES

@@ -19,7 +19,7 @@ from neurosnap.swarm.launch import Plan, run_processes
 from neurosnap.swarm.network import PRIVATE, Network
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.outlet import be_outlet, publishes
-from neurosnap.swarm.world import be_world
+from neurosnap.swarm.world import WayIn, be_world
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
 
@@ -43,6 +43,12 @@ class Outcome(msgspec.Struct, kw_only=True):
     kept: tuple[str, ...] = ()
     """Files that it could not go on from, beside the recording or of it, which may hold
     ticks that cannot be read."""
+    lost: int = 0
+    """What came from outside and was no reading, or had no tick and should have."""
+    journal: str = ""
+    """Where readings are kept that are not in the recording; empty: there are none."""
+    waiting: int = 0
+    """How many of these had no tick."""
 
     @property
     def complete(self) -> bool:
@@ -62,6 +68,7 @@ async def run(
     incarnation: int = 0,
     elsewhere: frozenset[str] = frozenset(),
     patience: float | None = None,
+    way_in: WayIn | None = None,
 ) -> Outcome:
     """Run a swarm to its end, or until `stop` is set.
 
@@ -77,6 +84,8 @@ async def run(
         elsewhere: The parts that somebody else starts, as `serve` does.
         patience: Seconds all parts may take to come up; None: a minute, and more for
             many.
+        way_in: How outside readings get to the world, where they are kept; see
+            `neurosnap.swarm.kept`.
 
     Raises:
         InvalidValueError: There are more sensors than a key-frame can hold.
@@ -86,9 +95,12 @@ async def run(
     options.check_frame()
     metadata = describe(options)
     if options.cells == "inline":
-        inline = await run_inline(options, log, metadata, past, stop, on_progress)
+        inline = await run_inline(
+            options, log, metadata, past, stop, on_progress, way_in
+        )
         result, completeness = inline.result, inline.completeness
         total, stopped = inline.seconds, inline.stopped
+        lost = inline.lost
     else:
         vacant = tuple(sorted(elsewhere))
         brief = Brief(options=options, past=past, vacant=vacant)
@@ -98,7 +110,7 @@ async def run(
             conductor=jobs.be_coordinator,
             conductor_arguments=(brief, patience),
             world=be_world,
-            world_arguments=(options, past),
+            world_arguments=(options, past, way_in),
             outlet=be_outlet if publishes(options) else None,
             outlet_arguments=(options,),
             log=log,
@@ -114,6 +126,7 @@ async def run(
         result = msgspec.json.decode(ending.result, type=jobs.Result)
         completeness = ending.completeness
         total, stopped = ending.seconds, ending.stopped
+        lost = ending.lost
     return Outcome(
         totals=result.totals,
         implications=result.implications,
@@ -121,6 +134,7 @@ async def run(
         seconds=result.seconds,
         startup=total - result.seconds,
         stopped=stopped,
+        lost=lost,
     )
 
 

@@ -1,12 +1,22 @@
 """The world's part of a swarm: it answers every decision with the next observation."""
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.context import Body, Senses
-from neurosnap.errors import MessageError, ShapeError
+from neurosnap.errors import MessageError, NeurosnapError, ShapeError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.outside.journal import Journal
+from neurosnap.outside.open import open_outside
+from neurosnap.outside.remote import RemoteSource
+from neurosnap.outside.source import OutsideSource
+from neurosnap.outside.zenoh_keys import Hub
 from neurosnap.record.past import Past
 from neurosnap.sensorium import pack, unpack
 from neurosnap.source import Source, open_source
@@ -26,7 +36,8 @@ class World:
         source: Where observations come from; the caller closes it.
         body: What is made of them.
         past: For a run that is resumed: the source is brought to where it was, unless
-            it is live. What that shows next follows no action of the run.
+            it is live: then it says itself whether what it shows next follows an action
+            of the run.
     """
 
     def __init__(self, source: Source, body: Body, past: Past | None = None) -> None:
@@ -40,7 +51,6 @@ class World:
         self._recorded = 0  # the tick of that state
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._began = past is not None
-        self._is_elsewhere = past is not None and source.live
         if past is not None:
             self._go_on(past)
 
@@ -49,7 +59,7 @@ class World:
             self._source.first()
             for action in past.actions:
                 self._source.step(action)
-            self._known = self._source.known
+        self._known = self._source.known
         self._tick, self._answered = past.tick, past.tick - 1
         self._state = unpack(past.state, self._literals)
         self._recorded = past.tick
@@ -100,10 +110,9 @@ class World:
         bits = source.step(decision.action) if self._began else source.first()
         if bits is None:
             return None
-        begins = source.begins or self._is_elsewhere
-        self._began, self._is_elsewhere = True, False
+        self._began = True
         self._tick += 1
-        step = (-1 if begins else decision.action, self._state)
+        step = (-1 if source.begins else decision.action, self._state)
         known = self._senses.known(source.known, *step, self._known)
         self._known = source.known
         if source.known is not None:
@@ -111,7 +120,7 @@ class World:
         return wire.Observation(
             tick=self._tick,
             bits=pack(self._senses.observe(bits, *step)),
-            begins=begins,
+            begins=source.begins,
             known=b"" if known is None else pack(known),
         )
 
@@ -189,19 +198,80 @@ async def run_world(
         ending.cancel()
 
 
+class WayIn(msgspec.Struct, frozen=True):
+    """How outside readings that are kept get to the world."""
+
+    journal: str
+    """The folder that they are kept in."""
+    address: str = ""
+    """Where to ask for them; empty: the world takes them in, and keeps them."""
+
+
 async def be_world(
     seat: Seat,
     stop: asyncio.Event,
     reporter: Reporter,
     options: RunOptions,
     past: Past | None,
+    way_in: WayIn | None = None,
 ) -> None:
     """Be the world, or the file of readings."""
-    source = open_source(options.source, options.seed, options.arguments, seat)
+    source = open_world(options, way_in, seat)
     try:
-        async with seat.fabric(swift=True) as fabric:
+        if isinstance(source, RemoteSource | OutsideSource):
+            await asyncio.to_thread(source.go_on, 0 if past is None else past.tick)
+        async with seat.fabric(swift=True) as fabric, synced(source):
             work = run_world(source, options.body, fabric, stop, past=past)
             await take_part(fabric, work)
     finally:
         source.close()
-    reporter.done()
+    reporter.done(lost_of(source))
+
+
+def open_world(
+    options: RunOptions, way_in: WayIn | None, hub: Hub | None = None
+) -> Source:
+    """Return the source of a run; it must be closed.
+
+    Raises:
+        NeurosnapError: As from `open_source`; or readings cannot be kept.
+    """
+    if way_in is None:
+        return open_source(options.source, options.seed, options.arguments, hub)
+    body = options.body
+    if way_in.address:
+        return RemoteSource(way_in.address, body.own, body.actions)
+    journal = Journal(Path(way_in.journal), body.own)
+    return open_outside(
+        options.source, options.arguments, hub, journal=journal, most=options.ticks
+    )
+
+
+@asynccontextmanager
+async def synced(source: Source, seconds: float = 1.0) -> AsyncIterator[None]:
+    """Let what a source keeps survive a power cut after `seconds`.
+
+    What the disk fails of, the source fails of.
+    """
+    if not isinstance(source, OutsideSource) or source.journal is None:
+        yield
+        return
+    syncing = asyncio.create_task(_sync(source, source.journal, seconds), name="sync")
+    try:
+        yield
+    finally:
+        syncing.cancel()
+
+
+async def _sync(source: OutsideSource, journal: Journal, seconds: float) -> None:
+    try:
+        while True:
+            await asyncio.sleep(seconds)
+            await asyncio.to_thread(journal.sync)
+    except NeurosnapError as error:
+        source.fail(error)
+
+
+def lost_of(source: Source) -> int:
+    """Return how many readings a source that takes them in itself has lost."""
+    return source.statistics().lost if isinstance(source, OutsideSource) else 0

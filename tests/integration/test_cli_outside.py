@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
+from neurosnap.outside.journal import journal_of
 from neurosnap.record.reader import Recording
 from neurosnap.sensorium import pack
 from tests.patience import PATIENCE
@@ -46,7 +47,8 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
     text = "\n".join(map(json.dumps, lines)) + "\nnonsense\n"
     with running("-", "--cells", cells, "--workers", "1", "--out", str(log)) as process:
         _, errors = process.communicate(text, timeout=PATIENCE)
-    assert process.returncode == 0, errors
+    assert process.returncode == 3, errors  # a line and a sensor's reading are lost
+    assert not journal_of(log).exists()
     assert "standard input:14: reading: must be a reading in JSON" in errors
     assert "sensor: must be one the run began with, got 'window'" in errors
     seen = [r.message for r in Recording.open(log).messages(("observe",))]
@@ -67,7 +69,7 @@ def test_ctrl_c_ends_a_run_that_waits_for_input(tmp_path: Path) -> None:
         assert "standard input:1: reading" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         process.wait(PATIENCE)
-    assert process.returncode == 0
+    assert process.returncode == 3  # the first line
 
 
 def test_no_first_line_is_an_error() -> None:

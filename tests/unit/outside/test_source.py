@@ -187,9 +187,10 @@ def test_what_comes_while_nobody_looks_is_bounded_and_the_rest_is_counted() -> N
     source.end()
     first = source.first()
     assert first is not None
-    assert first.tolist() == [False, True]  # the seven oldest are gone
-    rest = [source.step(-1) for _ in range(WAITING)]
-    assert [bits is None for bits in rest] == [False] * (WAITING - 1) + [True]
+    assert first.tolist() == [True, True]
+    rest = [source.step(-1) for _ in range(WAITING + 1)]
+    # Of the seven that had to go the board shows the last.
+    assert [bits is None for bits in rest] == [False] * WAITING + [True]
     assert source.statistics().dropped == 7
 
 
@@ -445,7 +446,8 @@ def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
         for number in range(count):
             if number == WAITING:
                 filled.set()
-            source.give([number % 2 == 0, number % 3 == 0], wait=True)
+            source.wait_for_room()
+            source.give([number % 2 == 0, number % 3 == 0], spare=True)
         source.end()
 
     feeding = threading.Thread(target=feed)
@@ -468,9 +470,7 @@ def test_who_waits_for_room_is_let_go() -> None:
     source = OutsideSource(Board(NAMES), OnChange(), condition=lock)
     for _ in range(WAITING):
         source.give([True, True])
-    late = threading.Thread(
-        target=source.give, args=([True, True],), kwargs={"wait": True}
-    )
+    late = threading.Thread(target=source.wait_for_room)
     late.start()
     assert lock.waiting.wait(10)
     source.close()

@@ -102,7 +102,7 @@ def test_what_is_no_reading_is_refused_and_changes_nothing(
     assert len(caplog.messages[0]) < 400
 
 
-def test_nobody_is_held_back_and_the_oldest_whole_readings_go() -> None:
+def test_nobody_is_held_back_and_what_is_too_much_goes() -> None:
     whole = ("reading", b'{"bits": [1, 1]}')
     _, source = after(*[whole] * (WAITING + 5))
     assert source.statistics().dropped == 5
