@@ -206,8 +206,8 @@ def outcome(
     if log is not None:
         console.print(f"recording: {escape(str(log))}", soft_wrap=True)
     if outcome_.lost:
-        rule = "came in that were no readings, or had no tick"
-        console.print(f"[red]{outcome_.lost} messages or lines {rule}[/red]")
+        rule = "came in and had no tick, or were no readings"
+        console.print(f"[red]{outcome_.lost} lines or messages {rule}[/red]")
     if outcome_.waiting:
         kept = f"{outcome_.waiting} readings came in and had no tick; they are kept in"
         then = "and are taken in when the run is resumed"

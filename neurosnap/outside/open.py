@@ -18,6 +18,7 @@ from neurosnap.outside.mqtt_options import MqttOptions
 from neurosnap.outside.ndjson import NdjsonFeeder, first_line, names_in
 from neurosnap.outside.pace import Pace, pace_of
 from neurosnap.outside.source import Feeder, OutsideSource
+from neurosnap.outside.statistics import Statistics
 from neurosnap.outside.zenoh_keys import Hub, ZenohFeeder
 
 STDIN = "-"
@@ -143,6 +144,16 @@ def open_outside(
     else:
         feeder = _Nobody() if hub is None else ZenohFeeder(hub)
     return OutsideSource(board, pace, feeder=feeder, journal=journal, most=most)
+
+
+def lost_by(spec: str, said: Statistics) -> int:
+    """Return how much of what a source was given is lost: it had no tick.
+
+    What standard input says is meant for the run, so a line that is no reading is lost.
+    On a broker and on a hub others may say what they like.
+    """
+    refused = said.refused if spec == STDIN else 0
+    return said.dropped + said.missing + refused
 
 
 def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:

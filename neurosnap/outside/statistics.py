@@ -26,11 +26,6 @@ class Statistics(msgspec.Struct, frozen=True):
     """Readings that the journal should hold and does not, since it was damaged."""
 
     @property
-    def lost(self) -> int:
-        """What came and had no tick although it should have: not to be had again."""
-        return self.refused + self.dropped + self.missing
-
-    @property
     def losses(self) -> str:
         """What got lost or came at a wrong time, in words; empty: nothing did."""
         counts = {

@@ -74,7 +74,7 @@ async def run_inline(
         balance,
         time.perf_counter() - began,
         stop.is_set(),
-        lost_of(swarm.source),
+        lost_of(swarm.source, options),
     )
 
 

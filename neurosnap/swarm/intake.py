@@ -26,7 +26,7 @@ from neurosnap.outside.source import OutsideSource
 from neurosnap.sensorium import pack
 from neurosnap.swarm.options import RunOptions
 from neurosnap.swarm.process import Reporter, Seat
-from neurosnap.swarm.world import synced
+from neurosnap.swarm.world import lost_of, synced
 
 INTAKE = "intake"
 """What the part is called."""
@@ -82,7 +82,7 @@ async def be_intake(
     finally:
         await asyncio.to_thread(source.close)
         await counter.wait_closed()
-    reporter.done(Taken(source.statistics().lost))
+    reporter.done(Taken(lost_of(source, options)))
 
 
 class _Counter:

@@ -13,7 +13,7 @@ from neurosnap.agent.context import Body, Senses
 from neurosnap.errors import MessageError, NeurosnapError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.outside.journal import Journal
-from neurosnap.outside.open import open_outside
+from neurosnap.outside.open import lost_by, open_outside
 from neurosnap.outside.remote import RemoteSource
 from neurosnap.outside.source import OutsideSource
 from neurosnap.outside.zenoh_keys import Hub
@@ -225,7 +225,7 @@ async def be_world(
             await take_part(fabric, work)
     finally:
         source.close()
-    reporter.done(lost_of(source))
+    reporter.done(lost_of(source, options))
 
 
 def open_world(
@@ -272,6 +272,8 @@ async def _sync(source: OutsideSource, journal: Journal, seconds: float) -> None
         source.fail(error)
 
 
-def lost_of(source: Source) -> int:
+def lost_of(source: Source, options: RunOptions) -> int:
     """Return how many readings a source that takes them in itself has lost."""
-    return source.statistics().lost if isinstance(source, OutsideSource) else 0
+    if not isinstance(source, OutsideSource):
+        return 0
+    return lost_by(options.source, source.statistics())
