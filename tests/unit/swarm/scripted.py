@@ -74,6 +74,12 @@ class Live(Scripted):
         """Let so many ticks come."""
         self._due.release(ticks)
 
+    def step(self, action: int) -> NDArray[np.bool_] | None:
+        fresh = not self._next  # nobody has listened before
+        shown = super().step(action)
+        self.begins = fresh
+        return shown
+
     def close(self) -> None:
         super().close()
         self._due.release(1000)

@@ -1,0 +1,280 @@
+"""Outside readings outlive the swarm they are for: each is recorded once, in order."""
+
+import asyncio
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.outside.journal import journal_of, read_journal
+from neurosnap.record.reader import Recording
+from neurosnap.record.replay import verify
+from neurosnap.sensorium import unpack
+from tests.mosquitto import Mosquitto, needs_mosquitto, peer, started
+
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
+
+PATIENCE = 240.0
+BITS = 12
+SENSORS = ",".join(f"bit{place}" for place in range(BITS))
+
+
+class Fed:
+    """A run of its own process, which reads lines that say how many they are."""
+
+    def __init__(self, log: Path, process: "subprocess.Popen[str]") -> None:
+        self.log = log
+        self.process = process
+        self._number = 0
+
+    def feed(self, count: int) -> None:
+        assert self.process.stdin is not None
+        for _ in range(count):
+            self._number += 1
+            bits = [self._number >> place & 1 for place in range(BITS)]
+            self.process.stdin.write(json.dumps({"bits": bits}) + "\n")
+        self.process.stdin.flush()
+
+    def wait_for(self, tick: int) -> None:
+        until(lambda: len(recorded(self.log)) >= tick)
+
+    def kill(self, who: str) -> None:
+        part(self.process.pid, who).send_signal(signal.SIGKILL)
+
+    def wait_for_restart(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            if line.startswith("going on from tick"):
+                return
+        raise AssertionError("the run ended")
+
+    def end(self) -> tuple[int, str]:
+        said, errors = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, said + errors
+
+
+def until(condition: Callable[[], bool]) -> None:
+    latest = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < latest
+        time.sleep(0.1)
+
+
+def part(launcher: int, who: str) -> psutil.Process:
+    found = [
+        child
+        for child in psutil.Process(launcher).children(recursive=True)
+        if child.name() == who
+    ]
+    assert len(found) == 1
+    return found[0]
+
+
+def recorded(log: Path) -> list[int]:
+    """Return the numbers of the lines that are recorded by now."""
+    try:
+        messages = [r.message for r in Recording.open(log).messages(("observe",))]
+    except (RecordingError, OSError):
+        return []
+    return [
+        sum(int(bit) << place for place, bit in enumerate(unpack(m.bits, BITS)))
+        for m in messages
+        if isinstance(m, wire.Observation)
+    ]
+
+
+@contextmanager
+def neurosnap(log: Path, *arguments: str) -> Iterator[Fed]:
+    with subprocess.Popen(
+        [sys.executable, "-m", "neurosnap", *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            yield Fed(log, process)
+        finally:
+            process.kill()
+            assert process.stdin is not None
+            with suppress(BrokenPipeError):
+                process.stdin.close()
+
+
+def running(log: Path, *more: str) -> "contextmanager[Fed]":  # type: ignore[valid-type]
+    flags = ["--set", f"sensors={SENSORS}", "--ticks", "3000", "--backoff", "0"]
+    return neurosnap(log, "run", "-", "--out", str(log), *flags, *more)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("victim", "cells"),
+    [
+        ("cell/3", "process"),
+        ("worker/1", "worker"),
+        ("hub", "process"),
+        ("recorder", "process"),
+        ("coordinator", "process"),
+        ("world", "process"),
+        ("intake", "process"),
+    ],
+)
+def test_whoever_dies_every_line_is_a_tick_once_and_in_order(
+    victim: str, cells: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "lines.mcap"
+    with running(log, "--cells", cells) as run:
+        run.feed(200)
+        run.wait_for(50)
+        run.kill(victim)
+        run.feed(200)  # while nobody is there to see them
+        run.wait_for_restart()
+        run.wait_for(250)
+        run.kill(victim)
+        run.feed(100)
+        status, said = run.end()
+    assert status == 0, said
+    assert recorded(log) == [*range(1, 501)]
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 500)
+    assert [path.name for path in tmp_path.iterdir()] == ["lines.mcap"]
+
+
+def test_what_is_recorded_is_cut_off(tmp_path: Path) -> None:
+    log = tmp_path / "lines.mcap"
+    file = tmp_path / "lines.toml"
+    file.write_text(
+        f"""
+[source]
+kind = "stdin"
+sensors = {json.dumps(SENSORS.split(","))}
+[run]
+ticks = 3000
+[recording]
+keyframe_every = 50
+"""
+    )
+    with neurosnap(log, "run", str(file), "--out", str(log)) as run:
+        run.feed(1500)
+        until(
+            lambda: (rows := read_journal(journal_of(log)).rows) != ()
+            and rows[0].number > 1
+        )
+        first = read_journal(journal_of(log)).rows[0].number
+        assert first <= len(recorded(log))
+        status, said = run.end()
+    assert status == 0, said
+    assert recorded(log) == [*range(1, 1501)]
+    assert not journal_of(log).exists()
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("cells", ["process", "inline"])
+def test_a_run_that_is_resumed_gets_what_had_no_tick(
+    end: signal.Signals, cells: str, tmp_path: Path
+) -> None:
+    log, new = tmp_path / "lines.mcap", tmp_path / "on.mcap"
+    with running(log, "--cells", cells) as run:
+        run.feed(1000)
+        run.wait_for(30)
+        until(lambda: read_journal(journal_of(log)).rows[-1:] != ())
+        children = psutil.Process(run.process.pid).children(recursive=True)
+        run.process.send_signal(end)
+        _, said = run.end()
+        psutil.wait_procs(children, timeout=PATIENCE)
+    kept = read_journal(journal_of(log)).rows
+    assert 30 < kept[-1].number <= 1000
+    if end == signal.SIGINT:
+        waiting = kept[-1].number - verify(log).ticks
+        assert f"{waiting} readings came in and had no tick" in said
+        assert str(journal_of(log)) in said.replace("\n", "")
+    go_on = ("replay", str(log), "--resume", "--ticks", "1005", "--out", str(new))
+    with neurosnap(new, *go_on) as run:
+        run._number = kept[-1].number
+        run.feed(1005 - kept[-1].number)
+        status, said = run.end()
+    assert status == 0, said
+    assert recorded(new) == [*range(1, 1006)]
+    assert verify(new).same
+    assert journal_of(log).exists()  # it is that recording's, which is as it was
+    assert not journal_of(new).exists()
+
+
+def test_a_journal_of_an_earlier_run_is_not_written_into(tmp_path: Path) -> None:
+    log = tmp_path / "lines.mcap"
+    journal_of(log).mkdir()
+    with running(log) as run:
+        status, said = run.end()
+    assert status == 2
+    assert "journal: must be taken away first" in said
+
+
+HOUSE = """
+[source]
+kind = "mqtt"
+sensors = [
+{sensors}
+]
+[source.broker]
+host = "127.0.0.1"
+port = {port}
+[source.tick]
+min_interval = 0
+"""
+BIT = '  {{ name = "bit{0}", topic = "count", field = "bit{0}" }},'
+
+
+@needs_mosquitto
+@pytest.mark.parametrize("victim", ["cell/3", "hub", "world"])
+async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
+    victim: str, tmp_path: Path
+) -> None:
+    log, file = tmp_path / "house.mcap", tmp_path / "house.toml"
+    with started(tmp_path, "allow_anonymous true") as broker:
+        lines = "\n".join(BIT.format(place) for place in range(BITS))
+        file.write_text(HOUSE.format(sensors=lines, port=broker.port))
+        arguments = ("run", str(file), "--out", str(log), "--backoff", "3")
+        with neurosnap(log, *arguments) as run:
+            await asyncio.to_thread(until, lambda: log.exists())
+            await publish_all(broker, run, victim)
+            run.process.send_signal(signal.SIGINT)
+            status, said = await asyncio.to_thread(run.end)
+    assert status == 0, said
+    assert recorded(log) == [*range(1, 31)]
+    assert verify(log).same
+    assert not journal_of(log).exists()
+
+
+async def publish_all(broker: Mosquitto, run: Fed, victim: str) -> None:
+    """Publish numbers, each once the one before is recorded, but for a restart."""
+    async with peer(broker) as other:
+
+        async def publish(number: int, *, retain: bool = False) -> None:
+            said = {f"bit{place}": number >> place & 1 for place in range(BITS)}
+            await other.publish("count", json.dumps(said), qos=1, retain=retain)
+
+        async def seen(number: int) -> None:
+            await asyncio.to_thread(run.wait_for, number)
+
+        await publish(1, retain=True)  # the world may not listen yet
+        await seen(1)
+        for number in range(2, 11):
+            await publish(number)
+            await seen(number)
+        world = part(run.process.pid, "world")
+        run.kill(victim)
+        await asyncio.to_thread(world.wait, PATIENCE)
+        for number in range(11, 21):  # in one go, and nobody asks for any of them
+            await publish(number)
+        for number in range(21, 31):
+            await seen(number - 1)
+            await publish(number)
+        await seen(30)
