@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
-from neurosnap.outside.source import OutsideSource
 from neurosnap.record.parts import Parts
 from neurosnap.record.past import Past, first_number
 from neurosnap.record.recorder import run_recorder
 from neurosnap.record.sequences import Completeness
+from neurosnap.source import Source, open_source
 from neurosnap.swarm import jobs
 from neurosnap.swarm.cell import run_cell
 from neurosnap.swarm.launch import new_swarm_id
@@ -27,7 +27,7 @@ from neurosnap.swarm.part import take_part
 from neurosnap.swarm.shares import shares
 from neurosnap.swarm.shell import conduct
 from neurosnap.swarm.worker import run_worker
-from neurosnap.swarm.world import WayIn, lost_of, open_world, run_world, synced
+from neurosnap.swarm.world import WayIn, lost_of, open_kept, run_world, synced
 
 T = TypeVar("T")
 Work = Callable[[MemoryFabric], Coroutine[Any, Any, T]]
@@ -98,9 +98,14 @@ class _Inline:
         way_in: WayIn | None,
     ) -> None:
         self.core = jobs.coordinator_for(options, past)
-        self.source = open_world(options, way_in)
-        if isinstance(self.source, OutsideSource):
-            self.source.go_on(0 if past is None else past.tick)
+        self.source: Source
+        if way_in is None:
+            seed, arguments = options.seed, options.arguments
+            self.source = open_source(options.source, seed, arguments)
+        else:
+            kept = open_kept(options, way_in)
+            kept.go_on(0 if past is None else past.tick)
+            self.source = kept
         self._options = options
         self._writer = writer
         self._past = past

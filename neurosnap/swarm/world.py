@@ -216,10 +216,14 @@ async def be_world(
     way_in: WayIn | None = None,
 ) -> None:
     """Be the world, or the file of readings."""
-    source = open_world(options, way_in, seat)
+    source: Source
+    if way_in is None:
+        source = open_source(options.source, options.seed, options.arguments, seat)
+    else:
+        source = kept = open_kept(options, way_in, seat)
+        # In a thread: it asks another process, which may be coming back.
+        await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
     try:
-        if isinstance(source, RemoteSource | OutsideSource):
-            await asyncio.to_thread(source.go_on, 0 if past is None else past.tick)
         async with seat.fabric(swift=True) as fabric, synced(source):
             work = run_world(source, options.body, fabric, stop, past=past)
             await take_part(fabric, work)
@@ -228,16 +232,14 @@ async def be_world(
     reporter.done(lost_of(source, options))
 
 
-def open_world(
-    options: RunOptions, way_in: WayIn | None, hub: Hub | None = None
-) -> Source:
-    """Return the source of a run; it must be closed.
+def open_kept(
+    options: RunOptions, way_in: WayIn, hub: Hub | None = None
+) -> OutsideSource | RemoteSource:
+    """Return the source of a run whose readings are kept; `go_on` comes first.
 
     Raises:
-        NeurosnapError: As from `open_source`; or readings cannot be kept.
+        NeurosnapError: As from `open_outside`; or readings cannot be kept.
     """
-    if way_in is None:
-        return open_source(options.source, options.seed, options.arguments, hub)
     body = options.body
     if way_in.address:
         return RemoteSource(way_in.address, body.own, body.actions)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -110,9 +110,9 @@ def neurosnap(log: Path, *arguments: str) -> Iterator[Fed]:
                 process.stdin.close()
 
 
-def running(log: Path, *more: str) -> "contextmanager[Fed]":  # type: ignore[valid-type]
+def running(log: Path, *more: str) -> AbstractContextManager[Fed]:
     flags = ["--set", f"sensors={SENSORS}", "--ticks", "3000", "--backoff", "0"]
-    return neurosnap(log, "run", "-", "--out", str(log), *flags, *more)  # type: ignore[return-value]
+    return neurosnap(log, "run", "-", "--out", str(log), *flags, *more)
 
 
 @pytest.mark.parametrize(
@@ -165,8 +165,10 @@ keyframe_every = 50
     with neurosnap(log, "run", str(file), "--out", str(log)) as run:
         run.feed(1500)
         until(
-            lambda: (rows := read_journal(journal_of(log)).rows) != ()
-            and rows[0].number > 1
+            lambda: (
+                (rows := read_journal(journal_of(log)).rows) != ()
+                and rows[0].number > 1
+            )
         )
         first = read_journal(journal_of(log)).rows[0].number
         assert first <= len(recorded(log))
