@@ -7,7 +7,7 @@ to be whole.
 
 import asyncio
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from neurosnap import wire
@@ -61,7 +61,7 @@ async def run_recorder(
     await fabric.watch(listener.change)
     await fabric.announce()
     flushing = asyncio.create_task(
-        _flush(writer, fabric, listener, journal), name="recorder/flush"
+        _flush(writer, fabric, lambda: listener.framed, journal), name="recorder/flush"
     )
     serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
     stopping = asyncio.create_task(stop.wait(), name="recorder/stop")
@@ -79,25 +79,29 @@ async def run_recorder(
 
 
 async def _flush(
-    writer: Parts, fabric: Fabric, listener: "_Listener", journal: Path | None
+    writer: Parts,
+    fabric: Fabric,
+    framed: Callable[[], int] = lambda: 0,
+    journal: Path | None = None,
 ) -> None:
     """Bound what a crash may cost, and a power cut if the run wants that.
 
-    What is safe, the journal need not keep.
+    What is safe, the journal need not keep: it is cut off up to the tick that `framed`
+    returned before.
     """
     synced = time.monotonic()
     safe = syncing = cut = 0  # ticks
     while True:
         await asyncio.sleep(_FLUSH)
-        framed = listener.framed
+        frame = framed()
         try:
             writer.flush(time.time_ns())
             if not writer.sync_every:
-                safe = framed
+                safe = frame
             elif writer.sync_every <= time.monotonic() - synced:
                 synced = time.monotonic()
                 if writer.sync():  # the one before is over
-                    safe, syncing = syncing, framed
+                    safe, syncing = syncing, frame
             if journal is not None and safe > cut:
                 await asyncio.to_thread(cut_journal, journal, safe)
                 cut = safe

@@ -175,7 +175,7 @@ class _Inline:
 
     async def _world(self, fabric: MemoryFabric) -> None:
         body = self._options.body
-        async with synced(self.source):
+        async with synced(self.source, self._options.sync):
             await run_world(self.source, body, fabric, self._leave, past=self._past)
 
     async def _tell(self) -> None:

@@ -49,7 +49,6 @@ async def be_intake(
     options: RunOptions,
     folder: str,
     address: str,
-    sync: float,
 ) -> None:
     """Take in readings, keep them and give them to the world.
 
@@ -60,7 +59,6 @@ async def be_intake(
         options: What to run.
         folder: The journal.
         address: The path of the socket to listen on.
-        sync: Seconds after which what was written survives a power cut.
 
     Raises:
         NeurosnapError: The journal cannot be read or written.
@@ -75,7 +73,7 @@ async def be_intake(
         server = await asyncio.start_unix_server(counter.serve, address)
         if source.resumed:
             counter.leave()
-        async with synced(source, sync):
+        async with synced(source, options.sync):
             reporter.ready()
             await stop.wait()
         server.close()

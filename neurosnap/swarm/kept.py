@@ -29,7 +29,6 @@ from neurosnap.swarm.world import WayIn
 
 _GRACE = 10.0  # seconds the intake may take to end
 _AGAIN = 0.1  # seconds before it is started again
-_SYNC = 1.0  # seconds
 
 _logger = logging.getLogger(__name__)
 
@@ -88,9 +87,8 @@ def _take_over(folder: Path, options: RunOptions, past: Past) -> None:
 def _let_go(folder: Path, outcome: Outcome) -> Outcome:
     """Delete a journal, if all that is in it is recorded."""
     rows = read_journal(folder).rows
-    balance = outcome.completeness
     waiting = [row for row in rows if row.number > outcome.totals.ticks]
-    if balance is not None and balance.whole and not waiting:
+    if outcome.complete and not waiting:
         remove(folder)
         return outcome
     return msgspec.structs.replace(outcome, journal=str(folder), waiting=len(waiting))
@@ -142,7 +140,7 @@ async def _keep_up(
     while True:
         try:
             async with Supervisor() as supervisor:
-                arguments = (options, str(folder), address, _SYNC)
+                arguments = (options, str(folder), address)
                 child = await supervisor.start(be_intake, seat, *arguments)
                 await supervisor.wait(child.ready, ending)
                 ready.set()

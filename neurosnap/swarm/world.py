@@ -224,7 +224,7 @@ async def be_world(
         # In a thread: it asks another process, which may be coming back.
         await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
     try:
-        async with seat.fabric(swift=True) as fabric, synced(source):
+        async with seat.fabric(swift=True) as fabric, synced(source, options.sync):
             work = run_world(source, options.body, fabric, stop, past=past)
             await take_part(fabric, work)
     finally:
@@ -250,12 +250,12 @@ def open_kept(
 
 
 @asynccontextmanager
-async def synced(source: Source, seconds: float = 1.0) -> AsyncIterator[None]:
-    """Let what a source keeps survive a power cut after `seconds`.
+async def synced(source: Source, seconds: float) -> AsyncIterator[None]:
+    """Let what a source keeps survive a power cut after `seconds`; 0: none does.
 
     What the disk fails of, the source fails of.
     """
-    if not isinstance(source, OutsideSource) or source.journal is None:
+    if not isinstance(source, OutsideSource) or not source.journal or not seconds:
         yield
         return
     syncing = asyncio.create_task(_sync(source, source.journal, seconds), name="sync")

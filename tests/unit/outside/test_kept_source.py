@@ -70,8 +70,8 @@ def taken(source: OutsideSource, count: int) -> list[list[bool]]:
 
 
 def give(source: OutsideSource, *numbers: int) -> None:
-    for number in numbers:
-        source.give(*bits(number))
+    for row in bits(*numbers):
+        source.give(row)
 
 
 def bits(*numbers: int) -> list[list[bool]]:
