@@ -31,6 +31,16 @@ def incarnation(swarm: str, number: int) -> str:
     return f"{swarm}-{number}" if number else swarm
 
 
+def id_of(name: str) -> str:
+    """Return the id of the swarm that is called so on the wire.
+
+    Example:
+        >>> id_of("demo"), id_of("demo-2")
+        ('demo', 'demo')
+    """
+    return name.partition("-")[0]
+
+
 def is_of(name: str, swarm: str) -> bool:
     """Tell whether `name` is what some incarnation of `swarm` is called.
 

@@ -1,6 +1,6 @@
 """Readings that any program puts to a swarm's own keys, with a stock Zenoh client.
 
-Below ``neurosnap/<swarm>/``, without any attachment:
+Below ``neurosnap/<swarm>/``, the id that the run began with, without any attachment:
 
 - ``reading/<sensor>``: what one sensor reads: ``true``, ``false``, ``on``, ``off``,
   ``1``, ``0`` or ``null`` (it does not know), in capitals or not; or
@@ -33,6 +33,7 @@ from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.fabric.access import READING
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
+from neurosnap.fabric.lookout import id_of
 from neurosnap.fabric.session import connecting
 from neurosnap.outside.intake import hand_in
 from neurosnap.outside.reading import LIMIT, read_on, too_long
@@ -93,20 +94,25 @@ class ZenohFeeder:
 
     def _listen(self, source: OutsideSource) -> None:
         hub = self._hub
-        prefix = f"{wire.ROOT}/{hub.swarm}/"
+        # A swarm that goes on after a death is called otherwise, and no program outside
+        # knows of that.
+        names = dict.fromkeys((hub.swarm, id_of(hub.swarm)))
 
         def take(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
-                hand_over(source, str(sample.key_expr)[len(prefix) :], sample.payload)
+                *_, key = str(sample.key_expr).split("/", 2)
+                hand_over(source, key, sample.payload)
 
         try:
             config = connecting(hub.endpoint, _PATIENCE, hub.credentials)
             session = zenoh.open(config)
             self._open.callback(session.close)
-            listener = session.declare_subscriber(
-                f"{prefix}{READING}/**", zenoh.handlers.Callback(take, indirect=False)
-            )
-            self._open.callback(listener.undeclare)
+            for name in names:
+                listener = session.declare_subscriber(
+                    f"{wire.ROOT}/{name}/{READING}/**",
+                    zenoh.handlers.Callback(take, indirect=False),
+                )
+                self._open.callback(listener.undeclare)
         except zenoh.ZError as error:
             rule = f"must reach the hub at {hub.endpoint}, got {error}"
             source.fail(FabricError(f"readings: {rule}"))

@@ -217,13 +217,15 @@ async def be_world(
 ) -> None:
     """Be the world, or the file of readings."""
     source: Source
-    if way_in is None:
+    kept = None if way_in is None else open_kept(options, way_in, seat)
+    if kept is None:
         source = open_source(options.source, options.seed, options.arguments, seat)
     else:
-        source = kept = open_kept(options, way_in, seat)
-        # In a thread: it asks another process, which may be coming back.
-        await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
+        source = kept
     try:
+        if kept is not None:
+            # In a thread: it asks another process, which may be coming back.
+            await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
         async with seat.fabric(swift=True) as fabric, synced(source, options.sync):
             work = run_world(source, options.body, fabric, stop, past=past)
             await take_part(fabric, work)

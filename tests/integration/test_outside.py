@@ -19,6 +19,7 @@ from neurosnap.agent.context import Body
 from neurosnap.fabric.access import Role
 from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.lookout import incarnation
 from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.session import connecting
 from neurosnap.outside.board import Board
@@ -241,6 +242,17 @@ def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
     assert matched.wait(PATIENCE)
     listener.undeclare()
     return publisher
+
+
+@pytest.mark.zenoh
+def test_after_a_restart_a_program_is_heard_under_the_id_that_it_knows() -> None:
+    with hub_on("tcp") as hub:
+        again = msgspec.structs.replace(hub, swarm=incarnation(SWARM, 1))
+        with ticking(again) as ticks, hub.session("sensor") as session:
+            session.put(f"neurosnap/{SWARM}/reading", b'{"bits": [1, 0]}')
+            ticks.wait([True, False])
+            session.put(f"neurosnap/{again.swarm}/reading/motion", b"on")
+            ticks.wait([True, True])
 
 
 @pytest.mark.zenoh
