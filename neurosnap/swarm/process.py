@@ -45,7 +45,7 @@ _PR_SET_NAME = 15
 _LONGEST = 4096 - 4
 # Seconds each part goes on once the launcher is dead: time for the coordinator to end
 # its tick, for the others to leave, for the recorder to hear them.
-_LINGER = {"coordinator": 0.0, "recorder": 2.0, "hub": 5.0}
+_LINGER = {"coordinator": 0.0, "recorder": 2.0, "intake": 2.0, "hub": 5.0}
 _LINGER_OTHERS = 1.0
 _PROGRESS = 0.05  # seconds between two reports of progress
 _LOADED_BY = os.getpid()

@@ -179,7 +179,16 @@ def stop(note: Note, patience: float) -> None:
         raise SwarmError(f"swarm {note.swarm}: {rule}, goes on") from error
 
 
-_KINDS = ("hub", "recorder", "coordinator", "world", "watcher", "worker", "cell")
+_KINDS = (
+    "hub",
+    "recorder",
+    "coordinator",
+    "intake",
+    "world",
+    "watcher",
+    "worker",
+    "cell",
+)
 
 
 def _place(part: Part) -> tuple[int, int]:
