@@ -12,6 +12,7 @@ journal, and those that come follow them.
 
 import asyncio
 import contextlib
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -58,7 +59,7 @@ async def be_intake(
         reporter: Told that it listens, and what it lost.
         options: What to run.
         folder: The journal.
-        address: The path of the socket to listen on.
+        address: The path of the socket to listen on, alone in its folder.
 
     Raises:
         NeurosnapError: The journal cannot be read or written.
@@ -80,6 +81,8 @@ async def be_intake(
     finally:
         await asyncio.to_thread(source.close)
         await counter.wait_closed()
+        # The folder is the run's own; a launcher that was killed cannot remove it.
+        await asyncio.to_thread(shutil.rmtree, Path(address).parent, ignore_errors=True)
     reporter.done(Taken(lost_of(source, options)))
 
 
