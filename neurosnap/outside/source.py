@@ -218,28 +218,33 @@ class OutsideSource:
             self._start()
         with self._condition:
             self._away = True
-            try:
-                while self._away and not self._closed and self._error is None:
-                    self._keep_change()
-            except NeurosnapError as error:
-                self._error = error
-            finally:
-                self._away = False
+            while self._away and not self._closed and self._error is None:
+                now = self._clock()
+                patience = self._keep_change(now)
+                if patience != 0:
+                    self._wait(now, patience)
+            self._away = False
 
-    def _keep_change(self) -> None:
-        """Write the board down if it is due and has changed; else wait a while."""
-        now = self._clock()
+    def _keep_change(self, now: float) -> float | None:
+        """Write the board down if it has changed and is due.
+
+        Returns:
+            Seconds until it is due; 0: it was written. None: there is no change.
+        """
         seen = self._board.observation(now)
         patience = self._patience(seen, now)
         self._sensitive = True
-        changed = self._shown is None or not self._shown.is_same(seen)
-        has_room = len(self._waiting) < WAITING and not self.is_full
-        if changed and has_room and patience == 0:
-            self._waiting.append(self._row(*seen))
+        is_same = self._shown is not None and self._shown.is_same(seen)
+        if is_same or self.is_full or len(self._waiting) >= WAITING:
+            return None
+        if patience == 0:
+            try:
+                self._waiting.append(self._row(*seen))
+            except NeurosnapError as error:
+                self._error = error
             self._unshown[:] = False
             self._pace.given(now)
-            return
-        self._wait(now, patience if changed and has_room else None)
+        return patience
 
     def close(self) -> None:
         """Let go whoever waits, and stop the feeder; from any thread, also twice.
@@ -294,6 +299,9 @@ class OutsideSource:
                     self._coalesced += int(self._unshown[number])
                     self._unshown[number] = True
                     self._changed()
+            if self._away:
+                # Here, and not by who waits: the next readings may be faster than that.
+                self._keep_change(now)
 
     def _changed(self) -> None:
         """Wake whoever waits, once a burst: there is but one look to take."""

@@ -15,7 +15,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.outside.journal import journal_of, read_journal
+from neurosnap.outside.journal import Row, journal_of, read_journal
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import verify
 from neurosnap.sensorium import unpack
@@ -92,6 +92,10 @@ def recorded(log: Path) -> list[int]:
     ]
 
 
+def rows_of(log: Path) -> tuple[Row, ...]:
+    return read_journal(journal_of(log)).rows
+
+
 @contextmanager
 def neurosnap(log: Path, *arguments: str) -> Iterator[Fed]:
     with subprocess.Popen(
@@ -164,13 +168,8 @@ keyframe_every = 50
     )
     with neurosnap(log, "run", str(file), "--out", str(log)) as run:
         run.feed(1500)
-        until(
-            lambda: (
-                (rows := read_journal(journal_of(log)).rows) != ()
-                and rows[0].number > 1
-            )
-        )
-        first = read_journal(journal_of(log)).rows[0].number
+        until(lambda: (rows := rows_of(log)) != () and rows[0].number > 1)
+        first = rows_of(log)[0].number
         assert first <= len(recorded(log))
         status, said = run.end()
     assert status == 0, said
@@ -187,12 +186,12 @@ def test_a_run_that_is_resumed_gets_what_had_no_tick(
     with running(log, "--cells", cells) as run:
         run.feed(1000)
         run.wait_for(30)
-        until(lambda: read_journal(journal_of(log)).rows[-1:] != ())
+        until(lambda: rows_of(log)[-1:] != ())
         children = psutil.Process(run.process.pid).children(recursive=True)
         run.process.send_signal(end)
         _, said = run.end()
         psutil.wait_procs(children, timeout=PATIENCE)
-    kept = read_journal(journal_of(log)).rows
+    kept = rows_of(log)
     assert 30 < kept[-1].number <= 1000
     if end == signal.SIGINT:
         waiting = kept[-1].number - verify(log).ticks
@@ -274,7 +273,9 @@ async def publish_all(broker: Mosquitto, run: Fed, victim: str) -> None:
         world = part(run.process.pid, "world")
         run.kill(victim)
         await asyncio.to_thread(world.wait, PATIENCE)
-        for number in range(11, 21):  # in one go, and nobody asks for any of them
+        await publish(11)
+        await asyncio.to_thread(until, lambda: len(rows_of(run.log)) == 11)
+        for number in range(12, 21):  # in one go, and nobody asks for any of them
             await publish(number)
         for number in range(21, 31):
             await seen(number - 1)
