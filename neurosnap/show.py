@@ -18,6 +18,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from neurosnap.record.info import in_ranges
 from neurosnap.sensorium import visible
 
 if TYPE_CHECKING:
@@ -247,6 +248,8 @@ def verdict(console: Console, found: Verdict) -> None:
         console.print("[red]different[/red]:", escape(str(found.difference)))
         return
     since = f" after tick {found.start}" if found.start else ""
+    if found.missing:
+        since = f" ({in_ranges(found.ranges)})"
     where = f" in {found.files} files" if found.files > 1 else ""
     # The last tick's is left out, unless the run was only asked to end after it.
     one_more = found.decisions > found.states
@@ -256,6 +259,11 @@ def verdict(console: Console, found: Verdict) -> None:
         f" the same ({found.states} states, {found.decisions} decisions{before},"
         f" {found.wirings} wirings, {found.waves} waves; {found.seconds:.2f} s)"
     )
+    if found.missing:
+        lost = in_ranges(found.missing)
+        console.print(f"[yellow]missing[/yellow]: ticks {lost}", soft_wrap=True)
+    for line in found.damage:
+        console.print(f"[yellow]damaged[/yellow]: {escape(line)}", soft_wrap=True)
     if not found.complete:
         console.print("[yellow]the recording is incomplete[/yellow]")
 

@@ -23,7 +23,7 @@ from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.fabric.memory import MemoryHub
 from neurosnap.record.chunks import unpack
-from neurosnap.record.glance import glance, sealed
+from neurosnap.record.glance import glance
 from neurosnap.record.info import describe, render
 from neurosnap.record.layout import opened
 from neurosnap.record.reader import Recording
@@ -342,4 +342,4 @@ class RecordingTarget:
         with suppress(RecordingError), opened(self._path) as file:
             for chunk in glance(self._path).layout.chunks:
                 with suppress(RecordingError):
-                    unpack(self._path, file, sealed(self._path, file, chunk))
+                    unpack(self._path, file, chunk)

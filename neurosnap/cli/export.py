@@ -77,6 +77,8 @@ def export(
         if exported.incomplete:
             say(as_json).print(f"{exported.incomplete} ticks lack something")
         if not exported.whole:
+            for line in exported.damage:
+                screen.print(f"damaged: {line}", markup=False, soft_wrap=True)
             screen.print("the recording is not whole: wrote what there is")
         if as_json:
             print_json(msgspec.to_builtins(exported))

@@ -9,11 +9,13 @@ import typer
 from neurosnap.cli.heeding import unwinding
 from neurosnap.cli.options import FLAG
 from neurosnap.cli.shared import (
+    LOST,
     Json,
     Log,
     OptionalTick,
     Tls,
     app,
+    end_by,
     errors,
     print_json,
     say,
@@ -23,15 +25,18 @@ from neurosnap.errors import InvalidValueError
 
 @app.command()
 def info(log: Log, as_json: Json = False) -> None:
-    """Show what a recording holds, its settings, and whether it is complete."""
+    """Show what a recording holds, its settings, and what is missing from it."""
     from neurosnap.record.info import describe, render
     from neurosnap.record.reader import Recording
 
     with errors():
-        found = describe(Recording.open(log))
+        recording = Recording.open(log)
+        found = describe(recording)
         say(as_json).print(render(found), markup=False, soft_wrap=True)
         if as_json:
             print_json(msgspec.to_builtins(found))
+        if not recording.whole:
+            raise typer.Exit(LOST)
 
 
 @app.command()
@@ -51,13 +56,15 @@ def graph(
 
     with errors():
         wanted = parse_format("json" if as_json else form)
-        tick, snapshot = snapshot_at(open_whole(log), at)
+        recording = open_whole(log)
+        tick, snapshot = snapshot_at(recording, at)
         drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
         if as_json:
             print_json(msgspec.to_builtins(drawn))
         else:
             # For programs, which take it for UTF-8 whatever a terminal is.
             typer.echo(render(drawn, wanted).encode())
+        end_by(recording)
 
 
 @app.command()
@@ -120,6 +127,8 @@ def model(
         if as_json:
             drawn = None if path is None else str(path)
             print_json({"png": drawn, **msgspec.to_builtins(numbers)})
+        if found.recording is not None:
+            end_by(found.recording)
 
 
 @app.command()

@@ -13,6 +13,7 @@ from neurosnap.cli.shared import (
     LOST,
     Json,
     app,
+    end_by,
     errors,
     print_json,
     run_async,
@@ -99,8 +100,9 @@ def depth(
     with errors():
         tall = _numbers("heights", heights)
         sizes = _numbers("sensors", sensors) if sensors else _sizes(tall)
-        if log is not None:
-            rows = from_recording(open_whole(log))
+        recording = None if log is None else open_whole(log)
+        if recording is not None:
+            rows = from_recording(recording)
         else:
             total = len(sizes) * len(tall) * waves
             with show.progress(screen, "waves", total) as on_progress:
@@ -139,6 +141,8 @@ def depth(
         show.depths(say(as_json), rows, line, wrote)
         if as_json:
             print_json(show.depth_facts(rows, line, wrote))
+        if recording is not None:
+            end_by(recording)
 
 
 @app.command()

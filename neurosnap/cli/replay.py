@@ -19,6 +19,7 @@ from neurosnap.cli.shared import (
     Tls,
     app,
     convert,
+    end_by,
     errors,
     new_log,
     print_json,
@@ -222,8 +223,7 @@ def _play(
     )
     if as_json:
         print_json(msgspec.structs.asdict(played))
-    if not recording.finished:
-        raise typer.Exit(LOST)
+    end_by(recording)
 
 
 def _asking(stop: asyncio.Event) -> Callable[[int], Awaitable[bool]]:

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import Annotated, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import msgspec
 import typer
@@ -25,6 +25,9 @@ from neurosnap.errors import (
     NoRecordingError,
     NothingBegunError,
 )
+
+if TYPE_CHECKING:
+    from neurosnap.record.reader import Recording
 
 T = TypeVar("T")
 
@@ -137,6 +140,18 @@ def fail(text: str, code: int) -> NoReturn:
     # No markup: somebody's text may hold what rich would read as its own.
     screen.print(Text.assemble(("error:", "red"), f" {text}"), soft_wrap=True)
     raise typer.Exit(code)
+
+
+def end_by(recording: "Recording") -> None:
+    """Say what a recording lacks, if anything; end with `LOST` then."""
+    for line in recording.damage:
+        screen.print(f"damaged: {line}", markup=False, soft_wrap=True)
+    if (cut := recording.cut) is not None:
+        where = f"{recording.path} at byte {cut.offset} of {cut.size}"
+        screen.print(f"cut short: {where}", markup=False, soft_wrap=True)
+    if not recording.whole:
+        screen.print("the recording is not whole: `neurosnap info` says what it lacks")
+        raise typer.Exit(LOST)
 
 
 def was_given(context: typer.Context, flag: str) -> bool:

@@ -11,6 +11,7 @@ from neurosnap.cli.shared import (
     Tls,
     app,
     convert,
+    end_by,
     errors,
     print_json,
     run_async,
@@ -75,6 +76,7 @@ def watch(
                 found = True
             if not found and not as_json:
                 typer.echo(without_anomalies(recording))
+            end_by(recording)
             return
         if connect and what is None:
             raise InvalidValueError("swarm", "must be named with --connect", what)

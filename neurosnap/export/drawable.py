@@ -63,7 +63,7 @@ def write_drawable(path: Path, recording: Recording) -> int:
     sensors = options_of(recording).sensors
     with Sink(path, sensors) as sink:
         drawing = _Drawing(sink, recording)
-        for recorded in recording.messages(COPIED):
+        for recorded in recording.messages((*COPIED, "keyframe")):
             sink.copy(recorded)
             drawing.take(recorded)
         drawing.end()
@@ -124,6 +124,8 @@ class _Drawing:
                 self.height = max(self.height, message.height)
                 literals = unpack(message.literals, 2 * count)
                 self._sink.put(BELIEVED, self._signs(literals), time)
+            case wire.KeyFrame():
+                self._scenes.offer(message)
             case _:
                 pass
 
@@ -163,16 +165,21 @@ class _Scenes:
             self._settled = time
             self._draw(np.zeros(len(self._learning.graph), np.bool_))
 
+    def offer(self, frame: wire.KeyFrame) -> None:
+        """Take note of a key-frame; see `Learning.offer`."""
+        self._learning.offer(frame)
+
     def take(self, tick: Tick) -> None:
         """Learn from a tick, and draw it if it is time.
 
-        A tick that does not follow ends the drawing: an order that was learned without
-        one of its observations is another.
+        Behind a tick that is missing nothing is drawn up to the next key-frame: an
+        order that was learned without one of its observations is another.
         """
-        if self._lost:
-            return
-        if not self._learning.take(tick):
-            self._lost = True
+        follows = self._learning.take(tick)
+        told, self._lost = self._lost, not follows
+        if not follows:
+            if told:
+                return
             missing, time = self._learning.tick + 1, max(self._settled, tick.settled)
             self._sink.put(LOG, lost_line(time, missing), time)
             return

@@ -44,7 +44,10 @@ def resumed_line(time: int, tick: int) -> Line:
 
 def lost_line(time: int, tick: int) -> Line:
     """Return what is said where an observation is missing."""
-    said = f"the observation of tick {tick} is missing: no order is drawn from here on"
+    said = (
+        f"the observation of tick {tick} is missing:"
+        " no order is drawn up to the next key-frame"
+    )
     return _line(time, _ERROR, "export", said)
 
 

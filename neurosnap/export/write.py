@@ -41,6 +41,8 @@ class Exported(msgspec.Struct, frozen=True):
     """Ticks in a table that lack a reading or a state."""
     whole: bool
     """The recording has its end, and nothing that was sent is missing from it."""
+    damage: tuple[str, ...] = ()
+    """What of it cannot be read; see `Recording.damage`."""
 
 
 def parse_form(name: str) -> Form:
@@ -67,7 +69,8 @@ def export(
 ) -> Exported:
     """Write a recording in another format.
 
-    A recording that was cut short is written as far as it goes. Memory is bounded; a
+    A recording that was cut short is written as far as it goes, and of one that is
+    damaged what can be read. Memory is bounded; a
     table takes O(ticks · N) time.
 
     Args:
@@ -93,8 +96,8 @@ def export(
     reads = (log, *part_paths(log).values())
     with placed(path, force=force, reads=reads) as draft:
         count, incomplete = _write(draft, recording, form, at, only_readings)
-    whole = recording.finished and recording.noted().completeness.whole
-    return Exported(str(path), form, count, incomplete, whole)
+    whole, damage = recording.whole, recording.damage
+    return Exported(str(path), form, count, incomplete, whole, damage)
 
 
 def _write(

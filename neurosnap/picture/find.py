@@ -93,6 +93,7 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
         witness="an observation",
         state=state,
         lenient=True,
+        recording=recording,
     )
 
 

@@ -13,6 +13,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.cubing import Cubing
 from neurosnap.poc.pocset import PocSet
 from neurosnap.poc.realization import Realization
+from neurosnap.record.reader import Recording
 
 LIMIT = 256
 """The most vertices that are drawn without being asked to draw more."""
@@ -52,6 +53,7 @@ class Model:
         joined: The pairs of marks that are ends of an edge of the target's dual.
         limit: The most vertices that are listed.
         lenient: Whether a dual too large to list is left out instead of refused.
+        recording: What it was learned in.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Model:
     joined: tuple[tuple[int, int], ...] = ()
     limit: int = LIMIT
     lenient: bool = False
+    recording: Recording | None = None
 
     @property
     def level(self) -> str | None:

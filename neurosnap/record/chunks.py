@@ -12,27 +12,43 @@ from mcap.records import Channel
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.record.layout import HEAD, Chunk, Layout, damaged, opened, parse
+from neurosnap.record.layout import (
+    CHUNK_HEAD,
+    HEAD,
+    Chunk,
+    Layout,
+    damaged,
+    opened,
+    parse,
+)
 
 EVER = 1 << 64
 """Behind every time a recording can hold."""
 
-_MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_BODY = _MESSAGE.size - HEAD.size
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+"""The head of a message: its record's, then channel, sequence, and two times."""
+_MESSAGE_BODY = MESSAGE_HEAD.size - HEAD.size
 
 Raw: TypeAlias = tuple[str, int, int, int, bytes]
 """Topic, sequence, log time, time sent, payload."""
 
 
 def unpack(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
-    """Return the records of a chunk, verified.
+    """Return the records of a chunk, verified by the checksum in its own head.
 
     Raises:
-        RecordingError: They are not what was written.
+        RecordingError: They are not what was written, or there is no such chunk.
     """
     place = f"chunk {chunk.number}"
-    file.seek(chunk.offset)
-    packed = file.read(chunk.packed)
+    file.seek(chunk.start_offset)
+    head, packed = file.read(chunk.head), file.read(chunk.packed)
+    if len(head) < chunk.head or head[0] != Opcode.CHUNK:
+        rule = f"{place} must start at byte {chunk.start_offset}"
+        raise damaged(path, chunk.offset, rule, "another record")
+    _, _, unpacked, noted, _ = CHUNK_HEAD.unpack_from(head, HEAD.size)
+    if unpacked != chunk.unpacked:
+        rule = f"{place} must unpack to {chunk.unpacked} bytes"
+        raise damaged(path, chunk.offset, rule, unpacked)
     match chunk.compression:
         case "":
             data = packed
@@ -46,8 +62,8 @@ def unpack(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
             rule = f"{place} must be packed with zstd or not at all"
             raise damaged(path, chunk.offset, rule, repr(other))
     # Not even a checksum of 0, which says that none was computed, is let through.
-    if (checksum := zlib.crc32(data)) != chunk.checksum or len(data) != chunk.unpacked:
-        rule = f"{place} must have checksum {chunk.checksum:#010x}"
+    if (checksum := zlib.crc32(data)) != noted or len(data) != chunk.unpacked:
+        rule = f"{place} must have checksum {noted:#010x}"
         raise damaged(path, chunk.offset, rule, f"{checksum:#010x}")
     return data
 
@@ -122,7 +138,7 @@ class _ChunkReader:
 
         All that is read passes here, half a million messages a second and more.
         """
-        wanted, message, head = self._wanted, _MESSAGE.unpack_from, HEAD.unpack_from
+        wanted, message, head = self._wanted, MESSAGE_HEAD.unpack_from, HEAD.unpack_from
         at, size = 0, len(data)
         try:
             while at < size:
@@ -138,7 +154,7 @@ class _ChunkReader:
                     _, _, channel, sequence, log_time, sent = message(data, at)
                     topic = wanted[channel]
                     if topic is not None and start <= log_time < end:
-                        payload = data[at + _MESSAGE.size : after]
+                        payload = data[at + MESSAGE_HEAD.size : after]
                         yield topic, sequence, log_time, sent, payload
                 at = after
         except struct.error as error:

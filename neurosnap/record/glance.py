@@ -1,13 +1,13 @@
 """What lies where in a recording, found without reading what lies there.
 
 A finished recording says it in its summary, which has a checksum of its own. In one
-that was cut short, or still grows, the heads of its records say it, and the walk from
-head to head goes on where it stopped once there is more. Chunks are not touched: each
-has a checksum of its own, and is verified when it is unpacked.
+that was cut short, still grows, or whose summary is damaged, the heads of its records
+say it, and the walk from head to head goes on where it stopped once there is more. What
+is no record is damage: the walk goes on behind it, from the next record that is surely
+one. Where there is none the file was cut, be the rest missing, torn or zeros.
 
-That is less than `neurosnap.record.scan` does, which reads all and refuses what is
-damaged anywhere: metadata and attachments are believed here, and whatever is wrong ends
-the walk and is noted, so that what came before can still be looked at.
+Chunks are not touched: each has a checksum of its own, and is verified when it is
+unpacked. `neurosnap.record.scan` verifies all there is.
 """
 
 import io
@@ -18,9 +18,10 @@ from typing import BinaryIO
 
 import msgspec
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, MetadataIndex
+from mcap.records import Attachment, AttachmentIndex, Channel, MetadataIndex
 
 from neurosnap.errors import RecordingError
+from neurosnap.record.facts import take_facts
 from neurosnap.record.layout import (
     CHUNK_HEAD,
     FOOTER,
@@ -29,8 +30,10 @@ from neurosnap.record.layout import (
     INDEX_HEAD,
     LIMIT,
     MAGIC,
+    Attached,
     Chunk,
     Cut,
+    Damage,
     Layout,
     check_magic,
     damaged,
@@ -38,26 +41,27 @@ from neurosnap.record.layout import (
     opened,
     parse,
 )
+from neurosnap.record.resync import chunk_at, find_record
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _OFFSET = struct.Struct("<HQ")
 _PACKING = struct.Struct("<QI")
 _SIZES = struct.Struct("<QQ")
-_PACKED = struct.Struct("<Q")
-_LONGEST = 16  # bytes a compression's name may have
+_CRC = struct.Struct("<I")
+_HEAD_OF_CHUNK = CHUNK_HEAD.size + 24  # with the longest name of a compression
 _TORN = 0, b""  # no record has this kind
+_FACTS = (Opcode.METADATA,)
+_DATA_END = HEAD.size + _CRC.size
+_MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
 
 
 class Glance(msgspec.Struct):
     """What was seen of a file so far."""
 
     layout: Layout
-    """Chunks without their checksums: `sealed` reads those. No attachments: what one
-    is called is in its record, or in the summary alone."""
+    """Chunks and attachments as they are noted, not verified."""
     offset: int
     """Where the first record starts that was not seen, in a file without its end."""
-    trouble: str | None = None
-    """Why nothing beyond can be read; None where more may come."""
 
 
 def glance(path: Path) -> Glance:
@@ -69,17 +73,16 @@ def glance(path: Path) -> Glance:
     with opened(path) as file:
         layout = Layout(size=file.seek(0, io.SEEK_END))
         offset = _read_start(path, file, layout)
-        trouble = None
-        try:
-            if _read_summary(path, file, layout):
-                return Glance(layout, layout.size)
-        except RecordingError as error:
-            # What it was to say is found the long way; that it could not is said.
-            trouble, library = str(error), layout.library
-            layout = Layout(size=layout.size, library=library)
+        if (place := _summary_place(file, layout.size)) is not None:
+            whole = _begun(layout)
+            try:
+                _read_summary(path, file, whole, *place)
+            except RecordingError:
+                pass  # noted where the walk gets there
+            else:
+                return Glance(whole, whole.size)
         seen = Glance(layout, offset)
         _go_on(path, file, seen)
-        seen.trouble = trouble or seen.trouble
         return seen
 
 
@@ -91,43 +94,37 @@ def go_on(path: Path, seen: Glance) -> bool:
     """
     with opened(path) as file:
         size = file.seek(0, io.SEEK_END)
-        if size == seen.layout.size or seen.layout.cut is None or seen.trouble:
+        if size == seen.layout.size or seen.layout.cut is None:
             return False
         seen.layout.size = size
         _go_on(path, file, seen)
         return True
 
 
-def sealed(path: Path, file: BinaryIO, chunk: Chunk) -> Chunk:
-    """Return a chunk with the checksum its own head notes.
-
-    Raises:
-        RecordingError: There is no such chunk at its place.
-    """
-    size = _chunk_head(chunk.compression)
-    file.seek(chunk.offset - size)
-    head = file.read(size)
-    if len(head) < size or head[0] != Opcode.CHUNK:
-        rule = f"chunk {chunk.number} must be where the summary says"
-        raise damaged(path, chunk.offset, rule, "something else")
-    _, _, unpacked, checksum, _ = CHUNK_HEAD.unpack_from(head, HEAD.size)
-    if unpacked != chunk.unpacked:
-        rule = f"chunk {chunk.number} must unpack to {chunk.unpacked} bytes"
-        raise damaged(path, chunk.offset, rule, unpacked)
-    return msgspec.structs.replace(chunk, checksum=checksum)
-
-
-def _chunk_head(compression: str) -> int:
-    """Return how many bytes of a chunk's record come before what is packed."""
-    return HEAD.size + CHUNK_HEAD.size + len(compression.encode()) + 8
+def _begun(layout: Layout) -> Layout:
+    """Return what is known of a file before its first record behind the header."""
+    start = [one for one in layout.damage if one.start == 0]
+    return Layout(size=layout.size, library=layout.library, damage=start)
 
 
 def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
-    """Read the magic and the header; return where that ends."""
-    file.seek(0)
-    check_magic(path, file.read(len(MAGIC)))
-    layout.library = library_of(path, *_record(path, file, len(MAGIC)))
-    return file.tell()
+    """Read the magic and the header; return where the first record behind them starts.
+
+    Raises:
+        RecordingError: They are damaged, and no record shows whose recording it is.
+    """
+    try:
+        file.seek(0)
+        check_magic(path, file.read(len(MAGIC)))
+        layout.library = library_of(path, *_record(path, file, len(MAGIC)))
+        return file.tell()
+    except RecordingError:  # ours all the same, if something in it is
+        if find_record(path, file, 0, layout.size, only=_FACTS) is None:
+            raise
+    found = find_record(path, file, 0, layout.size) or 0
+    why = "the file must start with the header of a recording, got something else"
+    layout.damage.append(Damage(0, found, why, "unknown"))
+    return found
 
 
 def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes]:
@@ -147,25 +144,45 @@ def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes]:
 # By the summary -----------------------------------------------------------------------
 
 
-def _read_summary(path: Path, file: BinaryIO, layout: Layout) -> bool:
-    """Take over what the summary says; return whether there is one."""
+def _summary_place(file: BinaryIO, size: int) -> tuple[int, int] | None:
+    """Return where the summary starts and its footer does, by the end of the file."""
     tail = HEAD.size + FOOTER.size + len(MAGIC)
-    end = layout.size - tail
+    end = size - tail
     if end < len(MAGIC):
-        return False
+        return None
     file.seek(end)
     last = file.read(tail)
     if not last.endswith(MAGIC) or last[0] != Opcode.FOOTER:
-        return False
-    start, _, checksum = FOOTER.unpack_from(last, HEAD.size)
-    if not 0 < start <= end or end - start > LIMIT:
-        raise damaged(path, end, "the footer must name the summary's place", start)
+        return None
+    start, _, _ = FOOTER.unpack_from(last, HEAD.size)
+    return start, end
+
+
+def _read_summary(
+    path: Path, file: BinaryIO, layout: Layout, start: int, end: int
+) -> None:
+    """Take over what a summary says.
+
+    Args:
+        path: The recording.
+        file: The same, open.
+        layout: Where to note it.
+        start: Where it starts.
+        end: Where its footer starts.
+
+    Raises:
+        RecordingError: It is not what was written.
+    """
+    if not _DATA_END <= start <= end or end - start > LIMIT:
+        rule = "the footer must say where the summary starts"
+        raise damaged(path, end, rule, start)
     file.seek(start)
-    summary = file.read(end - start)
-    covered = last[: HEAD.size + FOOTER.size - 4]
-    if zlib.crc32(covered, zlib.crc32(summary)) != checksum:
-        rule = "the summary must have the checksum noted here"
-        raise damaged(path, end, rule, "another")
+    summary, footer = file.read(end - start), file.read(HEAD.size + FOOTER.size)
+    _, _, noted = FOOTER.unpack_from(footer, HEAD.size)
+    computed = zlib.crc32(footer[: -_CRC.size], zlib.crc32(summary))
+    if noted != computed:
+        rule = f"the summary must have checksum {noted:#010x}"
+        raise damaged(path, start, rule, f"{computed:#010x}")
     try:
         at = 0
         while at < len(summary):
@@ -173,10 +190,11 @@ def _read_summary(path: Path, file: BinaryIO, layout: Layout) -> bool:
             at += HEAD.size
             _take_summed(path, file, layout, opcode, summary[at : at + length])
             at += length
-    except (struct.error, UnicodeDecodeError, ValueError) as error:
+    except _MALFORMED as error:
         rule = "the summary must be well-formed"
         raise damaged(path, start, rule, error) from error
-    return True
+    layout.data_end = start - _DATA_END
+    layout.summarized = True
 
 
 def _take_summed(
@@ -188,16 +206,43 @@ def _take_summed(
         case Opcode.CHANNEL:
             channel: Channel = parse(Channel.read, body)
             layout.channels[channel.id] = channel
+        case Opcode.ATTACHMENT_INDEX:
+            attached: AttachmentIndex = parse(AttachmentIndex.read, body)
+            layout.attachments[attached.name] = Attached(
+                name=attached.name,
+                media_type=attached.media_type,
+                size=attached.data_size,
+                offset=attached.offset + HEAD.size,
+                length=attached.length - HEAD.size,
+            )
         case Opcode.METADATA_INDEX:
             noted: MetadataIndex = parse(MetadataIndex.read, body)
-            # No file system seeks as far as a stranger's number may go.
-            there = noted.offset < layout.size
-            kind, metadata = _record(path, file, noted.offset) if there else _TORN
-            if kind != Opcode.METADATA:
-                raise ValueError(f"no metadata at byte {noted.offset}")
-            _take_metadata(layout, metadata)
+            _take_noted(path, file, layout, noted)
         case _:
             pass
+
+
+def _take_noted(
+    path: Path, file: BinaryIO, layout: Layout, noted: MetadataIndex
+) -> None:
+    """File the metadata an index entry is of, or that it is damaged."""
+    at, stop = noted.offset, noted.offset + noted.length
+    # No file system seeks as far as a stranger's number may go.
+    if stop > layout.size or noted.length < HEAD.size:
+        raise ValueError(f"metadata up to byte {stop}")
+    file.seek(at)
+    record = file.read(noted.length)
+    head = HEAD.pack(Opcode.METADATA, noted.length - HEAD.size)
+    got = "another record"
+    if record.startswith(head):
+        try:
+            take_facts(layout, at, record[HEAD.size :])
+        except ValueError as error:
+            got = str(error)
+        else:
+            return
+    why = f"metadata must be what was written, got {got}"
+    layout.damage.append(Damage(at, stop, why, "nothing"))
 
 
 def _indexed(layout: Layout, body: bytes) -> Chunk:
@@ -221,96 +266,151 @@ def _indexed(layout: Layout, body: bytes) -> Chunk:
         channel: (upto - place - HEAD.size - INDEX_HEAD.size) // INDEX_ENTRY
         for (place, channel), upto in zip(placed, ends, strict=True)
     }
-    offset = at + _chunk_head(compression)
+    offset = at + length - packed
     if offset + packed > layout.size:
         raise ValueError(f"a chunk up to byte {offset + packed}")
     number = len(layout.chunks) + 1
-    return Chunk(number, offset, packed, unpacked, 0, compression, start, end, counts)
-
-
-def _take_metadata(layout: Layout, body: bytes) -> None:
-    metadata: Metadata = parse(Metadata.read, body)
-    layout.metadata[metadata.name] = metadata.metadata
+    chunk = Chunk(number, offset, packed, unpacked, compression, start, end, counts)
+    if chunk.start_offset != at:
+        raise ValueError(f"a chunk of {length} bytes")
+    return chunk
 
 
 # From head to head --------------------------------------------------------------------
 
 
 def _go_on(path: Path, file: BinaryIO, seen: Glance) -> None:
-    """Walk on from where the walk stopped, to the end or to what is torn there."""
+    """Walk on from where the walk stopped, to the end or to where the file was cut."""
     layout = seen.layout
     layout.cut = None
-    try:
-        while not _is_over(path, file, seen):
-            pass
-    except RecordingError as error:
-        seen.trouble = str(error)
-        layout.cut = Cut(len(layout.chunks), seen.offset, layout.size)
+    over = False
+    while not over:
+        try:
+            over = _take_next(path, file, seen)
+        except RecordingError as error:
+            over = _leap(path, file, seen, str(error))
 
 
-def _is_over(path: Path, file: BinaryIO, seen: Glance) -> bool:
-    """File the next record; return whether there is none that is whole."""
+def _leap(path: Path, file: BinaryIO, seen: Glance, why: str) -> bool:
+    """Go on behind what is no record; return whether nothing is there."""
+    layout, at = seen.layout, seen.offset
+    found = find_record(path, file, at + 1, layout.size)
+    if found is None:
+        layout.cut = Cut(len(layout.chunks), at, layout.size)
+        return True
+    layout.damage.append(Damage(at, found, why.removeprefix(f"{path}: "), "unknown"))
+    seen.offset = found
+    return False
+
+
+def _take_next(path: Path, file: BinaryIO, seen: Glance) -> bool:
+    """File the next record; return whether there is none."""
     layout, at = seen.layout, seen.offset
     file.seek(at)
     head = file.read(HEAD.size)
-    opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
-    after = at + HEAD.size + length
-    if len(head) == HEAD.size and length > LIMIT:
-        raise damaged(path, at, f"a record must have at most {LIMIT} bytes", length)
-    if len(head) < HEAD.size or after > layout.size:
+    if len(head) < HEAD.size:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
+    opcode, length = HEAD.unpack(head)
+    after = at + HEAD.size + length
+    if length > LIMIT:
+        raise damaged(path, at, f"a record must have at most {LIMIT} bytes", length)
+    if after > layout.size:
+        raise damaged(path, at, f"a record must end by byte {layout.size}", after)
     try:
         match opcode:
             case Opcode.CHUNK:
-                body = file.read(min(length, CHUNK_HEAD.size + _LONGEST + 8))
-                layout.chunks.append(_headed(layout, at, length, body))
+                body = file.read(min(length, _HEAD_OF_CHUNK))
+                number = len(layout.chunks) + 1
+                layout.chunks.append(chunk_at(number, at, length, body))
             case Opcode.MESSAGE_INDEX:
-                channel, size = INDEX_HEAD.unpack(file.read(INDEX_HEAD.size))
-                counts = layout.chunks[-1].counts
-                counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY
+                _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
             case Opcode.METADATA:
-                _take_metadata(layout, file.read(length))
+                take_facts(layout, at, file.read(length))
             case Opcode.ATTACHMENT:
-                pass
-            case Opcode.DATA_END:
-                # Its summary is as good as written: it is looked at next.
-                return _end(path, file, seen)
+                _take_attachment(layout, at, file.read(length))
+            case Opcode.DATA_END if length == _CRC.size:
+                # Not passed: where what is behind it is torn, more may come.
+                _take_end(path, file, layout, at)
+                return True
             case _:
-                raise damaged(path, at, "the data must hold no such record", opcode)
-    except (struct.error, UnicodeDecodeError, ValueError, IndexError) as error:
+                raise ValueError(f"kind {opcode} of {length} bytes")
+    except _MALFORMED as error:
         raise damaged(path, at, "a record must be well-formed", error) from error
     seen.offset = after
     return False
 
 
-def _headed(layout: Layout, at: int, length: int, body: bytes) -> Chunk:
-    """Return the chunk whose record starts so."""
-    start, end, unpacked, checksum, name = CHUNK_HEAD.unpack_from(body)
-    if name > _LONGEST:
-        raise ValueError(f"a compression with a name of {name} bytes")
-    compression = body[CHUNK_HEAD.size : CHUNK_HEAD.size + name].decode()
-    offset = at + _chunk_head(compression)
-    packed = at + HEAD.size + length - offset
-    (noted,) = _PACKED.unpack_from(body, CHUNK_HEAD.size + name)
-    if noted != packed:
-        raise ValueError(f"a chunk of {packed} bytes that notes {noted}")
-    if unpacked > LIMIT:
-        raise ValueError(f"a chunk that unpacks to {unpacked} bytes")
-    number = len(layout.chunks) + 1
-    return Chunk(
-        number, offset, packed, unpacked, checksum, compression, start, end, {}
+def _take_index(layout: Layout, length: int, body: bytes) -> None:
+    channel, size = INDEX_HEAD.unpack(body)
+    if size != length - INDEX_HEAD.size or size % INDEX_ENTRY:
+        raise ValueError(f"a message index of {length} bytes that notes {size}")
+    counts = layout.chunks[-1].counts
+    counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY
+
+
+def _take_attachment(layout: Layout, at: int, body: bytes) -> None:
+    """File an attachment, whose record has a checksum."""
+    attachment: Attachment = parse(Attachment.read, body)
+    (noted,) = _CRC.unpack(body[-_CRC.size :])
+    if zlib.crc32(memoryview(body)[: -_CRC.size]) != noted:
+        raise ValueError("an attachment of another checksum")
+    layout.attachments[attachment.name] = Attached(
+        name=attachment.name,
+        media_type=attachment.media_type,
+        size=len(attachment.data),
+        offset=at + HEAD.size,
+        length=len(body),
     )
 
 
-def _end(path: Path, file: BinaryIO, seen: Glance) -> bool:
-    """Take over the summary of a file that has just got its end; it may be torn."""
-    whole = Layout(size=seen.layout.size, library=seen.layout.library)
-    if _read_summary(path, file, whole):
-        # In place: whoever looks at the layout looks at this one.
-        for name in ("metadata", "chunks", "channels"):
-            setattr(seen.layout, name, getattr(whole, name))
-        seen.offset = seen.layout.size
-        return True
-    seen.layout.cut = Cut(len(seen.layout.chunks), seen.offset, seen.layout.size)
-    return True
+def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
+    """Take over what is behind the data: the summary, whole, torn or damaged.
+
+    Args:
+        path: The recording.
+        file: The same, open.
+        layout: What is known up to there.
+        at: Where the record starts that ends the data.
+    """
+    layout.data_end = at
+    start = at + _DATA_END
+    footer = _footer(file, start, layout.size)
+    if footer is None:
+        file.seek(max(start, layout.size - len(MAGIC)))
+        if file.read() != MAGIC:
+            layout.cut = Cut(len(layout.chunks), start, layout.size)
+            return
+    whole = _begun(layout)
+    try:
+        if footer is None:
+            rule = "the summary must end with its footer"
+            raise damaged(path, start, rule, "something else")
+        _read_summary(path, file, whole, start, footer)
+    except RecordingError as error:
+        why = str(error).removeprefix(f"{path}: ")
+        layout.damage.append(Damage(start, layout.size, why, "nothing"))
+        return
+    # In place: whoever looks at the layout looks at this one.
+    for name in ("metadata", "proved", "gaps", "damage", "chunks", "channels"):
+        setattr(layout, name, getattr(whole, name))
+    layout.attachments, layout.summarized = whole.attachments, True
+    end = footer + HEAD.size + FOOTER.size + len(MAGIC)
+    if end < layout.size:
+        why = f"the file must end behind its footer, got {layout.size - end} bytes more"
+        layout.damage.append(Damage(end, layout.size, why, "nothing"))
+
+
+def _footer(file: BinaryIO, at: int, size: int) -> int | None:
+    """Return where the footer starts, going from record to record; None: nowhere."""
+    while at + HEAD.size <= size:
+        file.seek(at)
+        opcode, length = HEAD.unpack(file.read(HEAD.size))
+        after = at + HEAD.size + length
+        if opcode == Opcode.FOOTER and length == FOOTER.size:
+            file.seek(after)
+            return at if file.read(len(MAGIC)) == MAGIC else None
+        if not opcode or length > LIMIT:
+            return None
+        at = after
+    return None

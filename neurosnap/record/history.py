@@ -6,16 +6,8 @@ from neurosnap.poc.snapshot import Snapshot
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
 from neurosnap.record.starts import Start
+from neurosnap.record.stretches import last_tick
 from neurosnap.swarm.readings import readings
-
-
-def last_tick(recording: Recording) -> int:
-    """Return the last tick whose state was recorded, 0 if there is none."""
-    tick = 0
-    for recorded in recording.messages(("state",)):
-        if isinstance(recorded.message, wire.State):
-            tick = max(tick, recorded.message.tick)
-    return tick
 
 
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:
@@ -25,17 +17,38 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
 
     Args:
         recording: A run's.
-        tick: 0 for before the first; None for the last.
+        tick: 0 for before the first; None for the last there is, or where messages are
+            missing, the last that can be known.
 
     Raises:
         InvalidValueError: There is no such tick.
-        RecordingError: The recording is damaged, or lacks an observation.
+        RecordingError: The recording lacks an observation.
     """
     last = last_tick(recording)
     wanted = last if tick is None else tick
     if not 0 <= wanted <= last:
         raise InvalidValueError("tick", f"must be in [0, {last}]", wanted)
+    if tick is None and not recording.whole:
+        wanted = _last_known(recording, last)
     return wanted, learned_by(recording, wanted)
+
+
+def _last_known(recording: Recording, last: int) -> int:
+    """Return the last tick up to `last` that can be learned from what is there."""
+    frames, seen = set(), set()
+    for recorded in recording.messages(("observe", "keyframe")):
+        match recorded.message:
+            case wire.Observation(tick=tick):
+                seen.add(tick)
+            case wire.KeyFrame(tick=tick):
+                frames.add(tick)
+            case _:
+                pass
+    known = recording.begins
+    for tick in sorted(tick for tick in seen | frames if tick <= last):
+        if tick in frames or tick == known + 1:
+            known = tick
+    return known
 
 
 def learned_by(recording: Recording, tick: int) -> Snapshot:

@@ -1,18 +1,19 @@
 """What is in a recording, as data and as text in the layout of ``mcap info``.
 
 Of a finished recording everything is known from its frame and its totals, without
-unpacking a chunk. One that was cut short is read through.
+unpacking a chunk. One that was cut short or is damaged is read through.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import msgspec
 
 from neurosnap import wire
 from neurosnap.record import schemas
-from neurosnap.record.layout import PROFILE, Attached, Cut, damaged
+from neurosnap.record.layout import PROFILE, RUN, Attached, Cut, damaged
 from neurosnap.record.reader import Recording
 from neurosnap.record.sequences import Completeness
 from neurosnap.record.whole import first_path, part_paths
@@ -79,13 +80,19 @@ class Info(msgspec.Struct, frozen=True):
     """Where parts are, as in `Place.text`, of a swarm on several machines."""
     in_force: dict[str, float] = {}
     """The threshold, and of a discounted snapshot the decay, given or not."""
+    damage: tuple[str, ...] = ()
+    """What cannot be read; see `Recording.damage`."""
+    missing_ticks: tuple[tuple[int, int], ...] = ()
+    """The first and the last of ticks without a state, in a damaged recording."""
+    unproved: bool = False
+    """What is written of the run has no checksum and may be wrong, by the damage."""
 
 
 def describe(recording: Recording) -> Info:
     """Return what is in a recording.
 
     Raises:
-        RecordingError: It is damaged.
+        RecordingError: It is not what a writer of ours writes.
     """
     layout = recording.layout
     if layout.indexed and layout.channels and recording.totals is not None:
@@ -95,6 +102,7 @@ def describe(recording: Recording) -> Info:
         completeness = recording.noted().completeness
     else:
         counts, start, end, completeness = _read_through(recording)
+    damage = recording.damage
     return Info(
         path=str(recording.path),
         size=layout.size,
@@ -115,6 +123,9 @@ def describe(recording: Recording) -> Info:
         files=_files(recording),
         places={who: place.text for who, place in recording.places.items()},
         in_force={} if (run := _options(recording.metadata)) is None else run.in_force,
+        damage=damage,
+        missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
+        unproved=recording.layout.doubts(RUN),
     )
 
 
@@ -142,6 +153,18 @@ def _run(info: Info) -> dict[str, str]:
             value = info.in_force.get(name)
             texts[name] = "none" if value is None else f"{value:g} (the default)"
     return texts
+
+
+def _missing_ticks(recording: Recording) -> Iterator[tuple[int, int]]:
+    """Yield the ticks without a state, up to the last that has one."""
+    there = {
+        recorded.message.tick
+        for recorded in recording.messages(("state",))
+        if isinstance(recorded.message, wire.State)
+    }
+    for before, after in pairwise([recording.begins, *sorted(there)]):
+        if after > before + 1:
+            yield before + 1, after - 1
 
 
 def _files(recording: Recording) -> tuple[str, ...]:
@@ -256,7 +279,8 @@ def _lines(info: Info) -> Iterator[str]:
     )
     written = (bool(info.metadata), bool(info.places), info.totals is not None)
     yield f"metadata: {sum(written)}"
-    yield from _texts("run:", _run(info))
+    title = "run (may be wrong: it has no checksum):" if info.unproved else "run:"
+    yield from _texts(title, _run(info))
     yield from _texts("places:", info.places)
     yield from _texts("totals:", info.totals or {})
     yield from _balance(info)
@@ -272,11 +296,21 @@ def _balance(info: Info) -> Iterator[str]:
             f"cut short: after {info.cut.chunks} whole chunks,"
             f" at byte {info.cut.offset} of {info.cut.size}"
         )
+    yield from (f"damaged: {shown(line)}" for line in info.damage)
+    if info.missing_ticks:
+        yield f"missing ticks: {in_ranges(info.missing_ticks)}"
     missing = info.completeness.missing
     yield f"missing: {sum(missing.values())}"
     yield from _table((f"\t{shown(who)}", str(n)) for who, n in missing.items())
     yield f"duplicates: {info.completeness.duplicates} left out"
     yield f"foreign: {info.completeness.foreign} left out"
+
+
+def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
+    """Return ranges of ticks as text: "3, 5..8"."""
+    return ", ".join(
+        f"{first}..{last}" if last > first else str(first) for first, last in ranges
+    )
 
 
 def _texts(title: str, texts: dict[str, str]) -> Iterator[str]:

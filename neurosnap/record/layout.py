@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, Literal, TypeVar
 
 import msgspec
 from mcap.data_stream import ReadDataStream
@@ -24,6 +24,8 @@ SHARE = "neurosnap.share"
 with."""
 PLACES = "neurosnap.places"
 """Of a swarm on several machines: where each part is, as in `Place.text`."""
+GAP = "neurosnap.gap"
+"""Between chunks: messages are missing here, which another recording had lost."""
 CLOSING = "decision"
 """Among the totals of a file that another follows: the decision of its last tick, as on
 the wire, where it opens the next file."""
@@ -65,8 +67,6 @@ class Chunk(msgspec.Struct, frozen=True):
     """Bytes in the file."""
     unpacked: int
     """Bytes once unpacked."""
-    checksum: int
-    """CRC-32 of the unpacked bytes."""
     compression: str
     """`zstd`, or empty where nothing is packed."""
     start: int
@@ -75,6 +75,21 @@ class Chunk(msgspec.Struct, frozen=True):
     """Time of the latest message."""
     counts: dict[int, int]
     """Messages a channel, from the indexes behind the chunk."""
+
+    @property
+    def head(self) -> int:
+        """Bytes of the record before the packed messages."""
+        return HEAD.size + CHUNK_HEAD.size + len(self.compression.encode()) + 8
+
+    @property
+    def start_offset(self) -> int:
+        """Where the record starts."""
+        return self.offset - self.head
+
+    @property
+    def stop_offset(self) -> int:
+        """Where the record ends."""
+        return self.offset + self.packed
 
 
 class Attached(msgspec.Struct, frozen=True):
@@ -101,6 +116,25 @@ class Cut(msgspec.Struct, frozen=True):
     """Where the file ends."""
 
 
+class Damage(msgspec.Struct, frozen=True):
+    """Bytes of a file that cannot be read, or cannot be trusted."""
+
+    start: int
+    stop: int
+    """Where what can be read goes on."""
+    why: str
+    """The rule that is broken there, and by what."""
+    lost: Literal["chunk", "unknown", "nothing"]
+    """Messages that are missing for it: those of a chunk, perhaps some, or none."""
+
+
+class Gap(msgspec.Struct, frozen=True):
+    """A place where messages are missing, as a writer noted it."""
+
+    offset: int
+    why: str
+
+
 class Layout(msgspec.Struct):
     """The records of one file, without the messages in its chunks."""
 
@@ -110,15 +144,38 @@ class Layout(msgspec.Struct):
     attachments: dict[str, Attached] = {}
     chunks: list[Chunk] = []
     channels: dict[int, Channel] = {}
-    """Those outside chunks: only the summary of a finished file has them."""
+    """Those outside chunks: the summary of a finished file has them. Where there is no
+    summary and the first chunk is damaged, they are told by what the messages are."""
     cut: Cut | None = None
-    sealed: bool = False
-    """Finished, and the checksums of data and summary were there and right."""
+    damage: list[Damage] = []
+    """What cannot be read, ascending; whatever is behind a cut is not in here."""
+    gaps: list[Gap] = []
+    """Where messages are missing that no damage of this file explains."""
+    data_end: int | None = None
+    """Where the record starts that ends the data; None: it was not found."""
+    summarized: bool = False
+    """There is a summary, and its checksum is right."""
+    proved: set[str] = set()
+    """Names of metadata with a checksum of their own that is right."""
+    sure: bool = False
+    """The checksum of the whole data section was there and right."""
+
+    @property
+    def sealed(self) -> bool:
+        """Finished, and the checksums of data and summary were there and right."""
+        return self.sure and self.summarized and not self.damage
 
     @property
     def indexed(self) -> bool:
         """The counts of every chunk can be relied on."""
         return self.sealed and all(chunk.counts for chunk in self.chunks)
+
+    def doubts(self, name: str) -> bool:
+        """Tell whether metadata of this name may be wrong.
+
+        That of a file that is only cut short is believed: nothing speaks against it.
+        """
+        return bool(self.damage) and not self.sure and name not in self.proved
 
 
 @contextmanager

@@ -219,6 +219,8 @@ def _is_sound(path: Path) -> bool:
     try:
         recording = Recording.open(path)
         cut = recording.cut
+        if recording.damage:
+            return False
         return cut is None or not _has_chunk(path, cut.offset)
     except RecordingError:
         return False

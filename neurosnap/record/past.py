@@ -4,12 +4,13 @@ Apart from `neurosnap.record.resume`, which finds it out: the parts that only ca
 need none of the mathematics, and start the faster.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
 
-from neurosnap.record.reader import Recording
+from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.stretches import lost_before, pieces
 from neurosnap.record.writer import Writer
 
 
@@ -59,6 +60,29 @@ def begin_recording(
         writer.sequences.begin(sender, first)
     if past.part:
         writer.note_share()
-    for recorded in old.messages():
-        if recorded.sequence < first_number(past, recorded.message.sender):
+    copy_into(
+        writer, old, lambda one: one.sequence < first_number(past, one.message.sender)
+    )
+
+
+def copy_into(
+    writer: Writer,
+    old: Recording,
+    keeps: Callable[[Recorded], bool] = lambda _: True,
+    lost: str = "",
+) -> None:
+    """Write the messages of a file, and note where some are missing before.
+
+    Args:
+        writer: Started.
+        old: The file.
+        keeps: Which of its messages to take.
+        lost: Why some are missing before the first; empty: none are.
+    """
+    for piece in pieces(old):
+        lost = lost or lost_before(piece)
+        for recorded in filter(keeps, piece.messages()):
+            if lost:
+                writer.note_gap(lost)
+                lost = ""
             writer.put(recorded.message, recorded.delivery, recorded.log_time)

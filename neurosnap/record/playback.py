@@ -18,8 +18,9 @@ from neurosnap.fabric.endpoint import nearest
 from neurosnap.fabric.hub import open_hub
 from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.waiting import wait_at_most
-from neurosnap.record.history import last_tick, learned_by
+from neurosnap.record.history import learned_by
 from neurosnap.record.reader import Recorded, Recording
+from neurosnap.record.stretches import last_tick
 
 _NS = 1e9
 _WATCHERS = 1000

@@ -1,12 +1,12 @@
-"""Recordings read back: everything that was written, or an error that says where not.
+"""Recordings read back: what was written, and what of it is missing.
 
-A recording that was finished is verified as a whole when it is opened. One that was cut
-short (by a crash, a full disk, a lost machine) is read to the end of its last whole
-chunk, and `Recording.cut` says so. Damage is never read over: a flipped bit is an error
-that names the place, since a replay of what is left would prove nothing. The one thing
-that cannot be told apart is a damaged length and a torn end, in a file that was never
-finished; both end the recording early, and the senders' running numbers show it only if
-anything came after.
+A recording is verified when it is opened. What is handed out is what was written: of a
+file that is damaged, all but what the damage took; `Recording.damage` says where that
+is, and `Recording.whole` that nothing is missing. One that was cut short (by a crash, a
+full disk, a lost machine) is read to its last whole chunk, and `Recording.cut` says so.
+
+To derive anything one must know where messages are missing: see
+`neurosnap.record.stretches`.
 """
 
 from collections.abc import Collection, Iterator
@@ -80,11 +80,12 @@ class Recording:
     def open(cls, path: Path | str) -> Self:
         """Find out what is in a recording, and verify it as far as it goes.
 
-        Reads the file once and unpacks nothing: half a second a gigabyte, once cached.
+        Reads the file once: two seconds a gigabyte, once cached. One that is damaged
+        or has no end is unpacked besides, which takes as long as to read its messages.
 
         Raises:
-            RecordingError: There is no such file, it is no recording of ours or of a
-                newer kind, or it is damaged.
+            RecordingError: There is no such file, or it is no recording of ours, or of
+                a newer kind.
         """
         path = Path(path)
         return cls.seen(path, scan(path))
@@ -107,7 +108,7 @@ class Recording:
     def _verify_run(self) -> None:
         """Refuse a recording that says nothing of its run, or is of a newer kind."""
         if RUN not in self.layout.metadata:
-            if self.layout.chunks or self.finished:
+            if self.layout.chunks or self.finished or self.layout.damage:
                 raise RecordingError(
                     f"{self.path}: metadata: must hold {RUN}, got none"
                 )
@@ -150,7 +151,7 @@ class Recording:
         Raises:
             RecordingError: What it says of that is not what a writer writes.
         """
-        noted = self.layout.metadata.get(SHARE)
+        noted = self._believed(SHARE)
         if not self.part:
             return {}
         if noted is None:
@@ -171,7 +172,7 @@ class Recording:
             RecordingError: What is noted of that is not what a writer writes.
         """
         places = {}
-        for who, text in self.layout.metadata.get(PLACES, {}).items():
+        for who, text in (self._believed(PLACES) or {}).items():
             place = Place.read(text)
             if place is None:
                 rule = "must hold a place for each part"
@@ -197,7 +198,23 @@ class Recording:
     @property
     def totals(self) -> dict[str, str] | None:
         """What was written at the end; None if the recording did not get there."""
-        return self.layout.metadata.get(TOTALS)
+        return self._believed(TOTALS)
+
+    def _believed(self, name: str) -> dict[str, str] | None:
+        """Return metadata, unless it may be wrong."""
+        return None if self.layout.doubts(name) else self.layout.metadata.get(name)
+
+    def demand_facts(self) -> None:
+        """Refuse a recording of whose run nothing is known for sure.
+
+        Raises:
+            RecordingError: It is damaged, and so may be what is written of its run.
+        """
+        if self.layout.doubts(RUN):
+            rule = "must have a checksum of their own where a recording is damaged"
+            raise RecordingError(
+                f"{self.path}: options: {rule}, got none: they may be wrong"
+            )
 
     @property
     def closing(self) -> wire.Decision | None:
@@ -228,6 +245,26 @@ class Recording:
     def cut(self) -> Cut | None:
         """Where the file was cut short; None for a finished one."""
         return self.layout.cut
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """What cannot be read or is known to be missing, a line each; empty: nothing.
+
+        That a file was cut short is not in here, nor what was lost on the way to it.
+        """
+        damage, gaps = self.layout.damage, self.layout.gaps
+        spoiled = (f"bytes {one.start} to {one.stop}: {one.why}" for one in damage)
+        missing = (f"messages are missing: {gap.why}" for gap in gaps)
+        return tuple(f"{self.path}: {line}" for line in (*spoiled, *missing))
+
+    @property
+    def whole(self) -> bool:
+        """It has its end, no damage, and lacks no message.
+
+        Raises:
+            RecordingError: The totals are not what a writer writes.
+        """
+        return self.finished and not self.damage and self.noted().completeness.whole
 
     @property
     def snapshot(self) -> bytes | None:
@@ -267,8 +304,8 @@ class Recording:
 
         Raises:
             InvalidValueError: A topic is unknown.
-            RecordingError: While iterating: the recording is damaged, or holds a
-                message under a topic that is not its own.
+            RecordingError: While iterating: the recording is not any more what was
+                opened, or holds a message under a topic that is not its own.
         """
         wanted = frozenset(wire.TOPICS if topics is None else topics)
         for topic in wanted - wire.TOPICS.keys():

@@ -13,8 +13,9 @@ passed on the way is compared like the rest.
 """
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
@@ -27,7 +28,8 @@ from neurosnap.agent.context import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.record.alike import is_same
 from neurosnap.record.reader import Recorded, Recording
-from neurosnap.record.starts import Start, last_start
+from neurosnap.record.starts import Start, last_start, starts
+from neurosnap.record.stretches import last_tick, stretches
 from neurosnap.record.whole import Whole, open_whole
 from neurosnap.sensorium import unpack
 from neurosnap.swarm.coordinator import Coordinator
@@ -50,7 +52,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     same: bool
     """Everything derived equals what was recorded."""
     complete: bool
-    """The recording was finished, and lacks no message."""
+    """The recording was finished, is not damaged, and lacks no message."""
     difference: str | None
     """The first difference: where, what was recorded, what was derived."""
     start: int
@@ -64,6 +66,12 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     decisions: int
     seconds: float
     """What it took."""
+    ranges: tuple[tuple[int, int], ...] = ()
+    """The first and the last tick of each stretch that was compared."""
+    missing: tuple[tuple[int, int], ...] = ()
+    """The first and the last of the ticks in between that cannot be derived."""
+    damage: tuple[str, ...] = ()
+    """What cannot be read; see `Recording.damage`."""
 
 
 class DifferenceError(NeurosnapError):
@@ -74,8 +82,10 @@ def options_of(recording: Recording) -> RunOptions:
     """Return the options a recorded run was made with.
 
     Raises:
-        RecordingError: The recording says nothing of its run, or nothing valid.
+        RecordingError: The recording says nothing of its run, or nothing valid, or is
+            damaged and what it says may be wrong.
     """
+    recording.demand_facts()
     try:
         return msgspec.json.decode(recording.metadata["options"], type=RunOptions)
     except (KeyError, msgspec.MsgspecError) as error:
@@ -111,30 +121,48 @@ def verify(path: Path, tick: int = 0) -> Verdict:
             message there is.
 
     Raises:
-        RecordingError: It cannot be read, or no key-frame is there to begin with.
+        RecordingError: It cannot be read, no key-frame is there to begin with, or there
+            is no whole tick behind it to be verified.
     """
     began = time.perf_counter()
     recording = open_whole(path)
-    replay = Replay(recording, start_of(recording, tick))
-    difference = None
-    try:
-        for _ in replay.ticks():
-            pass
-    except DifferenceError as error:
-        difference = str(error)
-    count = replay.compared
+    count: Counter[str] = Counter()
+    ranges: list[tuple[int, int]] = []
+    difference, first = None, 0
+    for replay in _replays(recording, tick):
+        try:
+            for _ in replay.ticks():
+                pass
+        except DifferenceError as error:
+            difference = str(error)
+        count.update(replay.compared)
+        if not ranges:
+            first = replay.first
+        if replay.core.tick > replay.first:
+            ranges.append((replay.first + 1, replay.core.tick))
+        if difference is not None:
+            break
+    # One of several files may hold nothing but the end of its run.
+    ends = recording.whole and recording.begins and not tick and count.total()
+    if not (ranges or difference or ends):
+        behind = f" behind tick {first}" if first else ""
+        rule = f"must hold a whole tick{behind} to be verified"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
     return Verdict(
         files=len(recording.parts) if isinstance(recording, Whole) else 1,
         same=difference is None,
-        complete=replay.complete,
+        complete=recording.whole,
         difference=difference,
-        start=replay.first,
-        ticks=replay.core.tick - replay.first,
+        start=first,
+        ticks=sum(last - first + 1 for first, last in ranges),
         wirings=count["wiring"] + count["loom"],
         waves=count["wave"],
         states=count["state"],
         decisions=count["decide"],
         seconds=time.perf_counter() - began,
+        ranges=tuple(ranges),
+        missing=tuple(_between(recording, first, ranges)),
+        damage=recording.damage,
     )
 
 
@@ -183,7 +211,7 @@ class Replay:
         self._start = start
         self._senses = Senses(self.options.body)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
-        self.complete = recording.finished and recording.noted().completeness.whole
+        self.complete = recording.whole
         self._closing = recording.closing
         self._resumed = deque(t for t in resumed_at(recording) if t > self.first)
         self._messages = recording.messages(
@@ -432,6 +460,43 @@ class Replay:
                 return wave <= self._start.frame.waves
             case _:
                 return recorded.sequence <= self._start.sequence
+
+
+def _replays(recording: Recording, tick: int) -> Iterator[Replay]:
+    """Yield replays, each to be iterated over before the next, of all there is.
+
+    Where one can derive no more, the next begins with the key-frame behind.
+    """
+    several = stretches(recording)
+    if not several:
+        rule = "must hold a key-frame behind what is missing"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    for stretch, after in zip_longest(several, several[1:]):
+        if after is not None and after.begins <= tick:
+            continue
+        start = start_of(stretch, tick)
+        while True:
+            replay = Replay(stretch, start)
+            yield replay
+            reached = replay.core.tick
+            behind = (s for s in starts(stretch) if s.frame.tick > reached)
+            if replay.complete or (start := next(behind, None)) is None:
+                break
+
+
+def _between(
+    recording: Recording, first: int, ranges: list[tuple[int, int]]
+) -> Iterator[tuple[int, int]]:
+    """Yield the ticks that are missing, those behind the last range included."""
+    reached = first
+    if not first and recording.begins:
+        reached = recording.begins
+    for start, stop in ranges:
+        if start > reached + 1:
+            yield reached + 1, start - 1
+        reached = stop
+    if recording.damage and (last := last_tick(recording)) > reached:
+        yield reached + 1, last
 
 
 def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:

@@ -10,6 +10,7 @@ the run was.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -27,8 +28,8 @@ from neurosnap.record.replay import (
     resumed_at,
     start_of,
 )
-from neurosnap.record.sequences import Sequences
 from neurosnap.record.starts import Start, starts
+from neurosnap.record.stretches import stretches
 from neurosnap.record.whole import first_path, part_path, part_paths
 from neurosnap.sensorium import pack
 from neurosnap.swarm.coordinator import Coordinator
@@ -63,15 +64,44 @@ def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
         RecordingError: There is no whole tick in it, it lacks messages before the last
             one, or it is not the run it says it is.
     """
-    recording = _last_file(log, most)
+    why: RecordingError | None = None
+    for recording, stretch in _backwards(log, most):
+        try:
+            return _look_back(recording, stretch, most)
+        except RecordingError as error:
+            why = why or error
+    raise why or RecordingError(
+        f"{log}: must hold a whole tick to go on from, got none"
+    )
+
+
+def _backwards(log: Path, most: int | None) -> Iterator[tuple[Recording, Recording]]:
+    """Yield where a run may go on, the furthest first: a file, and a stretch of it.
+
+    What lies behind damage may lack a key-frame to begin with, or the actions on the
+    way there; then it is what lies before.
+    """
+    files = _files(log, most)
+    while files:
+        last = files.pop()
+        for stretch in reversed(stretches(last)):
+            yield last, stretch
+        if not any(file.damage for file in (*files, last)):
+            return
+
+
+def _look_back(
+    recording: Recording, stretch: Recording, most: int | None
+) -> tuple[RunOptions, Past]:
+    """Find out where a run can go on in one stretch of its last file."""
     options = options_of(recording)
-    tick, waves, state = _derive(recording, most)
+    tick, waves, state = _derive(stretch, most)
     return options, Past(
         log=str(recording.path),
         tick=tick,
         actions=_actions(recording, options, tick),
         state=state,
-        counts=_counts(recording, tick, waves),
+        counts=_counts(recording, stretch, tick, waves),
         resumed=(*(t for t in resumed_at(recording) if t < tick), tick),
         part=recording.part or 0,
         begins=recording.begins,
@@ -124,17 +154,17 @@ def whole_ticks(log: Path) -> int:
     Args:
         log: As in `look_back`.
     """
-    try:
-        recording = _last_file(log, None)
-        tick, waves, _ = _derive(recording, None)
-        _counts(recording, tick, waves)
-    except RecordingError:
-        return 0
-    return tick
+    with suppress(RecordingError):
+        for recording, stretch in _backwards(log, None):
+            with suppress(RecordingError):
+                tick, waves, _ = _derive(stretch, None)
+                _counts(recording, stretch, tick, waves)
+                return tick
+    return 0
 
 
-def _last_file(log: Path, most: int | None) -> Recording:
-    """Open the file to go on from, of those there are of a run.
+def _files(log: Path, most: int | None) -> list[Recording]:
+    """Open the files there are of a run, up to the one to go on from.
 
     It is the last of which the one before is finished: that may lack what a later one
     is based on otherwise. Where it does lack something, the one before it is.
@@ -148,7 +178,7 @@ def _last_file(log: Path, most: int | None) -> Recording:
                 break
             raise
         if path == log and recording.part != 0:
-            return recording
+            return [recording]
         if most is not None and files and recording.begins > most:
             break
         files.append(recording)
@@ -158,7 +188,7 @@ def _last_file(log: Path, most: int | None) -> Recording:
         del files[-1]  # its beginning did not reach the disk, its name did
     if len(files) > 1 and not files[-2].noted().completeness.whole:
         del files[-1]
-    return files[-1] if files else Recording.open(log)  # which says why not
+    return files or [Recording.open(log)]  # which says why not
 
 
 def _is_blank(path: Path) -> bool:
@@ -241,14 +271,17 @@ def _decisions(recording: Recording) -> Iterator[wire.Decision]:
                 yield recorded.message
 
 
-def _counts(recording: Recording, tick: int, waves: int) -> dict[str, int]:
+def _counts(
+    recording: Recording, stretch: Recording, tick: int, waves: int
+) -> dict[str, int]:
     """Return how many messages of each part belong to the ticks up to `tick`.
 
     Every part's messages of one tick come before those of the next, so each keeps a
     beginning of its running numbers.
 
     Args:
-        recording: Of a run.
+        recording: A file of a run.
+        stretch: Of it: nothing may be missing from where this begins.
         tick: One of its whole ticks.
         waves: The waves started by then.
 
@@ -258,17 +291,17 @@ def _counts(recording: Recording, tick: int, waves: int) -> dict[str, int]:
     if (share := recording.share) is None:
         rule = "must say what numbers it begins with"
         raise RecordingError(f"{recording.path}: {rule}, was cut before")
-    counts, kept = dict(share), Sequences(share)
+    counts, kept = dict(share), recording.blank_sequences()
     for recorded in recording.messages():
-        message = recorded.message
-        sender = message.sender
+        sender = recorded.message.sender
         kept.receive(sender, recorded.sequence)
-        dated = isinstance(message, _DATED) and message.wave <= waves
-        if dated or (isinstance(message, wire.Observation) and message.tick <= tick):
+        if _belongs(recorded.message, tick, waves):
             counts[sender] = max(counts.get(sender, 0), recorded.sequence + 1)
+    if stretch is not recording:
+        kept = stretch.sequences()
     gaps = kept.gaps(_begun_after(recording))
     for sender, ranges in gaps.items():
-        if recording.begins and ranges[0][0] == share.get(sender, 0):
+        if stretch.begins and ranges[0][0] == kept.first.get(sender, 0):
             # That may be from before the file. Its numbers are not given again, so that
             # they stay missing.
             counts[sender] = max(counts.get(sender, 0), ranges.pop(0)[1])
@@ -282,6 +315,13 @@ def _counts(recording: Recording, tick: int, waves: int) -> dict[str, int]:
             f"{recording.path}: must be whole up to tick {tick}, lacks {lacking}"
         )
     return counts
+
+
+def _belongs(message: wire.Message, tick: int, waves: int) -> bool:
+    """Tell whether a message shows that it is of a tick, or of one before."""
+    if isinstance(message, wire.Observation):
+        return message.tick <= tick
+    return isinstance(message, _DATED) and message.wave <= waves
 
 
 def _begun_after(recording: Recording) -> dict[str, int]:
@@ -310,10 +350,11 @@ def restore(past: Past, ticks: int) -> Coordinator:
         past: From `look_back`.
         ticks: How many ticks the run is to have in all; more than there are.
     """
-    recording = Recording.open(Path(past.log))
+    several = stretches(Recording.open(Path(past.log)))
+    stretch = [one for one in several if one.begins <= past.tick][-1]
     # All from there on was derived when it was looked back.
-    before = max(past.tick - 1, recording.begins)
-    replay = Replay(recording, start_of(recording, before))
+    before = max(past.tick - 1, stretch.begins)
+    replay = Replay(stretch, start_of(stretch, before))
     for _ in _ticks(replay, past.tick):
         pass
     replay.core.go_on(ticks)

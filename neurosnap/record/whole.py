@@ -7,7 +7,7 @@ with a key-frame and is a recording by itself.
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
@@ -51,34 +51,47 @@ def open_whole(log: Path) -> Recording:
             deleted. A later one stands for itself.
 
     Raises:
-        RecordingError: A file cannot be read, or is damaged.
+        RecordingError: No file can be read, or is a recording of ours; or they are not
+            of one run.
     """
     paths = part_paths(log)
-    if 0 in paths:
-        first = Recording.open(log)
-        if first.part != 0 or len(paths) == 1:
-            return first
-        return Whole([first, *map(Recording.open, list(paths.values())[1:])])
-    if not paths:
+    parts: list[Recording] = []
+    unread: list[RecordingError] = []
+    for path in paths.values():
+        try:
+            part = Recording.open(path)
+        except RecordingError as error:
+            unread.append(error)
+            continue
+        if path == log and (part.part != 0 or len(paths) == 1):
+            return part
+        parts.append(part)
+    if unread and not parts:
+        raise unread[0]
+    if not parts:
         return Recording.open(log)  # which says why not
-    return Whole([Recording.open(path) for path in paths.values()])
+    return Whole(parts, tuple(map(str, unread)))
 
 
 class Whole(Recording):
     """Several files of one run, in order.
 
     Args:
-        parts: Two or more of them, or one that is not the first of its run.
+        parts: Two or more of them, or one that is not the only one of its run.
+        unread: Why others cannot be read.
 
     Raises:
         RecordingError: They are not of one run.
     """
 
-    def __init__(self, parts: Sequence[Recording]) -> None:
+    def __init__(
+        self, parts: Sequence[Recording], unread: tuple[str, ...] = ()
+    ) -> None:
         # What is written of the run is the same in all, but that the last one knows
         # best how often it was taken up again.
         super().__init__(parts[0].path, parts[-1].layout)
         self.parts = tuple(parts)
+        self._unread = unread
         for part in parts:
             options = part.metadata.get("options")
             if part.part is None or options != self.metadata.get("options"):
@@ -104,6 +117,32 @@ class Whole(Recording):
     def cut(self) -> Cut | None:
         """Where the first was cut that has no end."""
         return next((part.cut for part in self.parts if part.cut is not None), None)
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """What is known to be missing of them; see `Recording.damage`.
+
+        A file that another one follows and that has no end lacks it.
+        """
+        lines = [*self._unread]
+        lines += chain.from_iterable(part.damage for part in self.parts)
+        for before, after in pairwise(self.parts):
+            if (cut := before.cut) is not None:
+                place = f"byte {cut.offset} of {cut.size}"
+                lines.append(f"{before.path}: cut short at {place}")
+            if after.part != (before.part or 0) + 1:
+                lines.append(f"{after.path}: the file before it is missing")
+        return tuple(lines)
+
+    @property
+    def whole(self) -> bool:
+        """All of them are whole, and nothing is missing in between."""
+        return all(part.whole for part in self.parts) and super().whole
+
+    def demand_facts(self) -> None:
+        """Refuse it, unless one of the files says for sure what the run is."""
+        for part in self.parts:
+            part.demand_facts()
 
     @property
     def snapshot(self) -> bytes | None:

@@ -28,7 +28,9 @@ from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.fabric.place import Place
 from neurosnap.record import schemas
 from neurosnap.record.disk import sync_folder
+from neurosnap.record.facts import sealed_facts
 from neurosnap.record.layout import (
+    GAP,
     LIMIT,
     PLACES,
     PROFILE,
@@ -86,6 +88,7 @@ class Writer:
         self.foreign = 0
         self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
         self._started = False
+        self._again: dict[str, str] = {}  # of the run, still to be written once more
         self._stream = os.fdopen(_create(self.path), "wb")
         self._open = True
         # The checksum of the whole data section is the only one that covers metadata,
@@ -136,8 +139,9 @@ class Writer:
         self._demand(self._open and not self._started, "must be started once")
         facts = {**_plain(metadata), "schema": str(wire.SCHEMA)}
         self._started = True
+        self._again = facts
         try:
-            self._mcap.add_metadata(RUN, facts)
+            self._mcap.add_metadata(RUN, sealed_facts(RUN, facts))
             self._stream.flush()
         except OSError as error:
             raise self._failed(error) from error
@@ -237,12 +241,20 @@ class Writer:
         """
         self._note(PLACES, {who: place.text for who, place in places.items()})
 
+    def note_gap(self, why: str) -> None:
+        """Write down that messages are missing here, in what is copied.
+
+        Raises:
+            RecordingError: The recording is not open, or cannot be written.
+        """
+        self._note(GAP, {"why": why})
+
     def _note(self, name: str, facts: Mapping[str, str]) -> None:
         """Write metadata behind what has come so far."""
         self._demand(self._started and self._open, "must be started and open")
         try:
             self._mcap.flush()
-            self._mcap.add_metadata(name, dict(facts))
+            self._mcap.add_metadata(name, sealed_facts(name, facts))
             self._stream.flush()
         except OSError as error:
             raise self._failed(error) from error
@@ -259,8 +271,19 @@ class Writer:
         self._demand(self._open, "must be open")
         try:
             self._mcap.flush()
+            self._write_again()
         except OSError as error:
             raise self._failed(error) from error
+
+    def _write_again(self) -> None:
+        """Write what the run is behind the first chunk, too.
+
+        Nothing can be derived without it, and the start of a file may be damaged.
+        """
+        if self._again and self.sequences.messages:
+            self._mcap.add_metadata(RUN, sealed_facts(RUN, self._again))
+            self._stream.flush()
+            self._again = {}
 
     def finish(
         self, totals: Mapping[str, str], expected: Mapping[str, int]
@@ -312,12 +335,13 @@ class Writer:
         }
         try:
             self._mcap.flush()
+            self._write_again()
             if self._keyframe is not None:
                 frame, sent, log_time = self._keyframe
                 self._mcap.add_attachment(
                     sent, log_time, SNAPSHOT, "application/octet-stream", frame.snapshot
                 )
-            self._mcap.add_metadata(TOTALS, facts)
+            self._mcap.add_metadata(TOTALS, sealed_facts(TOTALS, facts))
             self._mcap.finish()
             self._stream.flush()
         except OSError as error:

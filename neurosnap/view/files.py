@@ -33,15 +33,14 @@ class File:
         return self.seen.layout.chunks
 
     @property
-    def cut(self) -> str | None:
-        """Where and why it ends before its end; None: it does not."""
-        if self.seen.trouble is not None:
-            return self.seen.trouble
-        cut = self.recording.cut
+    def cuts(self) -> tuple[str, ...]:
+        """What in it cannot be read, and where it ends before its end."""
+        damage, cut = self.recording.damage, self.recording.cut
         if cut is None:
-            return None
+            return damage
         place = f"at byte {cut.offset} of {cut.size}"
-        return f"{self.path}: cut short after {cut.chunks} whole chunks, {place}"
+        said = f"{self.path}: cut short after {cut.chunks} whole chunks, {place}"
+        return (*damage, said)
 
 
 class Files:
@@ -151,13 +150,13 @@ class Files:
 
     @property
     def troubled(self) -> bool:
-        """One of them cannot be read beyond some place, whatever is added to it."""
-        return any(file.seen.trouble is not None for file in self._files)
+        """One of them is damaged, whatever is added to it."""
+        return any(file.recording.damage for file in self._files)
 
     @property
     def cuts(self) -> list[str]:
-        """Where and why files end before their end."""
-        return [file.cut for file in self._files if file.cut is not None]
+        """What in them cannot be read, and where they end before their end."""
+        return [line for file in self._files for line in file.cuts]
 
 
 def identity(path: Path) -> tuple[int, int]:

@@ -16,8 +16,8 @@ from mcap.records import Channel
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
+from neurosnap.record.channels import channels_in
 from neurosnap.record.chunks import unpack
-from neurosnap.record.glance import sealed
 from neurosnap.record.layout import Chunk, damaged, opened
 from neurosnap.view.files import File, Files
 from neurosnap.view.sieve import Sieve, sieve
@@ -253,23 +253,20 @@ class Reel:
         return Strip(found, topics, place)
 
     def _topics_of(self, file: File) -> dict[int, str]:
-        """Return for each channel of a file its topic.
-
-        The summary says it, and so does the first chunk: the writer registers all of
-        them before the first message.
-        """
+        """Return for each channel of a file its topic; see `Layout.channels`."""
         if file not in self._topics:
-            said = file.seen.layout.channels.values()
+            said = file.seen.layout.channels
             if not said and file.chunks:
-                said = _unpacked(file, file.chunks[0]).registered.values()
-            self._topics[file] = _named(said)
+                with opened(file.path) as stream:
+                    said = channels_in(file.path, stream, file.chunks)
+            self._topics[file] = _named(said.values())
         return self._topics[file]
 
 
 def _unpacked(file: File, chunk: Chunk) -> Sieve:
     """Return the messages of a chunk, verified."""
     with opened(file.path) as stream:
-        data = unpack(file.path, stream, sealed(file.path, stream, chunk))
+        data = unpack(file.path, stream, chunk)
     try:
         return sieve(data)
     except ValueError as error:

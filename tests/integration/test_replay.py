@@ -17,11 +17,12 @@ from neurosnap.depth import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.memory import MemoryFabric, MemoryHub
 from neurosnap.poc.snapshot import Snapshot
-from neurosnap.record.history import last_tick, snapshot_at
+from neurosnap.record.history import snapshot_at
 from neurosnap.record.past import Past
 from neurosnap.record.reader import Recorded, Recording
 from neurosnap.record.replay import Verdict, verify
 from neurosnap.record.resume import look_back
+from neurosnap.record.stretches import last_tick
 from neurosnap.record.writer import Writer
 from neurosnap.sensorium import pack, unpack
 from neurosnap.source import open_source

@@ -312,14 +312,14 @@ def test_what_is_of_other_sensors_is_an_error(log: Path, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("topics", [("observe",), ("observe", "state", "decide")])
-def test_no_order_is_drawn_behind_a_missing_observation(
+def test_behind_a_missing_observation_no_order_is_drawn_up_to_the_next_key_frame(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(drawable, "_EVERY", 0)
     path = tmp_path / "drawn.mcap"
     lacking = without(log, tmp_path / "log.mcap", 9, topics)
     write_drawable(path, Recording.open(lacking))
-    assert len(said(path, "/graph/state")) == 1 + 8
+    assert len(said(path, "/graph/state")) == 1 + 8 + (TICKS - 10)
     errors = [line["message"] for _, line in said(path, "/log") if line["level"] == 4]
     assert len(errors) == 1
     assert errors[0].startswith("the observation of tick 9 is missing")

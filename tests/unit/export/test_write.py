@@ -21,9 +21,10 @@ from neurosnap.csv_source import CsvSource
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.export.write import Form, export, parse_form
 from neurosnap.record import parts
-from neurosnap.record.history import last_tick, snapshot_at
+from neurosnap.record.history import snapshot_at
 from neurosnap.record.reader import Recording
 from neurosnap.record.replay import options_of
+from neurosnap.record.stretches import last_tick
 from neurosnap.record.whole import part_paths
 from neurosnap.record.writer import Writer
 from tests.unit.export.runs import NAMES, TICKS, recorded, rows

@@ -202,9 +202,10 @@ def test_an_index_of_a_channel_that_is_not_there_is_damage(
 ) -> None:
     record(path, traffic(50))
     records = fuzz_bytes.records(path.read_bytes()[len(MAGIC) : -len(MAGIC)])
-    at = [kind for kind, _ in records].index(Opcode.MESSAGE_INDEX)
-    index = channel.to_bytes(2, "little") + records[at][1][2:]
-    records[at] = Opcode.MESSAGE_INDEX, index
+    at = [kind for kind, _ in records].index(Opcode.CHUNK_INDEX)
+    index, before = records[at][1], 36  # where the channels of a chunk start
+    forged = index[:before] + channel.to_bytes(2, "little") + index[before + 2 :]
+    records[at] = Opcode.CHUNK_INDEX, forged
     path.write_bytes(fuzz_bytes.resealed(records))
     recording = Recording.open(path)
     assert recording.layout.sealed

@@ -653,7 +653,11 @@ def test_a_file_that_is_missing_between_is_noticed(
     paths[3].unlink()
     verdict = verify(paths[0])
     assert not verdict.complete
-    assert not verdict.same
+    assert verdict.same
+    lost = (3 * EVERY + 1, 4 * EVERY)
+    assert verdict.missing == (lost,)
+    assert verdict.ranges == ((1, lost[0] - 1), (lost[1] + 1, TICKS))
+    assert "log_0004.mcap: the file before it is missing" in verdict.damage[0]
 
 
 @pytest.mark.usefixtures("small")

@@ -176,7 +176,7 @@ def test_a_file_that_is_another_meanwhile_is_an_error(path: Path) -> None:
     record(path, delivered(EACH.values()))
     recording = Recording.open(path)
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(RecordingError, match="chunk 1 must unpack to"):
+    with pytest.raises(RecordingError, match="chunk 1 must start at"):
         next(recording.messages())
     with pytest.raises(RecordingError, match="must still be what was opened, got"):
         assert recording.snapshot is None
