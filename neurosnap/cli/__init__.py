@@ -8,6 +8,7 @@ from neurosnap.cli import run as run  # isort: skip
 from neurosnap.cli import replay as replay  # isort: skip
 from neurosnap.cli import measure as measure  # isort: skip
 from neurosnap.cli import look as look  # isort: skip
+from neurosnap.cli import salvage as salvage  # isort: skip
 from neurosnap.cli import export as export  # isort: skip
 from neurosnap.cli import parts as parts  # isort: skip
 from neurosnap.cli import coordinate as coordinate  # isort: skip
