@@ -19,7 +19,6 @@ from tools.bench_report import Line, Sizes
 from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
 
 _SPEED = 60
-_LARGE = 500  # sensors: too many to be drawn each by itself, unless that is asked for
 _WARM = 10  # ticks learned before the clock starts: the first orders are large
 _PLAY = """async (speed) => {
     const { page } = await import("/main.js");
@@ -59,17 +58,17 @@ def page(sizes: Sizes) -> list[Line]:
     """
     if chromium() is None:
         raise FileNotFoundError(NO_BROWSER)
-    small = sizes.sensors[0]
+    small, large = sizes.sensors[0], sizes.crowd
     with tempfile.TemporaryDirectory() as folder:
         few, many = (
             asyncio.run(_recorded(Path(folder), sensors, sizes.ticks))
-            for sensors in (small, _LARGE)
+            for sensors in (small, large)
         )
         return [
             _line(f"{small} sensors", asyncio.run(_played(few))),
-            _line(f"{_LARGE} sensors, collapsed", asyncio.run(_played(many))),
+            _line(f"{large} sensors, collapsed", asyncio.run(_played(many))),
             _line(
-                f"{_LARGE} sensors, each drawn",
+                f"{large} sensors, each drawn",
                 asyncio.run(_played(many, expanded=True)),
             ),
         ]

@@ -32,6 +32,8 @@ class Sizes:
     """Ticks of a run."""
     sensors: tuple[int, ...] = (145, 1000)
     """Sensors of the observe row."""
+    crowd: int = 500
+    """Sensors of the page row: more than it draws each by itself unless asked to."""
     batches: int = 9
     """Times that a batch of observations is timed."""
 
@@ -44,6 +46,7 @@ QUICK = Sizes(
     pairs=1,
     ticks=20,
     sensors=(20, 40),
+    crowd=170,
     batches=2,
 )
 """Enough to see that each row works; what is measured means nothing."""

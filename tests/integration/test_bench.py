@@ -8,11 +8,21 @@ import pytest
 
 from tools import bench
 from tools.bench_report import Line
+from tools.browser import NO_BROWSER, chromium
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow, pytest.mark.zenoh]
 
 
-@pytest.mark.parametrize("row", [name for name in bench.ROWS if name != "page"])
+needs_browser = pytest.mark.skipif(chromium() is None, reason=NO_BROWSER)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param(name, marks=needs_browser if name == "page" else ())
+        for name in bench.ROWS
+    ],
+)
 def test_a_row_runs(row: str, capsys: pytest.CaptureFixture[str]) -> None:
     bench.main(["--quick", "--only", row, "--json"])
     report = json.loads(capsys.readouterr().out.splitlines()[-1])

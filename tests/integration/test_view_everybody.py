@@ -9,8 +9,6 @@ import pytest
 
 from tests.unit.view.films import TICKS
 from tests.unit.view.pages import IN_BROWSER, opened
-from tools import bench_page
-from tools.bench_report import QUICK
 from tools.browser import SIZE, Scheme, wait_shown
 from tools.screenshots import shoot
 
@@ -73,11 +71,3 @@ async def test_the_pictures_of_the_readme_can_be_taken(
         "view-time.png",
     ]
     assert len({path.read_bytes() for path in taken}) == 3
-
-
-@pytest.mark.bench
-def test_the_row_of_the_benchmarks_runs() -> None:
-    lines = bench_page.page(QUICK)
-    assert len(lines) == 3
-    for line in lines:
-        assert all(figure > 0 for figure in line.figures.values())

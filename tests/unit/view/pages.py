@@ -19,14 +19,14 @@ from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
 IN_BROWSER = [
     pytest.mark.slow,
     pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
-    # One browser for all, and so one loop; each test has pages of its own.
+    # One browser a module, and so one loop; each test has pages of its own.
     pytest.mark.asyncio(loop_scope="session"),
     pytest.mark.usefixtures("browser"),
 ]
 """What marks the tests of the page."""
 
 shared: list[Browser] = []
-"""The browser of the session, while there is one."""
+"""The browser of the module, while there is one."""
 
 
 @asynccontextmanager
