@@ -45,7 +45,11 @@ class Fed:
         self.process.stdin.flush()
 
     def wait_for(self, tick: int) -> None:
-        until(lambda: len(recorded(self.log)) >= tick)
+        def is_there() -> bool:
+            assert self.process.poll() is None, self.end()
+            return len(recorded(self.log)) >= tick
+
+        until(is_there)
 
     def kill(self, who: str) -> None:
         part(self.process.pid, who).send_signal(signal.SIGKILL)
