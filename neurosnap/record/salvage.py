@@ -55,7 +55,11 @@ def salvage(log: Path, out: Path) -> Salvaged:
         try:
             writer.start(_facts(recording))
             _begin(writer, parts[0])
-            _copy(writer, parts)
+            lost = _copy(writer, parts)
+            if isinstance(recording, Whole):
+                lost = "; ".join((lost, *recording.unread)).strip("; ")
+            if lost:
+                writer.note_gap(lost)
             noted = recording.noted()
             totals = recording.totals or {}
             kept = {k: v for k, v in totals.items() if k not in _BALANCE}
@@ -77,14 +81,13 @@ def _begin(writer: Writer, first: Recording) -> None:
         writer.note_share()
 
 
-def _copy(writer: Writer, parts: Sequence[Recording]) -> None:
-    """Write the messages of all files, and where some are missing."""
+def _copy(writer: Writer, parts: Sequence[Recording]) -> str:
+    """Write the messages of all files; return why some are missing behind the last."""
     lost = ""
     for part, after in zip_longest(parts, parts[1:]):
         copy_into(writer, part, lost=lost)
         lost = lost_behind(part, after)
-    if lost:
-        writer.note_gap(lost)
+    return lost
 
 
 def _lost(recording: Recording) -> tuple[str, ...]:

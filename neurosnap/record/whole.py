@@ -91,7 +91,7 @@ class Whole(Recording):
         # best how often it was taken up again.
         super().__init__(parts[0].path, parts[-1].layout)
         self.parts = tuple(parts)
-        self._unread = unread
+        self.unread = unread
         for part in parts:
             options = part.metadata.get("options")
             if part.part is None or options != self.metadata.get("options"):
@@ -124,7 +124,7 @@ class Whole(Recording):
 
         A file that another one follows and that has no end lacks it.
         """
-        lines = [*self._unread]
+        lines = [*self.unread]
         lines += chain.from_iterable(part.damage for part in self.parts)
         for before, after in pairwise(self.parts):
             if (cut := before.cut) is not None:

@@ -51,6 +51,7 @@ _LARGEST_CHUNK = LIMIT // 4
 _LARGEST_PAYLOAD = LIMIT // 2
 """A chunk is closed once it is full, so it holds at most one payload beyond its size;
 both together stay well below what the reader takes."""
+_APART = 1 << 13  # bytes; no block of a disk has the start and what is behind it
 _SEQUENCES = 1 << 32
 _TIMES = 1 << 64
 
@@ -271,16 +272,17 @@ class Writer:
         self._demand(self._open, "must be open")
         try:
             self._mcap.flush()
-            self._write_again()
+            if self.size > _APART:
+                self._write_again()
         except OSError as error:
             raise self._failed(error) from error
 
     def _write_again(self) -> None:
-        """Write what the run is behind the first chunk, too.
+        """Write what the run is once more, unless that is done.
 
         Nothing can be derived without it, and the start of a file may be damaged.
         """
-        if self._again and self.sequences.messages:
+        if self._again:
             self._mcap.add_metadata(RUN, sealed_facts(RUN, self._again))
             self._stream.flush()
             self._again = {}

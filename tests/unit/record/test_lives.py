@@ -186,13 +186,16 @@ def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     assert last >= 2
     middle = part_paths(log)[last - 1]
     middle.write_bytes(b"no recording" * 9)
-    newest = part_paths(log)[last].read_bytes()
     lives = Lives(log)
     # The walker's actions are in all files, so the run begins anew; nothing is lost.
-    before = {path.read_bytes() for path in part_paths(log).values()}
+    # A newest file may hold nothing but the end of the run, and no tick.
+    before = {
+        path.read_bytes()
+        for path in part_paths(log).values()
+        if path == middle or any(Recording.open(path).messages(("observe",)))
+    }
     past = gone_on(lives, options)
-    assert {path.read_bytes() for path in log.parent.iterdir()} == before
-    assert newest in before
+    assert {path.read_bytes() for path in log.parent.iterdir()} >= before
     assert past is None or past.part <= last
 
 

@@ -335,3 +335,14 @@ def test_files_of_a_run_are_salvaged_into_one(
     true, found = (list(Recording.open(log).messages()) for log in (whole, good))
     assert len(true) == len(found)
     assert options_of(open_whole(good)) == options_of(open_whole(whole))
+
+
+@pytest.mark.parametrize("number", [0, -1])
+def test_what_is_salvaged_without_its_first_or_last_file_is_not_whole(
+    split: Path, tmp_path: Path, number: int
+) -> None:
+    list(part_paths(split).values())[number].write_bytes(b"no recording")
+    good = tmp_path / "good.mcap"
+    salvage(split, good)
+    assert not Recording.open(good).whole
+    assert "must be an MCAP recording" in Recording.open(good).damage[0]
