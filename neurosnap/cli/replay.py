@@ -28,7 +28,7 @@ from neurosnap.cli.shared import (
     screen,
     was_given,
 )
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.swarm.network import Network
 
 _ONLY_WITH = {"begin": "verify", "ticks": "resume", "out": "resume"}
@@ -140,6 +140,10 @@ def _verify(log: Path, begin: int, as_json: bool) -> None:
     from neurosnap.record.replay import verify
 
     verdict = verify(log, begin)
+    if verdict.same and not verdict.ticks:
+        behind = f" behind tick {verdict.start}" if verdict.start else ""
+        rule = f"must hold a whole tick{behind} to be verified"
+        raise RecordingError(f"{log}: {rule}, got none")
     show.verdict(say(as_json), verdict)
     if as_json:
         print_json(msgspec.structs.asdict(verdict))
