@@ -200,7 +200,7 @@ def test_without_matplotlib_the_extra_is_named(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     model = find("simple")
-    with pytest.raises(NeurosnapError, match=r"^picture: .*neurosnap\[plot\]"):
+    with pytest.raises(NeurosnapError, match=r"^picture: .*neurosnap-uma\[plot\]"):
         draw_model(model, measure(model), tmp_path / "picture.png")
     assert not list(tmp_path.iterdir())
 

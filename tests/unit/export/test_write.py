@@ -264,7 +264,7 @@ def test_a_damaged_recording_is_exported_without_what_is_damaged(
 ) -> None:
     data = bytearray(cut(log, tmp_path / "cut.mcap").read_bytes())
     layout = Recording.open(tmp_path / "cut.mcap").layout
-    data[layout.chunks[-1].offset + 5] ^= 1
+    data[layout.chunks[len(layout.chunks) // 2].offset + 5] ^= 1
     (tmp_path / "cut.mcap").write_bytes(data)
     done = export(tmp_path / "cut.mcap", form)
     assert not done.whole
