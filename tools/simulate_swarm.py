@@ -121,8 +121,9 @@ class Life:
             self._tally.deaf += deaf
             source.close()
             self._recorder.close()
-        # What was lost in another life stays missing.
-        if completeness.missing and not self._tally.deaf:
+        # What was lost in another life stays missing, and so does what a flipped bit
+        # took of the recording that this one went on from.
+        if completeness.missing and not (self._tally.deaf or self._tally.flips):
             raise WrongError(f"recording: must be whole, lacks {completeness.missing}")
         return completeness, {who: end.sent for who, end in self._ends.items()}
 
