@@ -47,7 +47,7 @@ async def started() -> AsyncIterator[Browser]:
         raise FileNotFoundError(NO_BROWSER)
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(
-            executable_path=chromium(), args=_ARGUMENTS
+            executable_path=chromium(), args=_ARGUMENTS, timeout=_PATIENCE * 1000
         )
         try:
             yield browser
