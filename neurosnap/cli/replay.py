@@ -206,7 +206,10 @@ def _play(
     network.check()
     recording = open_whole(log)
     where = f"{network.listen} under neurosnap/{shown(recording.swarm)}/**"
-    screen.print(f"playing on {where}", markup=False)
+
+    def on_begin() -> None:
+        screen.print(f"playing on {where}", markup=False)
+
     with show.progress(screen, "tick", None) as on_progress:
         played = run_async(
             lambda stop: play_on(
@@ -216,6 +219,7 @@ def _play(
                 rate=rate,
                 start=start,
                 step=_asking(stop) if step else None,
+                on_begin=on_begin,
                 on_progress=on_progress,
                 credentials=network.credentials("hub"),
                 insecure=network.insecure,

@@ -4,6 +4,7 @@ Without credentials it stays on this machine; with them every link is mutual TLS
 passes on only what `neurosnap.fabric.access` allows.
 """
 
+import re
 from collections.abc import Sequence
 
 import zenoh
@@ -14,6 +15,7 @@ from neurosnap.fabric.credentials import Credentials
 from neurosnap.fabric.endpoint import check_endpoint
 from neurosnap.fabric.session import configuration
 
+_SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
 _SPARE = 100  # sessions beside those expected: whoever looks on, or comes back
 
 
@@ -55,6 +57,6 @@ def open_hub(
             )
         )
     except zenoh.ZError as error:
-        raise FabricError(
-            f"hub: must be able to listen on {', '.join(endpoints)}, got {error}"
-        ) from error
+        rule = f"must be able to listen on {', '.join(endpoints)}"
+        got = _SOURCE.sub("", str(error))
+        raise FabricError(f"hub: {rule}, got {got}") from error

@@ -43,6 +43,7 @@ async def play_on(
     rate: float = 1.0,
     start: int = 1,
     step: Callable[[int], Awaitable[bool]] | None = None,
+    on_begin: Callable[[], None] = lambda: None,
     on_progress: Callable[[int], None] = lambda _: None,
     credentials: Credentials | None = None,
     insecure: bool = False,
@@ -74,6 +75,7 @@ async def play_on(
                 rate=rate,
                 start=start,
                 step=step,
+                on_begin=on_begin,
                 on_progress=on_progress,
             )
     finally:
@@ -88,6 +90,7 @@ async def play(
     rate: float = 1.0,
     start: int = 1,
     step: Callable[[int], Awaitable[bool]] | None = None,
+    on_begin: Callable[[], None] = lambda: None,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> Played:
     """Publish what was recorded, from tick `start` to the end or until `stop`.
@@ -102,6 +105,7 @@ async def play(
         rate: How many times as fast as it was; ignored with `step`.
         start: The first tick.
         step: Awaited before each tick with its number; false ends it.
+        on_begin: Called once before the first message, when nothing is wrong.
         on_progress: Told each tick.
 
     Raises:
@@ -113,6 +117,7 @@ async def play(
     last = last_tick(recording)
     if not 1 <= start <= max(last, 1):
         raise InvalidValueError("start", f"must be in [1, {last}]", start)
+    on_begin()
     played, began = Played(), time.perf_counter()
     if start > 1:
         snapshot = learned_by(recording, start - 1)

@@ -222,7 +222,8 @@ class Supervisor:
             self.blame(PartDiedError(f"{who}: {rule}, ended with {how}"))
         else:
             kind = PartDiedError if reason.died else SwarmError
-            self.blame(kind(f"{who}: {reason.what}"))
+            what = reason.what.removeprefix(f"{who}: ")
+            self.blame(kind(f"{who}: {what}"))
 
     def blame(self, error: Exception) -> None:
         """Let the first error be the run's, but for a death.
