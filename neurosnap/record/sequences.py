@@ -43,12 +43,15 @@ def added_up(balances: Iterable[Completeness]) -> Completeness:
     """Return what several files of one run hold together."""
     messages = duplicates = foreign = 0
     missing: Counter[str] = Counter()
+    vanished: list[str] = []
     for balance in balances:
         messages += balance.messages
         duplicates += balance.duplicates
         foreign += balance.foreign
         missing.update(balance.missing)
-    return Completeness(messages, dict(sorted(missing.items())), duplicates, foreign)
+        vanished += balance.vanished
+    lost = dict(sorted(missing.items()))
+    return Completeness(messages, lost, duplicates, foreign, tuple(vanished))
 
 
 def _start(gap: tuple[int, int]) -> int:

@@ -3,7 +3,7 @@ import random
 import msgspec
 import pytest
 
-from neurosnap.record.sequences import Completeness, Sequences
+from neurosnap.record.sequences import Completeness, Sequences, added_up
 
 
 def test_in_order_nothing_is_missing() -> None:
@@ -110,3 +110,9 @@ def test_a_share_may_begin_with_what_comes_first() -> None:
     assert sequences.gaps() == {"cell/0": [(21, 22)], "world": [(7, 8)]}
     assert sequences.first == {"world": 7, "cell/0": 20}
     assert sequences.messages == 3
+
+
+def test_files_that_vanished_are_added_up_too() -> None:
+    both = added_up([Completeness(1, vanished=("a.mcap",)), Completeness(2)])
+    assert both == Completeness(3, vanished=("a.mcap",))
+    assert not both.whole
