@@ -31,10 +31,9 @@ def hub(
         typer.Option(
             metavar="ENDPOINT",
             rich_help_panel=NETWORK,
-            help="Where the hub listens. For other machines, such as"
-            " tls/0.0.0.0:7447 with --tls. Give it several times, and a flood of"
-            " connections to one endpoint leaves the others free."
-            " \\[default: tcp/127.0.0.1:7447]",
+            help="Where the hub listens; tcp/127.0.0.1:7447 if not given. For other"
+            " machines, such as tls/0.0.0.0:7447 with --tls. Give it several times, and"
+            " a flood of connections to one endpoint leaves the others free.",
         ),
     ] = None,
     tls: Tls = "",

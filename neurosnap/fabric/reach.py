@@ -5,6 +5,7 @@ short one, on a thread that is left alone when it is not waited for any longer.
 """
 
 import asyncio
+import atexit
 import contextlib
 import logging
 import threading
@@ -20,6 +21,7 @@ _log = logging.getLogger(__name__)
 
 _SAID_AFTER = 2.0  # seconds
 _PAUSE = 0.2  # seconds between two tries
+_LAST = 5.0  # seconds that the program's end may wait for a try that was left alone
 _LOOK = 1.0  # seconds that a look at whether anybody listens may take
 
 
@@ -77,7 +79,8 @@ class _Attempt:
         self._loop = asyncio.get_running_loop()
         self._left = False
         self._lock = threading.Lock()
-        threading.Thread(target=self._open, name="reach", daemon=True).start()
+        self._thread = threading.Thread(target=self._open, name="reach", daemon=True)
+        self._thread.start()
 
     def _open(self) -> None:
         try:
@@ -94,6 +97,10 @@ class _Attempt:
 
     def leave(self) -> zenoh.Session | None:
         """Return the session if there is one; one that comes later is closed."""
+        if self._thread.is_alive():
+            # Python kills a thread that comes back from C once the interpreter ends,
+            # and that aborts the program.
+            atexit.register(self._thread.join, _LAST)
         with self._lock:
             self._left = True
             return self._session

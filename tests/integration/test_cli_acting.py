@@ -68,7 +68,7 @@ def test_every_agent_runs_and_its_recording_verifies(
             "target: must be the number of a place for an excited agent",
         ),
         (("--agent", "excited", "--target", 5), "target: must be a place in 0..4"),
-        (("--target", "below_1"), "target: must go with a planner only"),
+        (("--target", "below_1"), "target: must go with a planner or an excited"),
         (
             ("--agent", "excited", "--explore", 1.5),
             "explore: must be in [0, 1], got 1.5",
