@@ -153,8 +153,11 @@ class OutsideSource:
         Raises:
             NeurosnapError: As `step`.
         """
-        if self.journal is None:
-            self._shown, self._fresh = None, True
+        with self._condition:
+            if self.journal is None:
+                self._fresh = True
+                if not self._waiting:  # else the last of these is the last row
+                    self._shown = None
         return self._tick()
 
     def step(self, action: int) -> Bits | None:

@@ -465,6 +465,15 @@ def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
     assert source.statistics().dropped == 0
 
 
+def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
+    source = OutsideSource(Board(NAMES), OnChange())
+    source.give([True, False])
+    assert source.first() is not None
+    source.end()
+    assert source.step(-1) is None
+    source.close()
+
+
 def test_who_waits_for_room_is_let_go() -> None:
     lock = Told()
     source = OutsideSource(Board(NAMES), OnChange(), condition=lock)
