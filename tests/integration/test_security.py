@@ -523,12 +523,14 @@ async def test_a_watcher_sees_all_and_says_nothing(keys: Path) -> None:
             hub.end("recorder") as recorder,
             hub.end("cell/0") as cell,
         ):
-            seen = Seen()
+            seen, also_seen = Seen(), Seen()
             await watcher.subscribe(("**",), heard)
             await recorder.subscribe(("**",), others)
             await watcher.watch(seen)
+            await recorder.watch(also_seen)  # asked for behind its subscription
             await cell.announce()
             await seen.wait("cell/0", True)
+            await also_seen.wait("cell/0", True)
             sly.publish(wire.Leave("cell/0"), wire.Fault("watcher", ""))
             cell.publish(PULSE, last)
             assert await heard.wait(last) == [PULSE, last]
