@@ -104,6 +104,8 @@ def outcome_facts(
         "stopped": outcome.stopped,
         "complete": outcome.complete,
         "kept": outcome.kept,
+        "journal": outcome.journal,
+        "waiting": outcome.waiting,
         "lost": outcome.lost,
         "implications": outcome.implications,
     }
@@ -213,6 +215,9 @@ def outcome(
         kept = f"{outcome_.waiting} readings came in and had no tick; they are kept in"
         then = "and are taken in when the run is resumed"
         console.print(f"{kept} {escape(outcome_.journal)} {then}", soft_wrap=True)
+    elif outcome_.journal:
+        kept = "the readings that the recording may lack are kept in"
+        console.print(f"{kept} {escape(outcome_.journal)}", soft_wrap=True)
     balance = outcome_.completeness
     if balance is not None and balance.missing:
         lost = [f"{count} of {who}" for who, count in balance.missing.items()]

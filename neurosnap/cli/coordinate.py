@@ -148,7 +148,7 @@ def coordinate(
         if as_json:
             facts = show.outcome_facts(options, outcome, None)
             # The recording, and whether it is whole, is the recorder's to say.
-            its = ("log", "complete", "kept")
+            its = ("log", "complete", "kept", "journal", "waiting")
             kept = {k: v for k, v in facts.items() if k not in its}
             told = {} if past is None else {"resumed_at": past.tick}
             print_json({"swarm": swarm, **kept, **told})

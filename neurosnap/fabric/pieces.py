@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from neurosnap import wire
+from neurosnap.errors import FabricError
 
 if TYPE_CHECKING:
     import zenoh
@@ -22,6 +23,7 @@ MOST = 1 << 27
 
 _PIECED = "keyframe"
 _PIECE = LARGEST // 2
+_WHOLE = LARGEST - (1 << 16)  # bytes of a payload; its key goes beside it
 _MANY = MOST // _PIECE
 
 _BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
@@ -36,9 +38,16 @@ class Put(NamedTuple):
 
 
 def pieces(delivery: wire.Delivery) -> Iterator[Put]:
-    """Yield what a message is put as."""
-    _, number, sent, payload = delivery
-    if len(payload) <= _PIECE:
+    """Yield what a message is put as.
+
+    Raises:
+        FabricError: No session would take it in.
+    """
+    key, number, sent, payload = delivery
+    if key != _PIECED or len(payload) <= _PIECE:
+        if len(payload) > _WHOLE:
+            rule = f"must have at most {_WHOLE:,} bytes, got {len(payload):,}"
+            raise FabricError(f"message on {key}: {rule}")
         yield Put(payload, _BESIDE.pack(number, sent))
         return
     count = -(-len(payload) // _PIECE)

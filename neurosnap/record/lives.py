@@ -13,6 +13,7 @@ ticks in files with one of these names, or in the recording itself.
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
 
@@ -123,6 +124,17 @@ class Lives:
         base.rename(self._broken)
         sync_folder(base.parent)
         return True, msgspec.structs.replace(found, log=str(self._broken))
+
+    def have_left(self, tick: int) -> bool:
+        """Tell whether a file of an earlier life holds a tick, as it was observed.
+
+        Args:
+            tick: Where it was cut off, so that the next life does it again.
+        """
+        left = [self._broken] if self._broken.exists() else []
+        with suppress(RecordingError):
+            return any(one[0] == tick for one in _ticks([*left, *self.kept]))
+        return False
 
     def settle(self) -> None:
         """Delete what the recording holds all of, once it has its end.

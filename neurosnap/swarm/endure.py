@@ -13,7 +13,8 @@ that had to keep a file beside its recording says so, and is not complete.
 """
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import msgspec
@@ -92,27 +93,32 @@ async def run_on(
     allowed = Restarts(supervision)
     restarts, delay, reached = 0, supervision.backoff, 0
     vanished: list[str] = []
+    cannot_repeat = way_in is None and is_outside(options.source)
+    redone = asyncio.Event()  # this life got further than what it goes on from
 
     def follow(tick: int) -> None:
         nonlocal reached
         reached = max(reached, tick)
+        if tick > (0 if past is None else past.tick):
+            redone.set()
         on_progress(tick)
 
     try:
         while True:
             try:
-                outcome = await run(
-                    options,
-                    log,
-                    stop,
-                    follow,
-                    past,
-                    network,
-                    swarm=swarm,
-                    incarnation=restarts,
-                    elsewhere=elsewhere,
-                    way_in=way_in,
-                )
+                async with _late(stop, redone, lives, past) as heeded:
+                    outcome = await run(
+                        options,
+                        log,
+                        heeded if restarts and not cannot_repeat else stop,
+                        follow,
+                        past,
+                        network,
+                        swarm=swarm,
+                        incarnation=restarts,
+                        elsewhere=elsewhere,
+                        way_in=way_in,
+                    )
             except NothingBegunError as error:
                 if not restarts:
                     raise
@@ -137,11 +143,12 @@ async def run_on(
                         why=str(error),
                         tick=tick,
                         lost=max(0, reached - tick),
-                        outside=way_in is None and is_outside(options.source),
+                        outside=cannot_repeat,
                         kept=tuple(map(str, lives.kept[kept:])),
                     )
                 )
                 reached = tick
+                redone.clear()
                 await wait_at_most(stop, delay)
             else:
                 lives.settle()
@@ -150,6 +157,31 @@ async def run_on(
                 )
     finally:
         lives.keep_furthest()
+
+
+@asynccontextmanager
+async def _late(
+    stop: asyncio.Event, redone: asyncio.Event, lives: Lives, past: Past | None
+) -> AsyncIterator[asyncio.Event]:
+    """Yield an event that follows `stop` once a tick that was cut off is done again.
+
+    The life that died may have recorded what was observed at the tick after its last
+    whole one. A life that ended before that tick would leave less than there was.
+    """
+    heeded = asyncio.Event()
+    tick = 1 if past is None else past.tick + 1
+
+    async def follow() -> None:
+        await stop.wait()
+        if not redone.is_set() and await asyncio.to_thread(lives.have_left, tick):
+            await redone.wait()
+        heeded.set()
+
+    following = asyncio.create_task(follow(), name="endure/stop")
+    try:
+        yield heeded
+    finally:
+        following.cancel()
 
 
 def _in_all(

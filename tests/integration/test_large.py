@@ -56,7 +56,8 @@ async def test_a_huge_message_fills_nobodys_memory(keys: Path) -> None:
                 cell.publish(PULSE)
                 await heard.wait(PULSE)
                 before = process.memory_info().rss
-                for size in (LARGEST + MIB, HUGE, LARGEST + MIB):
+                sizes = (LARGEST + MIB, HUGE, LARGEST + MIB)
+                for wave, size in enumerate(sizes, PULSE.wave + 1):
                     session.put(
                         key,
                         bytes(size),
@@ -64,7 +65,7 @@ async def test_a_huge_message_fills_nobodys_memory(keys: Path) -> None:
                         attachment=bytes(16),
                     )
                     # Behind it on the same link, which has to be there still.
-                    after = wire.Pulse(wave=size, source=0, target=2, hops=1, credit=1)
+                    after = wire.Pulse(wave=wave, source=0, target=2, hops=1, credit=1)
                     session.put(
                         key,
                         wire.encode(after),
