@@ -7,20 +7,20 @@ process imports this package and must stay free of numpy and numba.
 import warnings
 from importlib import import_module
 
-from neurosnap.distribution import namesake
+from neurosnap.system.distribution import namesake
 
 TYPE_CHECKING = False  # as type checkers know it; typing takes 15 ms of the start
 if TYPE_CHECKING:
     from neurosnap.agent.agent import Agent
-    from neurosnap.agent.context import Body
+    from neurosnap.agent.binary_sensors import BinarySensors
+    from neurosnap.agent.body import Body
     from neurosnap.agent.sensor import Sensor
-    from neurosnap.binary_sensors import BinarySensors
-    from neurosnap.poc.cubing import Cubing
-    from neurosnap.poc.graph import PocGraph
-    from neurosnap.poc.morphism import PocMorphism
-    from neurosnap.poc.pocset import PocSet
-    from neurosnap.poc.realization import Realization
-    from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
+    from neurosnap.poc.dual.cubing import Cubing
+    from neurosnap.poc.dual.morphism import PocMorphism
+    from neurosnap.poc.dual.realization import Realization
+    from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+    from neurosnap.poc.order.graph import PocGraph
+    from neurosnap.poc.order.pocset import PocSet
     from neurosnap.sensorium import Sensorium
 
 __all__ = [
@@ -40,15 +40,15 @@ __all__ = [
 
 _HOMES = {
     "Agent": "neurosnap.agent.agent",
-    "BinarySensors": "neurosnap.binary_sensors",
-    "Body": "neurosnap.agent.context",
-    "Cubing": "neurosnap.poc.cubing",
-    "DiscountedSnapshot": "neurosnap.poc.snapshot",
-    "EmpiricalSnapshot": "neurosnap.poc.snapshot",
-    "PocGraph": "neurosnap.poc.graph",
-    "PocMorphism": "neurosnap.poc.morphism",
-    "PocSet": "neurosnap.poc.pocset",
-    "Realization": "neurosnap.poc.realization",
+    "BinarySensors": "neurosnap.agent.binary_sensors",
+    "Body": "neurosnap.agent.body",
+    "Cubing": "neurosnap.poc.dual.cubing",
+    "DiscountedSnapshot": "neurosnap.poc.learning.kinds",
+    "EmpiricalSnapshot": "neurosnap.poc.learning.kinds",
+    "PocGraph": "neurosnap.poc.order.graph",
+    "PocMorphism": "neurosnap.poc.dual.morphism",
+    "PocSet": "neurosnap.poc.order.pocset",
+    "Realization": "neurosnap.poc.dual.realization",
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
 }

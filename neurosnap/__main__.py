@@ -14,15 +14,15 @@ def main() -> None:
         # of ours, and with it the warning that ours gives.
         import sys
 
-        from neurosnap.distribution import namesake
+        from neurosnap.system.distribution import namesake
 
         sys.exit(f"error: {namesake()}")
 
-    from neurosnap.ending import quit_at_once
+    from neurosnap.system.signals import quit_at_once
 
     quit_at_once()  # before the imports: they take the longest of the start
-    from neurosnap.cli import app
-    from neurosnap.cli.terminal import write_ascii_where_needed
+    from neurosnap.apps.cli import app
+    from neurosnap.apps.cli.terminal import write_ascii_where_needed
 
     write_ascii_where_needed()
     app()

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap import wire
-from neurosnap.record.whole import open_whole
+from neurosnap.recording.read.split_files import open_whole
 
 
 def course(log: Path, ticks: int | None = None) -> list[wire.Message]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import aiomqtt
 import pytest
 
-from neurosnap.outside.mqtt_options import MqttBroker
+from neurosnap.sources.mqtt.options import MqttBroker
 from tests.patience import PATIENCE
 from tests.ports import free_port
 from tests.programs import find, needs

@@ -8,11 +8,26 @@ Runs that tests start by the command line have the real one.
 from multiprocessing import forkserver
 
 import world
-from neurosnap.record import recorder, resume
-from neurosnap.swarm import jobs, outlet, probe, worker
-from neurosnap.swarm import world as source
+from neurosnap.depth import probe
+from neurosnap.protocol import worker
+from neurosnap.recording.replay import resume
+from neurosnap.recording.write import recorder
+from neurosnap.runtime.parts import (
+    coordinator_process,
+    status_publisher,
+    world_process,
+)
 
-__all__ = ["jobs", "outlet", "probe", "recorder", "resume", "source", "worker", "world"]
+__all__ = [
+    "coordinator_process",
+    "probe",
+    "recorder",
+    "resume",
+    "status_publisher",
+    "worker",
+    "world",
+    "world_process",
+]
 
 
 def start() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import neurosnap
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.errors import (
     FabricError,
     InboxOverflowError,
@@ -23,12 +23,12 @@ from neurosnap.errors import (
     UnknownSensorError,
     WaveLostError,
 )
-from neurosnap.poc.graph import PocGraph
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.record.writer import Writer
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import Sensorium, pack, unpack
-from neurosnap.source import open_source
-from neurosnap.swarm.options import RunOptions
+from neurosnap.sources.open import open_source
 
 
 def modules() -> list[str]:
@@ -57,9 +57,11 @@ ROOT = "neurosnap.errors.NeurosnapError"
 
 
 def test_the_walk_finds_the_modules_and_the_errors() -> None:
-    assert {"neurosnap.cli", "neurosnap.poc.graph", "neurosnap.swarm.cell"} <= set(
-        modules()
-    )
+    assert {
+        "neurosnap.apps.cli",
+        "neurosnap.poc.order.graph",
+        "neurosnap.protocol.cell",
+    } <= set(modules())
     for kind in (NeurosnapError, InboxOverflowError, WaveLostError, UnknownSensorError):
         assert ERRORS[f"neurosnap.errors.{kind.__name__}"] is kind
 

@@ -4,11 +4,11 @@ import argparse
 
 import typer
 
-from neurosnap.cli import shared
+from neurosnap.apps.cli import shared
 
 
 def in_bytes(text: str) -> int:
-    """Return a size in bytes; see `neurosnap.cli.shared.in_bytes`.
+    """Return a size in bytes; see `neurosnap.apps.cli.shared.in_bytes`.
 
     Raises:
         argparse.ArgumentTypeError: It is none.

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.context import Body, Senses
-from neurosnap.agent.draws import Draws
+from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.excited import Excited
-from neurosnap.experiment.drive import drive
-from neurosnap.poc.snapshot import EmpiricalSnapshot, Snapshot
-from neurosnap.source import import_worlds
+from neurosnap.agent.random_numbers import Draws
+from neurosnap.apps.figures.experiments.compiled_agent import drive
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
+from neurosnap.sources.open import import_worlds
 from tools.bench_observe import Plain
 from tools.bench_report import Line, Sizes
 

@@ -142,7 +142,7 @@ def _await(line: Connection, count: int) -> bytes:
 def be_hub(endpoint: str, sessions: int, say_up: Connection) -> None:
     """Be the hub: the swarm's own, with the same settings."""
     _end_with_parent()
-    from neurosnap.fabric.hub import open_hub
+    from neurosnap.fabric.zenoh.hub import open_hub
 
     session = open_hub([endpoint], sessions)
     say_up.send_bytes(b"1")

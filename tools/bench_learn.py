@@ -9,12 +9,12 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.apps.figures import learners
+from neurosnap.apps.figures.experiments.learning_error import LearningCell, errors
+from neurosnap.apps.figures.experiments.walks import Walk, walks
+from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.errors import NeurosnapError
-from neurosnap.experiment import learners
-from neurosnap.experiment.figure import FigureOptions
-from neurosnap.experiment.learning import LearningCell, errors
-from neurosnap.experiment.walks import Walk, walks
-from neurosnap.poc.fields import inclusions
+from neurosnap.poc.order.fields import inclusions
 from tools.bench_report import Line, Sizes
 
 _SLACK = 1e-12

@@ -12,7 +12,7 @@ from itertools import cycle, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import complete
 from tools.bench_report import Line, Sizes
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 from playwright.async_api import CDPSession
 
-from neurosnap.agent.context import Body
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
-from neurosnap.view.desk import Desk
-from neurosnap.view.server import serving
+from neurosnap.agent.body import Body
+from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.session import Desk
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.run import run
 from tools.bench_report import Line, Sizes
 from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from neurosnap.swarm.launch import Ending, Plan, run_processes
-from neurosnap.swarm.probe import Measured, ProbePlan, be_probe
+from neurosnap.depth.probe import Measured, ProbePlan, be_probe
+from neurosnap.runtime.launch import Ending, Plan, run_processes
 
 
 def probe(plan: ProbePlan) -> Ending:

@@ -4,11 +4,11 @@ import asyncio
 import tempfile
 from pathlib import Path
 
-from neurosnap.record.replay import verify as replay
-from neurosnap.source import open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import Outcome, run
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.replay.verify import verify as replay
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.run import Outcome, run
+from neurosnap.sources.open import open_source
 from tools.bench_report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from neurosnap.swarm.probe import Measured, ProbePlan
-from neurosnap.swarm.supervisor import allow_files
+from neurosnap.depth.probe import Measured, ProbePlan
+from neurosnap.runtime.supervisor import allow_files
 from tools.bench_bare import mean_pss
 from tools.bench_probe import probe, rows_of, weighed_while_up
 from tools.bench_report import Line, Sizes, ratio_of_pairs

@@ -15,12 +15,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.poc.literals import Words, from_words, to_words
-from neurosnap.poc.order import order_of, wired
-from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.order.closure import order_of, wired
+from neurosnap.poc.order.literals import Words, from_words, to_words
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.wave_control import Conductor
 from neurosnap.sensorium import pack
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.conductor import Conductor
 from tools.bench_report import Line, Sizes
 
 _STEP = 0.05  # of the side of the square that is walked over

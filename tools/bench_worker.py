@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from neurosnap.swarm.probe import ProbePlan
-from neurosnap.swarm.supervisor import allow_files
+from neurosnap.depth.probe import ProbePlan
+from neurosnap.runtime.supervisor import allow_files
 from tools.bench_bare import mean_pss
 from tools.bench_probe import probe, rows_of, weighed_while_up
 from tools.bench_report import Line, Sizes
 from tools.bench_run import path_options, run_once
 
 if TYPE_CHECKING:
-    from neurosnap.swarm.options import CellKind
+    from neurosnap.protocol.run_options import CellKind
 
 _WORKERS, _HEIGHT = 2, 20
 _SPAWN, _MEMORY, _WAVE = 30.0, 4.0, 2.0

@@ -26,22 +26,22 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import msgspec
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
+from neurosnap.apps.viewer.run_view import Film
 from neurosnap.errors import NeurosnapError, RecordingError
-from neurosnap.poc.snapshot import Snapshot
-from neurosnap.record import info
-from neurosnap.record.history import snapshot_at
-from neurosnap.record.parts import Parts, Split
-from neurosnap.record.reader import Recorded, Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.resume import look_back
-from neurosnap.record.salvage import salvage
-from neurosnap.record.whole import open_whole, part_path, part_paths
-from neurosnap.record.writer import Writer
-from neurosnap.source import open_source
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
-from neurosnap.view.film import Film
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read import info
+from neurosnap.recording.read.learned_at import snapshot_at
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.split_files import open_whole, part_path, part_paths
+from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.rotation import Parts, Split
+from neurosnap.recording.write.salvage import salvage
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import open_source
 
 TICKS = 60
 _EVERY = 6  # ticks from key-frame to key-frame

@@ -7,7 +7,7 @@ from pathlib import Path
 # Run as a file, the folder of this file is on the path and the project's is not.
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from neurosnap.cli import app
+from neurosnap.apps.cli import app
 
 if __name__ == "__main__":
     app(["figures", *sys.argv[1:]])

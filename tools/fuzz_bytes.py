@@ -17,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from neurosnap.record.layout import CHUNK_HEAD, FOOTER, HEAD, MAGIC
+from neurosnap.recording.format.records import CHUNK_HEAD, FOOTER, HEAD, MAGIC
 
 _NASTY = (
     b"NaN",

@@ -11,7 +11,7 @@ import msgspec
 from msgspec import inspect
 
 from neurosnap import wire
-from neurosnap.swarm.wave import DEEPEST
+from neurosnap.protocol.wave import DEEPEST
 
 M = TypeVar("M", bound=wire.Message)
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
-from neurosnap.fabric.memory import matches
-from neurosnap.record.reader import Recording
-from neurosnap.record.writer import Writer
-from neurosnap.swarm.inline import run_inline
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import describe
+from neurosnap.agent.body import Body
+from neurosnap.fabric.in_memory import matches
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.inline import run_inline
+from neurosnap.runtime.run import describe
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""

@@ -21,16 +21,16 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
-from neurosnap.fabric.memory import MemoryHub
-from neurosnap.record.chunks import unpack
-from neurosnap.record.glance import glance
-from neurosnap.record.info import describe, render
-from neurosnap.record.layout import opened
-from neurosnap.record.reader import Recording
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.coordinator import Coordinator
-from neurosnap.swarm.part import decoded
-from neurosnap.swarm.wave import Wave
+from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.wave import Wave
+from neurosnap.recording.format.chunks import unpack
+from neurosnap.recording.format.index_scan import glance
+from neurosnap.recording.format.records import opened
+from neurosnap.recording.read.info import describe, render
+from neurosnap.recording.read.reader import Recording
+from neurosnap.runtime.parts.participant import decoded
 from tools.fuzz_bytes import damage, damage_json, damage_recording
 from tools.fuzz_messages import altered, drawn, message, number
 from tools.fuzz_run import SENSORS, Honest

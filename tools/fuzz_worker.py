@@ -13,9 +13,9 @@ import struct
 import msgspec
 
 from neurosnap import wire
-from neurosnap.swarm.shares import shares
-from neurosnap.swarm.wave import DEEPEST
-from neurosnap.swarm.worker import Worker
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.wave import DEEPEST
+from neurosnap.protocol.worker import Worker
 from tools.fuzz_messages import altered, number
 from tools.fuzz_run import SENSORS, Honest
 from tools.fuzz_targets import Count, Twins

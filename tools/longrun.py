@@ -25,13 +25,13 @@ import numpy as np
 import psutil
 
 from neurosnap.errors import NeurosnapError
-from neurosnap.record.replay import verify
-from neurosnap.record.whole import part_paths
-from neurosnap.source import open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.registry import parts_of
-from neurosnap.swarm.run import run
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.registry import parts_of
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
 
 _WARM = 0.1  # share of the run whose memory does not count

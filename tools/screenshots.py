@@ -16,8 +16,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from playwright.async_api import Page
 
-from neurosnap.view.desk import Desk
-from neurosnap.view.server import serving
+from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.session import Desk
 from tools.browser import Scheme, browsing, wait_shown, wait_until
 
 

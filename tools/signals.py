@@ -34,11 +34,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import msgspec
 import psutil
 
-from neurosnap.ending import SIGNALS
 from neurosnap.errors import NeurosnapError
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.swarm.registry import parts_of
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.registry import parts_of
+from neurosnap.system.signals import SIGNALS
 
 PATIENCE = 120.0  # seconds a run may take to end, on a busy machine
 _GONE = 10.0  # seconds what a run leaves may take to go

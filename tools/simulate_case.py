@@ -1,8 +1,8 @@
 """One schedule: a run, what happens to it, and what must come of it.
 
 A schedule is a function of its seed alone. Supervision is one for all, as in
-`neurosnap.swarm.endure`: when a life of the swarm ends before its time, the next goes
-on from the last whole tick of what is on disk.
+`neurosnap.runtime.restart`: when a life of the swarm ends before its time, the next
+goes on from the last whole tick of what is on disk.
 """
 
 import logging
@@ -12,14 +12,14 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.errors import SwarmError
-from neurosnap.record.lives import Lives
-from neurosnap.record.parts import Split
-from neurosnap.record.whole import open_whole, part_paths
-from neurosnap.source import Argument, open_source
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import describe
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.write.restart_files import Lives
+from neurosnap.recording.write.rotation import Split
+from neurosnap.runtime.run import describe
+from neurosnap.sources.open import Argument, open_source
 from tools.simulate_check import WrongError, check
 from tools.simulate_disk import Disk
 from tools.simulate_swarm import Life

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.context import Senses
-from neurosnap.record.reader import Recorded
-from neurosnap.record.replay import verify
-from neurosnap.record.sequences import Completeness
-from neurosnap.record.whole import open_whole
+from neurosnap.agent.body import Senses
+from neurosnap.protocol.observations import selection
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.reader import Recorded
+from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import pack
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.readings import selection
 from tools.simulate_source import source_of
 
 Said = tuple[object, ...]

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.record.reader import Recording
-from neurosnap.record.whole import part_paths
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_paths
 from tools.simulate_weather import Tally, Weather
 
 

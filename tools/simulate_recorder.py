@@ -7,10 +7,10 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError, SwarmError
-from neurosnap.record.parts import Parts, Split
-from neurosnap.record.past import Past
-from neurosnap.record.sequences import Completeness
-from neurosnap.record.writer import Compression, Writer
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.write.rotation import Parts, Split
+from neurosnap.recording.write.writer import Compression, Writer
 from tools.simulate_disk import Disk
 from tools.simulate_weather import Weather
 
@@ -40,7 +40,7 @@ class _Writer(Writer):
 
 
 class Recorder:
-    """Writes down what it hears, as `neurosnap.record.recorder` does.
+    """Writes down what it hears, as `neurosnap.recording.write.recorder` does.
 
     Args:
         log: Where; must not exist yet.

@@ -5,8 +5,8 @@ import random
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.source import Source, open_source
-from neurosnap.swarm.options import RunOptions
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.sources.open import Source, open_source
 
 _SHARES = (0.0, 0.0, 0.1, 0.4)  # of the readings that are unknown
 

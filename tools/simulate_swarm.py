@@ -13,18 +13,18 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import MessageError, SwarmError, WaveLostError
-from neurosnap.fabric.memory import Faults, MemoryFabric, MemoryHub
-from neurosnap.record.parts import Split
-from neurosnap.record.past import Past
-from neurosnap.record.sequences import Completeness
-from neurosnap.source import Source
-from neurosnap.swarm import jobs
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.part import decoded
-from neurosnap.swarm.shares import shares
-from neurosnap.swarm.worker import Worker
-from neurosnap.swarm.world import World
+from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.worker import Worker
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.write.rotation import Split
+from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.participant import decoded
+from neurosnap.runtime.parts.world_process import World
+from neurosnap.sources.open import Source
 from tools.simulate_check import WrongError
 from tools.simulate_disk import Disk
 from tools.simulate_recorder import Recorder
@@ -77,7 +77,7 @@ class Life:
         self._cut: list[tuple[str, str]] = []
         self._known_lost = 0
         self._dead: list[str] = []
-        self._core = jobs.coordinator_for(options, past)
+        self._core = coordinator_process.coordinator_for(options, past)
         chunk = chance.choice([100, 1000])
         self._recorder = Recorder(
             log, facts, past, self._parts, chunk, split, disk, weather

@@ -29,15 +29,15 @@ from rich.console import Console
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
-from neurosnap.record.replay import verify
-from neurosnap.record.whole import open_whole
-from neurosnap.source import open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.endure import Restart, run_on
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.registry import parts_of
-from neurosnap.swarm.run import Outcome, run
-from neurosnap.swarm.supervision import Supervision
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.registry import parts_of
+from neurosnap.runtime.restart import Restart, run_on
+from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.run import Outcome, run
+from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
 
 SERVICES = ("hub", "recorder", "coordinator", "world")

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 
 
 def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -1,6 +1,6 @@
 """What is true in an environment that has a transition table, and long walks in it.
 
-The environment goes on from episode to episode (`neurosnap.source.Continuing`). A
+The environment goes on from episode to episode (`neurosnap.sources.open.Continuing`). A
 *place* is what has to be known of it to know what may come next: its state, and whether
 the episode is over there, so that the next step resets whatever the action. A reset is
 no action's doing. Everything is exact: places are those that some walk gets to,
@@ -20,9 +20,9 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.context import Body
+from neurosnap.agent.binary_sensors import Environment
+from neurosnap.agent.body import Body
 from neurosnap.agent.sensor import Sensor
-from neurosnap.binary_sensors import Environment
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complete
 

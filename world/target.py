@@ -14,7 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.moves import distances_to
+from neurosnap.sources.distances import distances_to
 
 from .places import World, frozen, is_whole
 

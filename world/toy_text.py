@@ -11,8 +11,8 @@ from gymnasium.envs.toy_text.cliffwalking import CliffWalkingEnv
 from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
 from gymnasium.envs.toy_text.taxi import TaxiEnv
 
+from neurosnap.agent.binary_sensors import BinarySensors, Environment
 from neurosnap.agent.sensor import one_hot, thresholds
-from neurosnap.binary_sensors import BinarySensors, Environment
 
 _LETTERS = {b"S": "start", b"F": "frozen", b"H": "hole", b"G": "goal"}
 _STOPS = ("red", "green", "yellow", "blue")

@@ -11,14 +11,14 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from neurosnap.agent.context import Body, Senses
-from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.environment import describe
+from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
-from neurosnap.agent.repertoire import Repertoire, guaranteed
-from neurosnap.environment import describe
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.graph import PocGraph
-from neurosnap.poc.snapshot import EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, as_known
 from neurosnap.wire import Decision
 

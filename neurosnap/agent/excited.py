@@ -14,12 +14,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.context import Body
-from neurosnap.agent.draws import Draws
+from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.body import Body
 from neurosnap.agent.policy import EXPLORE, checked_share
-from neurosnap.agent.repertoire import Repertoire, guaranteed
-from neurosnap.compiled import njit
+from neurosnap.agent.random_numbers import Draws
 from neurosnap.errors import InvalidValueError
+from neurosnap.system.compiled import njit
 
 SEEKS: Final = 0
 KEEPS: Final = 1

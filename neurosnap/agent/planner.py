@@ -13,10 +13,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.context import Body
-from neurosnap.agent.draws import Draws, pick
+from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.body import Body
 from neurosnap.agent.policy import EXPLORE, checked_share
-from neurosnap.agent.repertoire import Repertoire, guaranteed
+from neurosnap.agent.random_numbers import Draws, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium, complement
 

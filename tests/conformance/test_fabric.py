@@ -19,11 +19,11 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.hub import open_hub
-from neurosnap.fabric.memory import MemoryHub
-from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.fabric.place import Place
+from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.protocol import Fabric, PlaceHandler
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.location import Place
 from tests.patience import PATIENCE
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
@@ -75,7 +75,7 @@ class Seen:
 
 BE_HUB = """
 import sys
-from neurosnap.fabric.hub import open_hub
+from neurosnap.fabric.zenoh.hub import open_hub
 session = open_hub([sys.argv[1]], sessions=20)
 print("ready", flush=True)
 sys.stdin.read()

@@ -10,8 +10,8 @@ from typing import Any
 import msgspec
 
 from neurosnap import wire
-from neurosnap.record.reader import Recording
-from neurosnap.record.writer import Writer
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
 
 FOLDER = Path(__file__).parent
 BEGIN = 1_700_000_000_000_000_000

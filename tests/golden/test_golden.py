@@ -7,9 +7,9 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.sequences import Completeness
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
 from tests.golden.make import FOLDER, MESSAGES, make, meaning
 
 RECORDINGS = sorted(FOLDER.glob("recording-*.mcap"))

@@ -9,8 +9,8 @@ from playwright.async_api import expect
 
 from tests import preloaded
 from tests.patience import PATIENCE
-from tests.unit.view import pages
-from tests.unit.view.films import csv_run, path_run, planner_run, recorded
+from tests.unit.apps.viewer import pages
+from tests.unit.apps.viewer.films import csv_run, path_run, planner_run, recorded
 from tools.browser import started
 
 

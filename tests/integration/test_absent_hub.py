@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import FabricError
-from neurosnap.fabric.hub import open_hub
-from neurosnap.fabric.reach import reach
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.reach import reach
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
@@ -96,7 +96,7 @@ def test_a_run_goes_on_once_its_hub_is_there(endpoint: str, tmp_path: Path) -> N
 async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("neurosnap.fabric.reach._SAID_AFTER", 0.0)
+    monkeypatch.setattr("neurosnap.fabric.zenoh.reach._SAID_AFTER", 0.0)
     refused = asyncio.Event()
 
     def refuse(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -106,7 +106,7 @@ async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
         def emit(self, record: logging.LogRecord) -> None:
             refused.set()
 
-    logger = logging.getLogger("neurosnap.fabric.reach")
+    logger = logging.getLogger("neurosnap.fabric.zenoh.reach")
     told = Told()
     logger.addHandler(told)
     try:

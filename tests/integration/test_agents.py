@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.resume import look_back
+from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.fit_agent import body_of, drawn_to
+from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
-from neurosnap.source import Argument, Source, import_worlds, open_source
-from neurosnap.swarm.embody import body_of, drawn_to
-from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind
-from neurosnap.swarm.run import run
+from neurosnap.sources.open import Argument, Source, import_worlds, open_source
 
 SEED = 5
 TICKS = 60
@@ -171,7 +171,8 @@ def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
 ) -> None:
     options = options_for(agent, snapshot=snapshot)
     monkeypatch.setattr(
-        "neurosnap.swarm.inline.open_source", lambda *given: Foggy(open_source(*given))
+        "neurosnap.runtime.inline.open_source",
+        lambda *given: Foggy(open_source(*given)),
     )
     swarm_run(options, tmp_path / "log")
     source = Foggy(open_source(PATH, SEED, options.arguments))
@@ -205,7 +206,7 @@ def test_what_was_sensed_of_an_action_is_checked_against_the_decision(
 def _with_observation_changed(
     folder: Path, options: RunOptions, tick: int, sensors: slice
 ) -> Path:
-    from neurosnap.record.writer import Writer
+    from neurosnap.recording.write.writer import Writer
     from neurosnap.sensorium import unpack
 
     recording = Recording.open(folder / "log")

@@ -19,10 +19,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from neurosnap import wire
-from neurosnap.cli import app
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import Verdict, verify
-from neurosnap.record.writer import Writer
+from neurosnap.apps.cli import app
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import Verdict, verify
+from neurosnap.recording.write.writer import Writer
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from neurosnap.cli import app
+from neurosnap.apps.cli import app
 from tests.patience import PATIENCE
 
 

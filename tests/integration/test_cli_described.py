@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from neurosnap.cli import app
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
+from neurosnap.apps.cli import app
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
 
 FILE = """
 [source]

@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from neurosnap import wire
-from neurosnap.cli import app
-from neurosnap.export import as_csv
-from neurosnap.record.reader import Recording
+from neurosnap.apps.cli import app
+from neurosnap.apps.export import as_csv
+from neurosnap.recording.read.reader import Recording
 
 pytestmark = pytest.mark.slow
 
@@ -120,7 +120,7 @@ def ended(number: signal.Signals, log: Path, out: Path) -> Result:
 
     before = signal.getsignal(number)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("neurosnap.export.write.write_csv", half)
+        patch.setattr("neurosnap.apps.export.write.write_csv", half)
         result = call("export", log, "-o", out)
     assert signal.getsignal(number) is before
     return result

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.outside.journal import journal_of
-from neurosnap.record.reader import Recording
+from neurosnap.recording.read.reader import Recording
 from neurosnap.sensorium import pack
+from neurosnap.sources.live.journal import journal_of
 from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from neurosnap.cli import app
-from neurosnap.record.whole import part_paths
+from neurosnap.apps.cli import app
+from neurosnap.recording.read.split_files import part_paths
 from tools.longrun import write_readings
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from neurosnap.cli import app
+from neurosnap.apps.cli import app
 from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]

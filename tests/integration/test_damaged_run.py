@@ -13,9 +13,9 @@ import psutil
 import pytest
 
 from neurosnap.errors import RecordingError
-from neurosnap.record.reader import Recording
-from neurosnap.swarm import launch
-from neurosnap.swarm.endure import Restart
+from neurosnap.recording.read.reader import Recording
+from neurosnap.runtime import launch
+from neurosnap.runtime.restart import Restart
 from tests.integration.test_endure import ENDLESS, Disturbed, options_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(300)]

@@ -21,22 +21,22 @@ from neurosnap.errors import (
     RecordingError,
     SwarmError,
 )
-from neurosnap.record.layout import SMALLEST
-from neurosnap.record.lives import Lives
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.whole import part_paths
-from neurosnap.source import Argument, open_source
-from neurosnap.swarm import join
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.endure import Restart, run_on
-from neurosnap.swarm.network import Network
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.process import Seat
-from neurosnap.swarm.run import Outcome, run
-from neurosnap.swarm.service import Served, serve
-from neurosnap.swarm.supervision import Supervision
-from neurosnap.swarm.supervisor import Child, Supervisor
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.records import SMALLEST
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.restart_files import Lives
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.hosts import remote_parts
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.hosts.service import Served, serve
+from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.restart import Restart, run_on
+from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.supervisor import Child, Supervisor
+from neurosnap.sources.open import Argument, open_source
 from tests.course import course
 from tests.patience import PATIENCE
 from tests.ports import free_port
@@ -273,7 +273,7 @@ def test_a_run_with_cells_elsewhere_comes_to_the_same(
         async with asyncio.TaskGroup() as group:
             group.create_task(
                 serve(
-                    join.cells(ELSEWHERE),
+                    remote_parts.cells(ELSEWHERE),
                     Network(connect=where),
                     SWARM,
                     asyncio.Event(),
@@ -507,7 +507,7 @@ def test_a_world_elsewhere_that_hangs_is_named(
     where, stop = endpoint(), asyncio.Event()
 
     async def elsewhere() -> None:
-        world, network = join.world(hanging.source), Network(connect=where)
+        world, network = remote_parts.world(hanging.source), Network(connect=where)
         with contextlib.suppress(SwarmError):  # it will not end when it is asked to
             await serve(world, network, SWARM, stop, restart="never")
 

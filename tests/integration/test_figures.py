@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from neurosnap.apps.figures import learners
+from neurosnap.apps.figures.experiments.learning_error import TruthKind
+from neurosnap.apps.figures.figure import FigureOptions
+from neurosnap.apps.figures.run import FIGURES, run_figures
 from neurosnap.errors import InvalidValueError
-from neurosnap.experiment import learners
-from neurosnap.experiment.figure import FigureOptions
-from neurosnap.experiment.learning import TruthKind
-from neurosnap.experiment.run import FIGURES, run_figures
 from tests.patience import PATIENCE
 
 LEARNING = ("learning-empirical", "learning-discounted", "learning-compared")

@@ -18,14 +18,14 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
-from neurosnap.fabric.memory import MemoryHub
-from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.record.reader import Recording
+from neurosnap.agent.body import Body
+from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.protocol.run_options import CellKind, RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.runtime import inline, launch
+from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
-from neurosnap.swarm import inline, launch
-from neurosnap.swarm.options import CellKind, RunOptions
-from neurosnap.swarm.run import run
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
 from tests.patience import PATIENCE
 from tests.ports import free_port
 from tests.programs import find, needs

@@ -14,14 +14,14 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from neurosnap import wire
-from neurosnap.cli import app
-from neurosnap.fabric.keyring import read_credentials
-from neurosnap.fabric.keys import make_keys, revoke
-from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.sequences import Completeness
-from neurosnap.swarm.options import RunOptions
+from neurosnap.apps.cli import app
+from neurosnap.fabric.security.load_keys import read_credentials
+from neurosnap.fabric.security.make_keys import make_keys, revoke
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
 from tests.integration.test_security import (
     SWARM,
     Heard,

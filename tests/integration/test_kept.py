@@ -15,10 +15,10 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.outside.journal import Row, journal_of, read_journal
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import unpack
+from neurosnap.sources.live.journal import Row, journal_of, read_journal
 from tests.mosquitto import Mosquitto, needs_mosquitto, peer, started
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]

@@ -8,10 +8,10 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.credentials import Credentials
-from neurosnap.fabric.keys import make_keys
-from neurosnap.fabric.pieces import LARGEST
-from neurosnap.fabric.session import configuration
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.make_keys import make_keys
+from neurosnap.fabric.zenoh.pieces import LARGEST
+from neurosnap.fabric.zenoh.session import configuration
 from tests.integration.test_security import SWARM, Heard, Hub, Seen, hub_with
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]

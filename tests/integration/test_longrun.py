@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.record.layout import SMALLEST
-from neurosnap.source import open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.options import CellKind, RunOptions
+from neurosnap.protocol.run_options import CellKind, RunOptions
+from neurosnap.recording.format.records import SMALLEST
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.sources.open import open_source
 from tools import soak
 from tools.longrun import Gauge, long_run, main, write_readings
 

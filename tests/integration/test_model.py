@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from neurosnap.cli import app
-from neurosnap.picture.find import listed
+from neurosnap.apps.cli import app
+from neurosnap.apps.drawing.find_model import listed
 
 pytestmark = pytest.mark.slow
 

@@ -38,8 +38,11 @@ from cryptography.x509.oid import NameOID
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.outside.embedded import EmbeddedBroker
-from neurosnap.outside.mqtt_options import (
+from neurosnap.sensorium import pack
+from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.mqtt.embedded_broker import EmbeddedBroker
+from neurosnap.sources.mqtt.mqtt_source import mqtt_source
+from neurosnap.sources.mqtt.options import (
     MqttAction,
     MqttBroker,
     MqttOptions,
@@ -47,10 +50,7 @@ from neurosnap.outside.mqtt_options import (
     MqttSensor,
     MqttTick,
 )
-from neurosnap.outside.mqtt_outlet import MqttOutlet
-from neurosnap.outside.mqtt_source import mqtt_source
-from neurosnap.outside.source import OutsideSource
-from neurosnap.sensorium import pack
+from neurosnap.sources.mqtt.publisher import MqttOutlet
 from tests.mosquitto import HOST, Mosquitto, heard, needs_mosquitto, peer, started
 
 SECRET = "correct-horse"
@@ -153,7 +153,7 @@ async def test_what_to_do_is_given_up_when_nobody_takes_it_in_time(
             await other.publish("house/door", "ON", qos=1, retain=True)
             await until(source, lambda r: r["door"] is True)
         broker.stop()
-        monkeypatch.setattr("neurosnap.outside.mqtt_outbox.LASTS", 0.0)
+        monkeypatch.setattr("neurosnap.sources.mqtt.outbox.LASTS", 0.0)
         waiting = asyncio.create_task(asyncio.to_thread(source.step, 1))
         broker.start()
         async with peer(broker, "house/#", f"{PREFIX}/world/status") as other:
@@ -337,7 +337,7 @@ async def test_a_broker_that_is_not_there_ends_the_start_when_the_patience_is_ov
 async def test_a_broker_that_says_nothing_ends_the_start_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.outside.mqtt_link._ANSWER", 0.2)
+    monkeypatch.setattr("neurosnap.sources.mqtt.connection._ANSWER", 0.2)
     with closing(socket.create_server((HOST, 0))) as mute:
         port = mute.getsockname()[1]
         broker = MqttBroker(host=HOST, port=port, patience=0.1)
@@ -351,7 +351,7 @@ async def test_a_broker_that_says_nothing_ends_the_start_too(
 async def test_who_is_stopped_while_connecting_does_not_fail_of_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.outside.mqtt_link._ANSWER", 0.2)
+    monkeypatch.setattr("neurosnap.sources.mqtt.connection._ANSWER", 0.2)
     stop = asyncio.Event()
     with closing(socket.create_server((HOST, 0))) as mute:
         broker = MqttBroker(host=HOST, port=mute.getsockname()[1], patience=0.1)
@@ -373,7 +373,7 @@ async def test_a_source_can_be_closed_while_it_looks_for_its_broker(
             failed.set()
 
     gone = MqttBroker(host=HOST, port=Mosquitto(tmp_path).port, patience=3600)
-    logger = logging.getLogger("neurosnap.outside.mqtt_link")
+    logger = logging.getLogger("neurosnap.sources.mqtt.connection")
     watch = Watch()
     logger.addHandler(watch)
     try:
@@ -464,8 +464,8 @@ async def test_what_is_no_reading_is_named_once_a_second_and_the_run_goes_on(
 
 BE_WORLD = """
 import sys, msgspec
-from neurosnap.outside.mqtt_options import MqttOptions
-from neurosnap.outside.mqtt_source import mqtt_source
+from neurosnap.sources.mqtt.options import MqttOptions
+from neurosnap.sources.mqtt.mqtt_source import mqtt_source
 mqtt_source(msgspec.json.decode(sys.stdin.readline(), type=MqttOptions)).first()
 """
 

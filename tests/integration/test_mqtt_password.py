@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.config.load import load
-from neurosnap.config.prepare import prepare
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
+from neurosnap.apps.config.load import load
+from neurosnap.apps.config.prepare import prepare
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.run import run
 from neurosnap.sensorium import unpack
-from neurosnap.swarm.run import run
 from tests.mosquitto import (
     HOST,
     Mosquitto,
@@ -93,14 +93,14 @@ async def test_a_password_changed_under_way_is_named_and_waited_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     caplog.set_level(logging.DEBUG)
-    monkeypatch.setattr("neurosnap.outside.mqtt_retry.LONGEST", 0.5)
+    monkeypatch.setattr("neurosnap.sources.mqtt.retry.LONGEST", 0.5)
     passwords, secret = tmp_path / "passwords", tmp_path / "secret"
     secret.write_text(f"{OLD}\n")
     file, log = tmp_path / "house.toml", tmp_path / "house.mcap"
     file.write_text(TEXT.format(port=broker.port))
     options = prepare(load(file)).options
     stop, watch = asyncio.Event(), Watch()
-    logger = logging.getLogger("neurosnap.outside.mqtt_link")
+    logger = logging.getLogger("neurosnap.sources.mqtt.connection")
     logger.addHandler(watch)
     async with asyncio.TaskGroup() as group:
         running = group.create_task(run(options, log, stop, watch.reached))

@@ -13,10 +13,10 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.readings import readings
+from neurosnap.protocol.observations import readings
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
 from tests.mosquitto import (
     HOST,
     Mosquitto,

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from neurosnap.cli import app
-from neurosnap.record.replay import verify
+from neurosnap.apps.cli import app
+from neurosnap.recording.replay.verify import verify
 from tests.ports import free_port
 
 pytestmark = pytest.mark.zenoh

@@ -15,29 +15,29 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
-from neurosnap.fabric.access import Role
-from neurosnap.fabric.credentials import Credentials
-from neurosnap.fabric.keys import make_keys
-from neurosnap.fabric.lookout import incarnation
-from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.fabric.session import connecting
-from neurosnap.outside.board import Board
-from neurosnap.outside.open import open_outside
-from neurosnap.outside.pace import OnChange
-from neurosnap.outside.source import OutsideSource
-from neurosnap.outside.zenoh_keys import ZenohFeeder
-from neurosnap.record.parts import Parts
-from neurosnap.record.reader import Recording
-from neurosnap.record.recorder import run_recorder
-from neurosnap.record.sequences import Completeness
+from neurosnap.agent.body import Body
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.make_keys import make_keys
+from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.discovery import incarnation
+from neurosnap.fabric.zenoh.session import connecting
+from neurosnap.protocol.cell import run_cell
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.recorder import run_recorder
+from neurosnap.recording.write.rotation import Parts
+from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sensorium import pack
-from neurosnap.swarm import jobs
-from neurosnap.swarm.cell import run_cell
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.part import take_part
-from neurosnap.swarm.shell import conduct
-from neurosnap.swarm.world import run_world
+from neurosnap.sources.live.latest_readings import Board
+from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.live.open import open_outside
+from neurosnap.sources.live.tick_schedule import OnChange
+from neurosnap.sources.live.zenoh_source import ZenohFeeder
 from tests.patience import PATIENCE
 from tests.ports import free_port
 
@@ -52,7 +52,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
 
 SHOW_TICKS = """
 import json, multiprocessing
-from neurosnap.outside.open import open_outside, settle
+from neurosnap.sources.live.open import open_outside, settle
 
 def show(arguments):
     source = open_outside("-", arguments)
@@ -116,8 +116,8 @@ def test_a_program_at_the_other_end_of_a_pipe_sees_its_ticks(tmp_path: Path) -> 
 BE_HUB = """
 import sys
 from pathlib import Path
-from neurosnap.fabric.hub import open_hub
-from neurosnap.fabric.keyring import read_credentials
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.security.load_keys import read_credentials
 credentials = read_credentials(Path(sys.argv[2]), "hub") if sys.argv[2:] else None
 session = open_hub([sys.argv[1]], sessions=20, credentials=credentials)
 print("ready", flush=True)
@@ -385,7 +385,7 @@ async def run_swarm(hub: Hub, source: OutsideSource, log: Path) -> Completeness:
         ticks=1000,
         threshold=0.1,
     )
-    core = jobs.coordinator_for(options, None)
+    core = coordinator_process.coordinator_for(options, None)
     cells = [f"cell/{number}" for number in range(len(NAMES))]
     leave, over = asyncio.Event(), asyncio.Event()
 

@@ -10,16 +10,16 @@ import pytest
 from playwright.async_api import expect
 
 from neurosnap import wire
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import Replay, options_of
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import Replay, options_of
 from neurosnap.sensorium import unpack
-from tests.unit.view.films import (
+from tests.unit.apps.viewer.films import (
     TICKS,
     large_run,
     recorded,
     told,
 )
-from tests.unit.view.pages import IN_BROWSER, go_to, opened
+from tests.unit.apps.viewer.pages import IN_BROWSER, go_to, opened
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER

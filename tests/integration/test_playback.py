@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.hub import open_hub
-from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.record.history import snapshot_at
-from neurosnap.record.playback import Played, play, play_on
-from neurosnap.record.reader import Recording
-from neurosnap.record.writer import Writer
-from neurosnap.source import open_source
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.learned_at import snapshot_at
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.playback import Played, play, play_on
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import open_source
 from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]

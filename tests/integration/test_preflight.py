@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from neurosnap.cli import app
-from neurosnap.swarm import room
+from neurosnap.apps.cli import app
+from neurosnap.runtime import preflight
 
 pytestmark = pytest.mark.slow
 
@@ -43,7 +43,7 @@ def test_a_run_to_be_viewed_is_refused_before_it_starts(
 def test_a_run_that_does_not_fit_is_refused_before_it_starts(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "free_memory", lambda: 700_000_000)
+    monkeypatch.setattr(preflight, "free_memory", lambda: 700_000_000)
     path = ("run", "neurosnap/Path-v0", "--ticks", 1)
     many = call(*path, "--set", "places=100000")
     assert many.exit_code == 2

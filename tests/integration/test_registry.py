@@ -15,10 +15,10 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from neurosnap.cli import app
+from neurosnap.apps.cli import app
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.record.replay import verify
-from neurosnap.swarm import registry
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime import registry
 from tests.patience import PATIENCE
 
 
@@ -103,7 +103,7 @@ def test_a_note_is_there_while_its_swarm_is(runtime: Path) -> None:
 
 def test_two_launchers_of_one_id_keep_a_note_each(runtime: Path) -> None:
     code = (
-        "from neurosnap.swarm.registry import noted\n"
+        "from neurosnap.runtime.registry import noted\n"
         "with noted('abcd', 'other.csv', '', None):\n"
         "    print(flush=True); input()"
     )

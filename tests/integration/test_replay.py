@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
-from neurosnap.depth import from_recording
+from neurosnap.agent.body import Body
+from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.memory import MemoryFabric, MemoryHub
-from neurosnap.poc.snapshot import Snapshot
-from neurosnap.record.history import snapshot_at
-from neurosnap.record.past import Past
-from neurosnap.record.reader import Recorded, Recording
-from neurosnap.record.replay import Verdict, verify
-from neurosnap.record.resume import look_back
-from neurosnap.record.stretches import last_tick
-from neurosnap.record.writer import Writer
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
+from neurosnap.recording.read.learned_at import snapshot_at
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.replay.verify import Verdict, verify
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.run import Outcome, describe, run
 from neurosnap.sensorium import pack, unpack
-from neurosnap.source import open_source
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.coordinator import Coordinator
-from neurosnap.swarm.options import RunOptions, SnapshotKind, WiringKind
-from neurosnap.swarm.run import Outcome, describe, run
+from neurosnap.sources.open import open_source
 
 pytestmark = pytest.mark.slow
 

@@ -18,25 +18,30 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.errors import (
     NeurosnapError,
     RecordingError,
     SwarmError,
     WaveLostError,
 )
-from neurosnap.fabric.memory import MemoryFabric, MemoryHub
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
-from neurosnap.record.reader import Recording
+from neurosnap.protocol.cell import run_cell
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.run_options import (
+    CellKind,
+    RunOptions,
+    SnapshotKind,
+    WiringKind,
+)
+from neurosnap.recording.read.reader import Recording
+from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.world_process import run_world
+from neurosnap.runtime.run import Outcome, run
 from neurosnap.sensorium import complete, unpack
-from neurosnap.source import open_source
-from neurosnap.swarm.cell import run_cell
-from neurosnap.swarm.coordinator import Coordinator
-from neurosnap.swarm.options import CellKind, RunOptions, SnapshotKind, WiringKind
-from neurosnap.swarm.part import take_part
-from neurosnap.swarm.run import Outcome, run
-from neurosnap.swarm.shell import conduct
-from neurosnap.swarm.world import run_world
+from neurosnap.sources.open import open_source
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow

@@ -24,30 +24,30 @@ from cryptography.hazmat.primitives.serialization import Encoding, load_pem_priv
 from typer.testing import CliRunner
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
-from neurosnap.cli import app
+from neurosnap.agent.body import Body
+from neurosnap.apps.cli import app
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.access import RIGHTS, Role, role_of
-from neurosnap.fabric.credentials import Credentials
-from neurosnap.fabric.keyring import read_credentials
-from neurosnap.fabric.keys import make_keys
-from neurosnap.fabric.over_zenoh import ZenohFabric
 from neurosnap.fabric.protocol import Handler, PresenceHandler
-from neurosnap.fabric.session import configuration
-from neurosnap.record.parts import Parts
-from neurosnap.record.playback import play_on
-from neurosnap.record.reader import Recording
-from neurosnap.record.recorder import run_recorder
-from neurosnap.record.sequences import Completeness
-from neurosnap.record.writer import Writer
-from neurosnap.source import open_source
-from neurosnap.swarm import jobs
-from neurosnap.swarm.cell import run_cell
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.part import take_part
-from neurosnap.swarm.run import describe
-from neurosnap.swarm.shell import conduct
-from neurosnap.swarm.world import run_world
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.load_keys import read_credentials
+from neurosnap.fabric.security.make_keys import make_keys
+from neurosnap.fabric.security.roles import RIGHTS, Role, role_of
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.session import configuration
+from neurosnap.protocol.cell import run_cell
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.playback import play_on
+from neurosnap.recording.write.recorder import run_recorder
+from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.world_process import run_world
+from neurosnap.runtime.run import describe
+from neurosnap.sources.open import open_source
 from tests.patience import PATIENCE
 from tests.ports import free_port
 
@@ -60,9 +60,9 @@ SWARM = "one"
 BE_HUB = """
 import sys
 from pathlib import Path
-from neurosnap.fabric.keyring import read_credentials
-from neurosnap.fabric.hub import open_hub
-from neurosnap.fabric.refusals import telling_refusals
+from neurosnap.fabric.security.load_keys import read_credentials
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.denied_log import telling_refusals
 with telling_refusals(audit=True):
     credentials = read_credentials(Path(sys.argv[2]), "hub")
     session = open_hub([sys.argv[1]], 30, credentials=credentials)
@@ -197,7 +197,7 @@ class Seen:
 
 async def run_swarm(hub: Hub, options: RunOptions, log: Path) -> Completeness:
     """Run all parts over `hub`, each with a session and a certificate of its own."""
-    core = jobs.coordinator_for(options, None)
+    core = coordinator_process.coordinator_for(options, None)
     source = open_source(options.source, options.seed, options.arguments)
     cells = [f"cell/{number}" for number in range(len(options.sensors))]
     leave, over = asyncio.Event(), asyncio.Event()

@@ -15,18 +15,18 @@ from typing import Any
 import pytest
 
 from neurosnap import wire
-from neurosnap.fabric.access import Role
-from neurosnap.fabric.over_zenoh import ZenohFabric
-from neurosnap.fabric.place import Place
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.whole import part_paths
-from neurosnap.source import Argument, open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
-from neurosnap.view.film import Film
-from neurosnap.view.members import members
+from neurosnap.apps.viewer.members import members
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import Argument, open_source
 from tests.course import course
 from tests.patience import PATIENCE
 from tests.ports import free_port

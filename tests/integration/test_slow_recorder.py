@@ -13,11 +13,11 @@ import msgspec
 import psutil
 import pytest
 
-from neurosnap.agent.context import Body
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import Outcome, run
+from neurosnap.agent.body import Body
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.run import Outcome, run
 from tests.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]

@@ -27,22 +27,22 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.context import Body, Senses
-from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.environment import describe
+from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot
-from neurosnap.binary_sensors import BinarySensors
-from neurosnap.environment import describe
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.snapshot import EmpiricalSnapshot
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import verify
-from neurosnap.record.writer import Writer
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.run import run
 from neurosnap.sensorium import Sensorium, complete, unpack
-from neurosnap.source import Continuing, open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
+from neurosnap.sources.open import Continuing, open_source
 from world.implications import (
     implications,
     inclusions,

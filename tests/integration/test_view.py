@@ -16,19 +16,19 @@ import pytest
 from typer.testing import CliRunner
 
 from neurosnap import wire
-from neurosnap.cli import app
-from neurosnap.cli.page import look, viewed
+from neurosnap.apps.cli import app
+from neurosnap.apps.cli.page import look, viewed
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.server import Address, serving
+from neurosnap.apps.viewer.session import Desk
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.record.reader import Recording
-from neurosnap.record.writer import Writer
-from neurosnap.swarm.run import describe
-from neurosnap.view import api
-from neurosnap.view.desk import Desk
-from neurosnap.view.film import Film
-from neurosnap.view.server import Address, serving
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.run import describe
 from tests.patience import PATIENCE
-from tests.unit.view.films import TICKS, in_chunks, path_run, recorded, told
-from tests.unit.view.verbs import address_of, verb
+from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded, told
+from tests.unit.apps.viewer.verbs import address_of, verb
 
 pytestmark = pytest.mark.slow
 
@@ -422,7 +422,7 @@ async def test_a_run_is_looked_at_while_it_goes_on_and_after(
 ) -> None:
     log, stop = tmp_path / "run.mcap", asyncio.Event()
     said: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    monkeypatch.setattr("neurosnap.cli.page.typer.echo", said.set_result)
+    monkeypatch.setattr("neurosnap.apps.cli.page.typer.echo", said.set_result)
     shown: list[api.Run] = []
     looked = asyncio.Event()
 
@@ -465,8 +465,8 @@ async def test_a_recording_that_is_about_to_begin_is_waited_for(
         said.append(text)
         stop.set()
 
-    monkeypatch.setattr("neurosnap.swarm.registry.recorded_in", recorded_in)
-    monkeypatch.setattr("neurosnap.cli.page.typer.echo", say)
+    monkeypatch.setattr("neurosnap.runtime.registry.recorded_in", recorded_in)
+    monkeypatch.setattr("neurosnap.apps.cli.page.typer.echo", say)
     async with asyncio.timeout(PATIENCE):
         await look(late, stop, browser=False)
     assert said[0].startswith(f"{late}: http://127.0.0.1:")

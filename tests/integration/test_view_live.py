@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from playwright.async_api import expect
 
-from neurosnap.record.reader import Recording
-from neurosnap.view.desk import Desk
-from neurosnap.view.film import Film
-from neurosnap.view.server import serving
-from tests.unit.view.films import TICKS, in_chunks, path_run, recorded
-from tests.unit.view.pages import IN_BROWSER, derived, looked_at, opened, states
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.session import Desk
+from neurosnap.recording.read.reader import Recording
+from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded
+from tests.unit.apps.viewer.pages import IN_BROWSER, derived, looked_at, opened, states
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER

@@ -10,13 +10,20 @@ from pathlib import Path
 import pytest
 from playwright.async_api import expect
 
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import options_of
-from tests.unit.view.films import (
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import options_of
+from tests.unit.apps.viewer.films import (
     TICKS,
     in_chunks,
 )
-from tests.unit.view.pages import IN_BROWSER, derived, go_to, opened, shown_tick, states
+from tests.unit.apps.viewer.pages import (
+    IN_BROWSER,
+    derived,
+    go_to,
+    opened,
+    shown_tick,
+    states,
+)
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER

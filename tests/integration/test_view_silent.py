@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.view import connection
-from neurosnap.view.desk import Desk
-from neurosnap.view.server import Address, serving
+from neurosnap.apps.viewer import connection
+from neurosnap.apps.viewer.server import Address, serving
+from neurosnap.apps.viewer.session import Desk
 from tests.integration.test_view import get, status_of
 from tests.patience import PATIENCE
-from tests.unit.view.films import path_run, recorded
+from tests.unit.apps.viewer.films import path_run, recorded
 
 pytestmark = pytest.mark.slow
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, expect
 
-from neurosnap.record.replay import verify
+from neurosnap.recording.replay.verify import verify
 from tests.patience import PATIENCE
-from tests.unit.view.pages import IN_BROWSER, derived, looked_at, states
-from tests.unit.view.verbs import address_of, verb
+from tests.unit.apps.viewer.pages import IN_BROWSER, derived, looked_at, states
+from tests.unit.apps.viewer.verbs import address_of, verb
 from tools.browser import wait_shown
 
 pytestmark = [pytest.mark.zenoh, *IN_BROWSER]

@@ -11,14 +11,14 @@ import pytest
 from playwright.async_api import expect
 
 from neurosnap import wire
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import options_of
-from neurosnap.view.film import Film
-from tests.unit.view.films import (
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import options_of
+from tests.unit.apps.viewer.films import (
     TICKS,
     unread_run,
 )
-from tests.unit.view.pages import IN_BROWSER, derived, go_to, opened, states
+from tests.unit.apps.viewer.pages import IN_BROWSER, derived, go_to, opened, states
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER

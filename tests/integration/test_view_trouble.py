@@ -8,11 +8,17 @@ from pathlib import Path
 
 from playwright.async_api import Page, expect
 
-from neurosnap.view.desk import Desk
-from neurosnap.view.film import Film
-from neurosnap.view.server import serving
-from tests.unit.view.films import TICKS, in_chunks, without_states
-from tests.unit.view.pages import IN_BROWSER, go_to, looked_at, opened, shown_tick
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.session import Desk
+from tests.unit.apps.viewer.films import TICKS, in_chunks, without_states
+from tests.unit.apps.viewer.pages import (
+    IN_BROWSER,
+    go_to,
+    looked_at,
+    opened,
+    shown_tick,
+)
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER

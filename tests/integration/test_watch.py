@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.unit.view.verbs import verb
+from tests.unit.apps.viewer.verbs import verb
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 

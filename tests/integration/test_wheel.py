@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap import distribution
+from neurosnap.system import distribution
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
@@ -125,8 +125,8 @@ def test_page_examples_and_licences_are_in_it(installed: Environment) -> None:
     (licences,) = installed.packages.glob("*.dist-info/licenses")
     assert files(licences) == {
         "LICENSE",
-        "neurosnap/export/foxglove/LICENSE",
-        "neurosnap/view/static/vendor/uplot/LICENSE",
+        "neurosnap/apps/export/foxglove/LICENSE",
+        "neurosnap/apps/viewer/static/vendor/uplot/LICENSE",
     }
 
 

@@ -12,21 +12,21 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.policy import AgentKind
-from neurosnap.depth import from_recording
+from neurosnap.depth.measure import from_recording
 from neurosnap.errors import SwarmError
-from neurosnap.record.info import describe as describe_recording
-from neurosnap.record.past import Past
-from neurosnap.record.playback import play
-from neurosnap.record.reader import Recorded, Recording
-from neurosnap.record.replay import Replay, verify
-from neurosnap.record.resume import look_back
-from neurosnap.record.writer import Writer
+from neurosnap.protocol.run_options import CellKind, RunOptions
+from neurosnap.recording.read.info import describe as describe_recording
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.replay.playback import play
+from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.replay.verify import Replay, verify
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.inline import run_inline
+from neurosnap.runtime.run import describe, run
 from neurosnap.sensorium import unpack
-from neurosnap.source import Argument, open_source
-from neurosnap.swarm.embody import body_of
-from neurosnap.swarm.inline import run_inline
-from neurosnap.swarm.options import CellKind, RunOptions
-from neurosnap.swarm.run import describe, run
+from neurosnap.sources.open import Argument, open_source
 
 pytestmark = [pytest.mark.slow]
 

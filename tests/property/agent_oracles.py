@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.context import Body
-from neurosnap.poc.graph import PocGraph
+from neurosnap.agent.body import Body
+from neurosnap.poc.order.graph import PocGraph
 from tests.property.oracles import Edges, holds, reach, stars
 
 Moves = Sequence[Sequence[int]]

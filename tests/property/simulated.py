@@ -4,15 +4,15 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from neurosnap import wire
-from neurosnap.agent.walker import Walker
-from neurosnap.fabric.memory import Faults, MemoryHub
-from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.agent.random_walk import Walker
+from neurosnap.fabric.in_memory import Faults, MemoryHub
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_wiring import WorkerWires
 from neurosnap.sensorium import pack, unpack
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.coordinator import Coordinator
-from neurosnap.swarm.looms import WorkerWires
-from neurosnap.swarm.shares import shares
-from neurosnap.swarm.worker import Worker
 
 THRESHOLD = 0.2
 Rows: TypeAlias = Sequence[Sequence[bool | None]]

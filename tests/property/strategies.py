@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.order.graph import PocGraph
 
 Bits = list[list[bool]]
 

@@ -4,16 +4,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from neurosnap.agent.actions import Repertoire, guaranteed
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.context import Body
-from neurosnap.agent.draws import Draws
+from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
-from neurosnap.agent.kinds import new_policy
 from neurosnap.agent.planner import Planner, subgoals
+from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind, Policy
-from neurosnap.agent.repertoire import Repertoire, guaranteed
-from neurosnap.poc.graph import PocGraph
-from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.agent.random_numbers import Draws
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
 from tests.property import agent_oracles as agents
 from tests.property import oracles

@@ -14,13 +14,12 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 from msgspec import UNSET
 
-from neurosnap.config.check import problems
-from neurosnap.config.faults import ConfigError, dotted
-from neurosnap.config.lines import Keys, Lines
-from neurosnap.config.load import load
-from neurosnap.config.schema import schema
-from neurosnap.config.sources import CsvTable, WorldTable
-from neurosnap.config.tables import (
+from neurosnap.apps.config.json_schema import schema
+from neurosnap.apps.config.line_numbers import Keys, Lines
+from neurosnap.apps.config.load import load
+from neurosnap.apps.config.problems import ConfigError, dotted
+from neurosnap.apps.config.sources import CsvTable, WorldTable
+from neurosnap.apps.config.tables import (
     AgentTable,
     AnomaliesTable,
     CellsTable,
@@ -29,8 +28,9 @@ from neurosnap.config.tables import (
     RunTable,
     SnapshotTable,
 )
-from neurosnap.swarm.network import Network
-from neurosnap.swarm.supervision import Supervision
+from neurosnap.apps.config.validate import problems
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.restart_policy import Supervision
 from tests.property.config_documents import Document, documents
 
 VALID = Draft202012Validator(schema())

@@ -8,9 +8,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.poc.contradiction import contradiction
-from neurosnap.poc.cover import smallest_cover
-from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.order.contradiction import contradiction
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.vertex_cover import smallest_cover
 from tests.property.oracles import Edges, below_or_equal, coherent
 from tests.property.strategies import graphs
 

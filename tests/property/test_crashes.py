@@ -13,15 +13,15 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.memory import Faults, MemoryHub
-from neurosnap.record.lives import Lives
-from neurosnap.record.reader import Recording
-from neurosnap.record.replay import options_of, verify
-from neurosnap.record.resume import look_back
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.run import run
+from neurosnap.fabric.in_memory import Faults, MemoryHub
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.verify import options_of, verify
+from neurosnap.recording.write.restart_files import Lives
+from neurosnap.runtime.run import run
 from tools import simulate
 from tools.simulate_case import live_on, random_options
 from tools.simulate_case import simulate as schedule

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.graph import PocGraph, WiringKind
+from neurosnap.poc.order.graph import PocGraph, WiringKind
 from tests.property import oracles
 from tests.property.oracles import Edges
 from tests.property.strategies import as_set, graphs, subsets

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 
 from neurosnap import wire
-from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from tests.property.simulated import THRESHOLD, Swarm
 
 pytestmark = pytest.mark.slow

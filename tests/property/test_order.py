@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.poc.graph import PocGraph, WiringKind
-from neurosnap.poc.literals import Words, from_words, to_words
-from neurosnap.poc.order import order_of
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.swarm.conductor import Conductor
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.order.closure import order_of
+from neurosnap.poc.order.graph import PocGraph, WiringKind
+from neurosnap.poc.order.literals import Words, from_words, to_words
+from neurosnap.protocol.wave_control import Conductor
 from tests.property import oracles
 from tests.property.oracles import Edges
 from tests.property.strategies import Bits, runs

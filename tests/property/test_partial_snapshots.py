@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.poc.pocset import PocSet
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.order.pocset import PocSet
 from tests.property import oracles
 from tests.property.oracles import Edges, Weights
 from tests.property.strategies import as_set, observations, thresholds

@@ -17,18 +17,18 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.walker import Walker
-from neurosnap.fabric.memory import Faults, MemoryHub
-from neurosnap.poc.graph import PocGraph, WiringKind
-from neurosnap.poc.literals import to_words
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.agent.random_walk import Walker
+from neurosnap.fabric.in_memory import Faults, MemoryHub
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.order.graph import PocGraph, WiringKind
+from neurosnap.poc.order.literals import to_words
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.wave import Wave
+from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.worker import Worker
 from neurosnap.sensorium import pack, unpack
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.conductor import Conductor
-from neurosnap.swarm.coordinator import Coordinator
-from neurosnap.swarm.shares import shares
-from neurosnap.swarm.wave import Wave
-from neurosnap.swarm.worker import Worker
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from tests.property import oracles
 from tests.property.oracles import Edges
 from tests.property.strategies import Bits, as_set, runs, thresholds

@@ -13,12 +13,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.cubing import Cubing
-from neurosnap.poc.examples import chain, exclusive
-from neurosnap.poc.median import dual_graph, poc_of_median_graph
-from neurosnap.poc.morphism import PocMorphism, splitting
-from neurosnap.poc.pocset import Element, PocSet
-from neurosnap.poc.realization import Realization
+from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.dual.examples import chain, exclusive
+from neurosnap.poc.dual.median import dual_graph, poc_of_median_graph
+from neurosnap.poc.dual.morphism import PocMorphism, splitting
+from neurosnap.poc.dual.realization import Realization
+from neurosnap.poc.order.pocset import Element, PocSet
 from tests.property.theory_oracles import Model, Vertex, face_counts
 from tests.property.theory_strategies import (
     Drawn,

@@ -8,10 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.convex import ConvexSet
-from neurosnap.poc.cubing import Cubing
-from neurosnap.poc.graph import PocGraph
-from neurosnap.poc.pocset import PocSet
+from neurosnap.poc.dual.convex import ConvexSet
+from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.pocset import PocSet
 from tests.property import oracles
 from tests.property.theory_oracles import Model, Vertex, Vertices, subsets
 from tests.property.theory_strategies import (

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.pocset import PocSet
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.order.pocset import PocSet
 from tests.property import oracles
 from tests.property.oracles import Edges, Number, Weights
 from tests.property.strategies import Bits, as_set, runs

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from neurosnap.poc.cubing import Cubing
-from neurosnap.poc.examples import (
+from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.dual.examples import (
     Example,
     beacons,
     grid_with_holes,
@@ -18,10 +18,10 @@ from neurosnap.poc.examples import (
     six_wide_arcs,
     thresholds,
 )
-from neurosnap.poc.nerve import richness
-from neurosnap.poc.realization import Realization, corners
-from neurosnap.poc.space import FiniteSpace
-from neurosnap.poc.topology import CellComplex, cubes_among
+from neurosnap.poc.dual.finite_space import FiniteSpace
+from neurosnap.poc.dual.homology import CellComplex, cubes_among
+from neurosnap.poc.dual.homotopy import richness
+from neurosnap.poc.dual.realization import Realization, corners
 from tests.property.theory_oracles import Model, betti, face_counts, included
 from tests.property.theory_strategies import Drawn, fields, frozen, poc_sets
 
@@ -154,7 +154,7 @@ def test_a_contractible_space_has_the_homology_of_a_point(space: FiniteSpace) ->
 def test_thm_homotopy_type_as_it_must_read(
     space: FiniteSpace, data: st.DataObject
 ) -> None:
-    """[GK] thm:homotopy type, in the form of `neurosnap.poc.nerve`."""
+    """[GK] thm:homotopy type, in the form of `neurosnap.poc.dual.homotopy`."""
     row = st.lists(st.booleans(), min_size=len(space), max_size=len(space))
     rows = data.draw(st.lists(row, min_size=1, max_size=4))
     realization = Realization(rows)

@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.context import Body
-from neurosnap.agent.draws import Draws
-from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.body import Body
+from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.agent.random_numbers import Draws
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import Decision
 from tests.property import agent_oracles as agents

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.poc.snapshot import EmpiricalSnapshot
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import unpack
 from tests.property import oracles
 from tests.property.simulated import THRESHOLD, Swarm

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.poc.cubing import Cubing
-from neurosnap.poc.pocset import PocSet
+from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.order.pocset import PocSet
 from tests.property.oracles import Weights, proper_pairs
 from tests.property.strategies import graphs
 from tests.property.theory_oracles import Model, Vertex, included

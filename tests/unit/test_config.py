@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from neurosnap.cli import app
-from neurosnap.config.faults import ConfigError
-from neurosnap.config.load import load
-from neurosnap.config.prepare import FOREVER, Prepared, prepare
-from neurosnap.config.recordings import free_path, new_path
-from neurosnap.config.schema import schema
+from neurosnap.apps.cli import app
+from neurosnap.apps.config.json_schema import schema
+from neurosnap.apps.config.load import load
+from neurosnap.apps.config.prepare import FOREVER, Prepared, prepare
+from neurosnap.apps.config.problems import ConfigError
+from neurosnap.apps.config.recording_names import free_path, new_path
 from neurosnap.errors import InvalidValueError
-from neurosnap.swarm.network import Network
-from neurosnap.swarm.options import RunOptions
-from neurosnap.swarm.supervision import Supervision
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.restart_policy import Supervision
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
 

@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 import msgspec
 import pytest
 
-from neurosnap.config.check import known_keys, problems
-from neurosnap.config.faults import dotted
-from neurosnap.config.lines import Lines
-from neurosnap.config.tables import Config
+from neurosnap.apps.config.line_numbers import Lines
+from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.tables import Config
+from neurosnap.apps.config.validate import known_keys, problems
 from neurosnap.errors import InvalidValueError
 
 

@@ -7,16 +7,16 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from neurosnap.cli.broker import brokered
-from neurosnap.cli.config import FLAGS, described
-from neurosnap.config.check import known_keys
-from neurosnap.config.faults import dotted
-from neurosnap.config.prepare import Prepared
-from neurosnap.config.tables import Config
+from neurosnap.apps.cli.broker import brokered
+from neurosnap.apps.cli.config import FLAGS, described
+from neurosnap.apps.config.prepare import Prepared
+from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.tables import Config
+from neurosnap.apps.config.validate import known_keys
 from neurosnap.errors import InvalidValueError
-from neurosnap.outside.mqtt_options import MqttBroker
-from neurosnap.outside.open import mqtt_options
-from neurosnap.swarm.options import SnapshotKind
+from neurosnap.protocol.run_options import SnapshotKind
+from neurosnap.sources.live.open import mqtt_options
+from neurosnap.sources.mqtt.options import MqttBroker
 
 FILE = """
 [source]

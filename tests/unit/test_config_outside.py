@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.config.faults import ConfigError
-from neurosnap.config.load import load
-from neurosnap.config.prepare import FOREVER, prepare
-from neurosnap.outside.open import mqtt_options, open_outside
-from neurosnap.swarm.options import RunOptions
+from neurosnap.apps.config.load import load
+from neurosnap.apps.config.prepare import FOREVER, prepare
+from neurosnap.apps.config.problems import ConfigError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.sources.live.open import mqtt_options, open_outside
 
 MQTT = """
 [source]
@@ -145,7 +145,7 @@ def test_intervals_that_do_not_go_together_are_found_with_nothing_opened(
 def test_packages_that_are_missing_are_missed_by_the_kind_of_the_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "neurosnap.outside.mqtt_source", None)
+    monkeypatch.setitem(sys.modules, "neurosnap.sources.mqtt.mqtt_source", None)
     with pytest.raises(ConfigError) as refused:
         options(tmp_path, MQTT)
     said = str(refused.value).removeprefix(f"{tmp_path}/")

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.config.faults import ConfigError
-from neurosnap.config.load import load, look
-from neurosnap.config.prepare import prepare
+from neurosnap.apps.config.load import load, look
+from neurosnap.apps.config.prepare import prepare
+from neurosnap.apps.config.problems import ConfigError
 from neurosnap.errors import InvalidValueError
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'

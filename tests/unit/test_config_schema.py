@@ -11,15 +11,15 @@ import pytest
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 from msgspec import inspect
 
-from neurosnap.config.check import problems
-from neurosnap.config.load import load
-from neurosnap.config.prepare import prepare
-from neurosnap.config.schema import _in_toml, schema
-from neurosnap.config.tables import Config
+from neurosnap.apps.config.json_schema import _in_toml, schema
+from neurosnap.apps.config.load import load
+from neurosnap.apps.config.prepare import prepare
+from neurosnap.apps.config.tables import Config
+from neurosnap.apps.config.validate import problems
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.snapshot import DiscountedSnapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
-from neurosnap.swarm.options import RunOptions
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

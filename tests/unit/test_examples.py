@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
-from neurosnap.config.load import load
-from neurosnap.config.prepare import prepare
-from neurosnap.source import open_source
+from neurosnap.apps.config.load import load
+from neurosnap.apps.config.prepare import prepare
+from neurosnap.sources.open import open_source
 from tests.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

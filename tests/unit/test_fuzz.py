@@ -14,17 +14,17 @@ from mcap.records import Header, Metadata
 
 from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
-from neurosnap.fabric.memory import MemoryHub
-from neurosnap.record.layout import RUN
-from neurosnap.record.reader import Recording
-from neurosnap.record.writer import Writer
+from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.protocol import cell as cells
+from neurosnap.protocol import limits
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.wave import DEEPEST, Wave
+from neurosnap.protocol.wave_control import Conductor
+from neurosnap.recording.format.records import RUN
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.parts.participant import decoded, wrong_readings
 from neurosnap.sensorium import pack
-from neurosnap.swarm import bounds
-from neurosnap.swarm import cell as cells
-from neurosnap.swarm.cell import Cell
-from neurosnap.swarm.conductor import Conductor
-from neurosnap.swarm.part import decoded, wrong_readings
-from neurosnap.swarm.wave import DEEPEST, Wave
 from tools import fuzz, fuzz_bytes
 from tools.fuzz_messages import altered
 from tools.fuzz_run import honest_run
@@ -224,7 +224,7 @@ def test_waves_that_never_come_are_kept_to_a_number_and_then_forgotten(
     said = flood(cell, messages, 10_000)
     assert len(said) == 3
     assert all("must be of 8192 waves in all" in what for what in said)
-    assert len(cell._waves) == bounds.WAVES
+    assert len(cell._waves) == limits.WAVES
     cell.receive([start(1)])
     # Only what may yet come about is left, and there is room for more.
     assert set(cell._waves) == {1, *range(1000, 4098, 1000)}

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from neurosnap.apps.drawing.cube_layers import layers
+from neurosnap.apps.drawing.dual_view import View
+from neurosnap.apps.drawing.find_model import find, listed
+from neurosnap.apps.drawing.measures import in_words, measure
+from neurosnap.apps.drawing.page import draw_model, figure_of
+from neurosnap.apps.drawing.rank_layout import ranks, stand
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.picture.find import find, listed
-from neurosnap.picture.layers import layers
-from neurosnap.picture.numbers import in_words, measure
-from neurosnap.picture.page import draw_model, figure_of
-from neurosnap.picture.ranks import ranks, stand
-from neurosnap.picture.view import View
-from neurosnap.poc.pocset import PocSet
+from neurosnap.poc.order.pocset import PocSet
 
 NAMES = list(listed())
 OWN = [

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.fabric.memory import matches
+from neurosnap.fabric.in_memory import matches
 
 KINDS = sorted(set(wire.TOPICS.values()), key=lambda kind: kind.__name__)
 

@@ -9,13 +9,13 @@ import pytest
 from gymnasium.spaces import Discrete, MultiBinary
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.context import Body
-from neurosnap.agent.kinds import new_policy
+from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
+from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.walker import Walker
+from neurosnap.agent.random_walk import Walker
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.property.strategies import as_set
 

@@ -5,12 +5,12 @@ The truth is found by looking at every action at every place.
 
 import pytest
 
-from neurosnap.agent.context import Body
+from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
 from neurosnap.agent.planner import Planner, subgoals
 from neurosnap.agent.policy import Policy
-from neurosnap.agent.repertoire import Repertoire, guaranteed
-from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
 from tests.property import agent_oracles as agents
 from tests.property.agent_oracles import Fields, Moves, as_array, known

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.agent.context import Body
-from neurosnap.agent.draws import WIDTH
+from neurosnap.agent.body import Body
 from neurosnap.agent.excited import (
     EXPLORES,
     KEEPS,
@@ -18,8 +17,9 @@ from neurosnap.agent.excited import (
     choose,
     drives,
 )
+from neurosnap.agent.random_numbers import WIDTH
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
 
 BODY = Body.full(["a", "b", "better", "worse"], ["x", "y", "z"], [0, 0, 1, 1])

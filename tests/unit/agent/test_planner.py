@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.agent.context import Body
+from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner, target_literals
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.graph import PocGraph
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
 
 BODY = Body.full(["a", "b", "better"], ["x", "y", "z"], [0, 0, 1])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.archive import pack_arrays, unpack_arrays
-from neurosnap.poc.pocset import PocSet
-from neurosnap.poc.snapshot import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.order.pocset import PocSet
 
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])

@@ -1,0 +1,106 @@
+"""What an agent can do, and what each of it is bound to lead to.
+
+A generalised action is a complete *-selection of the atomic actions. Where they
+exclude each other, as they do unless said otherwise, only the pure ones can be done: a
+pure action is asked about by itself, and the others' complements follow once the agent
+has learned that they exclude each other.
+
+References:
+    [GK] "Defining Actions"; "Algorithm: Computing the consequences of an action". The
+    paper propagates over the graph loaded with the state, which keeps what is sensed of
+    the *last* step (`better`, the last action); what an action guarantees is the
+    forward closure alone.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body
+from neurosnap.errors import InvalidValueError
+
+
+class Repertoire:
+    """The choices of a body, and what to ask in order to know what they lead to.
+
+    Args:
+        body: With at least one action, each of them a sensor.
+
+    Raises:
+        InvalidValueError: The body cannot act, or does not sense that it does.
+    """
+
+    def __init__(self, body: Body) -> None:
+        if not body.actions or not body.senses_actions:
+            rule = "must have actions that are sensors"
+            raise InvalidValueError("agent", rule, body.actions)
+        self._exclusive = body.exclusive
+        own = len(body.own)
+        first = own + len(body.actions)
+        pairs = np.array(body.context, np.intp).reshape(-1, 2)
+        self._selections: list[tuple[int, ...]] = []
+        # For each choice, its contextual sensors and the literals they stand for.
+        self._contextual: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+        for taken in body.choices:
+            on = taken.nonzero()[0] if body.exclusive else range(len(taken))
+            self._selections.append(
+                tuple(2 * (own + int(k)) + (not taken[k]) for k in on)
+            )
+            places = taken[pairs[:, 0]].nonzero()[0]
+            self._contextual.append((2 * (first + places), pairs[places, 1]))
+
+    def signals(self, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
+        """Return for each choice what making it here would switch on.
+
+        Args:
+            state: ``(2N,)``, the coherent state.
+
+        Returns:
+            ``A ∪ {α∧a : α in A, a in the state}`` for each choice ``A``.
+        """
+        return [
+            (*selection, *sensors[state[literals]].tolist())
+            for selection, (sensors, literals) in zip(
+                self._selections, self._contextual, strict=True
+            )
+        ]
+
+    def admissible(self, closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+        """Return which choices the agent believes it can make: ``(choices,)``.
+
+        A choice that implies the complement of an action in it is believed to be
+        impossible: it is no vertex of the dual of the actions ([GK] "Invoking Actions
+        Synchronously"). If all are, the belief is wrong, for one is made at each step.
+        A pure action can always be taken ([GK] "every action has outcomes"): a belief
+        to the contrary would never be tried, and so never given up.
+
+        Args:
+            closures: For each choice, the closure of its signal: ``(2N,)``.
+        """
+        if self._exclusive:
+            return np.ones(len(closures), np.bool_)
+        possible = np.array(
+            [
+                not any(up[literal ^ 1] for literal in selection)
+                for selection, up in zip(self._selections, closures, strict=True)
+            ]
+        )
+        return possible if possible.any() else ~possible
+
+
+def guaranteed(closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Return what each action guarantees ([GK] cor. "Computing the Consequences").
+
+    Args:
+        closures: For each action, ``↑signal``: ``(2N,)``.
+
+    Returns:
+        ``(actions, 2N)``: on iff the literal is in the closure and its complement is
+        not. Sensations that were never met are equivalent for an empirical snapshot:
+        before anything was learned of them, an action may seem to guarantee them.
+    """
+    above = np.stack(closures)
+    pairs = above.reshape(len(closures), -1, 2)
+    bound: NDArray[np.bool_] = pairs & ~pairs[:, :, ::-1]
+    return bound.reshape(above.shape)

@@ -1,0 +1,44 @@
+"""The policies by name."""
+
+from collections.abc import Iterable
+
+from neurosnap.agent.body import Body
+from neurosnap.agent.excited import Excited
+from neurosnap.agent.planner import Planner
+from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
+from neurosnap.agent.random_walk import Walker
+from neurosnap.errors import InvalidValueError
+
+
+def new_policy(
+    kind: AgentKind,
+    body: Body,
+    seed: int,
+    *,
+    target: Iterable[str | int] = (),
+    explore: float = EXPLORE,
+) -> Policy:
+    """Return a policy.
+
+    Args:
+        kind: ``"walker"``, ``"excited"`` or ``"planner"``.
+        body: What is sensed and done.
+        seed: Draws whatever is random.
+        target: For a planner: literals of the world's own, by name or number.
+        explore: The share of random actions; a walker's are all random.
+
+    Raises:
+        InvalidValueError: What is given does not go with the kind, or the body with it.
+    """
+    target = tuple(target)
+    if kind != "planner" and target:
+        # An excited agent's is a place, and its world's to know.
+        who = "a planner or an excited agent" if kind == "walker" else "a planner only"
+        raise InvalidValueError("target", f"must go with {who}", target)
+    match kind:
+        case "walker":
+            return Walker(len(body.choices), seed)
+        case "excited":
+            return Excited(body, seed, explore)
+        case "planner":
+            return Planner(body, target, seed, explore)

@@ -1,0 +1,56 @@
+"""``--broker``: another MQTT broker than the one a file names, or a small one here."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from neurosnap.apps.cli.shared import screen
+from neurosnap.errors import InvalidValueError
+from neurosnap.system.distribution import must_have
+
+EMBEDDED = "embedded"
+
+
+@contextmanager
+def brokered(broker: str, source: str) -> Iterator[dict[str, object]]:
+    """Return what goes before a file that describes an MQTT source.
+
+    Args:
+        broker: ``embedded``: one is started and ends with the context. Or where one is,
+            as HOST or HOST:PORT. Empty: as the file has it. What the file says of its
+            own broker, name, password and TLS among it, is not for another: one that
+            needs any of it is described in a file.
+        source: The file.
+
+    Raises:
+        InvalidValueError: It is neither, there is no broker to embed, or `source` is
+            no file that describes an MQTT source.
+    """
+    if broker and not _is_mqtt(source):
+        rule = 'must go with a TOML file that says kind = "mqtt" under [source]'
+        raise InvalidValueError("broker", rule, broker)
+    if broker != EMBEDDED:
+        yield _elsewhere(broker) if broker else {}
+        return
+    try:
+        from neurosnap.sources.mqtt.embedded_broker import HOST, EmbeddedBroker
+    except ImportError as error:  # an extra
+        rule = must_have(error.name or "amqtt", "mqtt")
+        raise InvalidValueError("broker", rule, broker) from error
+    with EmbeddedBroker() as here:
+        screen.print(f"a broker listens on {HOST}:{here.port}", markup=False)
+        yield {"source.broker": {"host": HOST, "port": here.port}}
+
+
+def _is_mqtt(source: str) -> bool:
+    from neurosnap.apps.config.load import source_kind
+
+    return source.lower().endswith(".toml") and source_kind(Path(source)) == "mqtt"
+
+
+def _elsewhere(broker: str) -> dict[str, object]:
+    host, colon, port = broker.rpartition(":") if ":" in broker else (broker, "", "")
+    if not host or ":" in host or (colon and not port.isdecimal()):
+        rule = f"must be {EMBEDDED}, HOST or HOST:PORT"
+        raise InvalidValueError("broker", rule, broker)
+    return {"source.broker": {"host": host} | ({"port": int(port)} if colon else {})}

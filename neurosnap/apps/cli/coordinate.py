@@ -1,0 +1,154 @@
+"""``neurosnap coordinate``: a run whose other parts are started elsewhere."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from neurosnap.agent.policy import EXPLORE
+from neurosnap.apps.cli.config import described
+from neurosnap.apps.cli.options import (
+    CELLS,
+    FLAG,
+    NETWORK,
+    RECORDING,
+    Agent,
+    Anomalies,
+    Deadline,
+    Decay,
+    Described,
+    Explore,
+    Given,
+    Hold,
+    Seed,
+    Snapshot,
+    Target,
+    Threshold,
+    Ticks,
+    Wiring,
+    Workers,
+)
+from neurosnap.apps.cli.shared import (
+    Connect,
+    Insecure,
+    Json,
+    Tls,
+    app,
+    check_swarm,
+    errors,
+    print_json,
+    run_async,
+    say,
+    screen,
+)
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.run_options import HostKind
+
+
+@app.command()
+def coordinate(
+    context: typer.Context,
+    source: Described,
+    connect: Connect,
+    swarm: Annotated[
+        str,
+        typer.Option(
+            metavar="ID",
+            rich_help_panel=NETWORK,
+            help="Name of the swarm, the same for all its parts: letters and digits.",
+        ),
+    ],
+    ticks: Ticks = None,
+    seed: Seed = 0,
+    agent: Agent = "walker",
+    target: Target = None,
+    explore: Explore = EXPLORE,
+    given: Given = None,
+    snapshot: Snapshot = "empirical",
+    threshold: Threshold = None,
+    decay: Decay = None,
+    cells: Annotated[
+        HostKind,
+        typer.Option(
+            rich_help_panel=CELLS,
+            help="Process: each cell is a process of its own. Worker: --workers processes"
+            " share them.",
+        ),
+    ] = "process",
+    workers: Workers = 2,
+    wiring: Wiring = "hasse",
+    record: Annotated[
+        bool,
+        typer.Option(
+            metavar=FLAG,
+            rich_help_panel=RECORDING,
+            help="Wait for a recorder (`neurosnap record`) before starting.",
+        ),
+    ] = True,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LOG",
+            rich_help_panel=RECORDING,
+            help="Go on with the run of this recording, after its last whole tick.",
+        ),
+    ] = None,
+    anomalies: Anomalies = True,
+    hold: Hold = 0,
+    deadline: Deadline = 10.0,
+    patience: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            rich_help_panel=NETWORK,
+            help="How long to wait until all other parts have connected.",
+        ),
+    ] = 60.0,
+    tls: Tls = "",
+    insecure: Insecure = False,
+    as_json: Json = False,
+) -> None:
+    """Coordinate a run whose other parts are started by hand, here or elsewhere.
+
+    Start `neurosnap hub` first; then this, `neurosnap world`, `record` and
+    `join`, in any order, on any machine. SOURCE and options are those of `run`.
+    """
+    from neurosnap.apps.cli import output
+    from neurosnap.recording.replay.resume import past_of
+    from neurosnap.runtime.run import run as run_swarm
+
+    with errors():
+        check_swarm(swarm)
+        prepared = described(context)
+        options, network = prepared.options, prepared.network
+        if options.cells == "inline":
+            rule = "must be 'process' or 'worker', for others to start them"
+            raise InvalidValueError("cells", rule, options.cells)
+        past = None if resume is None else past_of(resume, options)
+        parts = [
+            "world",
+            *options.host_names(),
+            *(["recorder"] if prepared.log else []),
+        ]
+        with output.progress(screen, "ticks", options.ticks) as on_progress:
+            outcome = run_async(
+                lambda stop: run_swarm(
+                    options,
+                    None,
+                    stop,
+                    on_progress,
+                    past,
+                    network=network,
+                    swarm=swarm,
+                    elsewhere=frozenset(parts),
+                    patience=patience,
+                )
+            )
+        output.outcome(say(as_json), options, outcome, None)
+        if as_json:
+            facts = output.outcome_facts(options, outcome, None)
+            # The recording, and whether it is whole, is the recorder's to say.
+            its = ("log", "complete", "kept", "journal", "waiting")
+            kept = {k: v for k, v in facts.items() if k not in its}
+            told = {} if past is None else {"resumed_at": past.tick}
+            print_json({"swarm": swarm, **kept, **told})

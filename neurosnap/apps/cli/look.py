@@ -1,0 +1,146 @@
+"""Verbs that look: into a recording, at a model, at this machine."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from neurosnap.apps.cli.options import FLAG
+from neurosnap.apps.cli.shared import (
+    LOST,
+    Json,
+    Log,
+    OptionalTick,
+    Tls,
+    app,
+    end_by,
+    errors,
+    print_json,
+    say,
+)
+from neurosnap.apps.cli.stopping import unwinding
+from neurosnap.errors import InvalidValueError
+
+
+@app.command()
+def info(log: Log, as_json: Json = False) -> None:
+    """Show what a recording holds, its settings, and what is missing from it."""
+    from neurosnap.recording.read.info import describe, render
+    from neurosnap.recording.read.reader import Recording
+
+    with errors():
+        recording = Recording.open(log)
+        found = describe(recording)
+        say(as_json).print(render(found), markup=False, soft_wrap=True)
+        if as_json:
+            print_json(msgspec.to_builtins(found))
+        if not recording.whole:
+            raise typer.Exit(LOST)
+
+
+@app.command()
+def graph(
+    log: Log,
+    at: OptionalTick = None,
+    form: Annotated[
+        str,
+        typer.Option("--format", help="One of json, dot (for Graphviz) and graphml."),
+    ] = "json",
+    as_json: Json = False,
+) -> None:
+    """Print the implications that were learned: which sensor implies which."""
+    from neurosnap.apps.export.graph_text import diagram, parse_format, render
+    from neurosnap.recording.read.learned_at import snapshot_at
+    from neurosnap.recording.read.split_files import open_whole
+
+    with errors():
+        wanted = parse_format("json" if as_json else form)
+        recording = open_whole(log)
+        tick, snapshot = snapshot_at(recording, at)
+        drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
+        if as_json:
+            print_json(msgspec.to_builtins(drawn))
+        else:
+            # For programs, which take it for UTF-8 whatever a terminal is.
+            typer.echo(render(drawn, wanted).encode())
+        end_by(recording)
+
+
+@app.command()
+def model(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME|LOG|EXPR",
+            help="The name of a model (--list shows them), or a recording, or sensors"
+            ' and the implications between them: "a, b : a < b*".',
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Where to put the picture, a .png, .svg or .pdf; replaces what is"
+            " there.",
+            show_default="NAME.png; none with --json",
+        ),
+    ] = None,
+    at: OptionalTick = None,
+    limit: Annotated[
+        int,
+        typer.Option(help="Do not draw the dual if it has more vertices than this."),
+    ] = 256,
+    names: Annotated[
+        bool,
+        typer.Option("--list", metavar=FLAG, help="List the names of the models."),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Draw a poc set (an order on sensors) and its dual (the space of their states)."""
+    from neurosnap.apps.drawing.find_model import find, listed
+    from neurosnap.apps.drawing.measures import in_words, measure
+    from neurosnap.apps.drawing.page import check_picture, draw_model
+
+    with errors():
+        if names:
+            for name, title in listed().items():
+                say(as_json).print(f"{name:24} {title}", markup=False, soft_wrap=True)
+            if as_json:
+                print_json({"models": listed()})
+            return
+        if what is None:
+            rule = "must be a name of --list, a recording or an expression"
+            raise InvalidValueError("model", rule, "nothing")
+        if out is not None or not as_json:
+            check_picture(out or Path("a.png"))
+        found = find(what, at, limit)
+        path = Path(f"{found.name}.png") if out is None and not as_json else out
+        numbers = measure(found)
+        lines = [numbers.title, *in_words(numbers)]
+        if path is not None:
+            with unwinding():
+                draw_model(found, numbers, path)
+            lines.append(f"wrote {path}")
+        for line in lines:
+            say(as_json).print(line, markup=False, soft_wrap=True)
+        if as_json:
+            drawn = None if path is None else str(path)
+            print_json({"png": drawn, **msgspec.to_builtins(numbers)})
+        if found.recording is not None:
+            end_by(found.recording)
+
+
+@app.command()
+def doctor(tls: Tls = "", as_json: Json = False) -> None:
+    """Check whether this machine can run a swarm, and say how to mend what it lacks."""
+    from neurosnap.apps.cli import output
+    from neurosnap.apps.doctor import examine
+
+    with errors():
+        findings = examine(Path(tls) if tls else None)
+        output.findings(say(as_json), findings)
+        if as_json:
+            print_json({"findings": msgspec.to_builtins(findings)})
+        if not all(finding.ok for finding in findings):
+            raise typer.Exit(1)

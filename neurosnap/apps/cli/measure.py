@@ -1,0 +1,234 @@
+"""Verbs that measure: the depth of waves, and the paper's experiments."""
+
+import asyncio
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from neurosnap.apps.cli.options import FLAG
+from neurosnap.apps.cli.shared import (
+    LOST,
+    Json,
+    app,
+    end_by,
+    errors,
+    print_json,
+    run_async,
+    say,
+    screen,
+)
+from neurosnap.apps.cli.stopping import unwinding
+from neurosnap.apps.figures.experiments.learning_error import TruthKind
+from neurosnap.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    NeurosnapError,
+    NothingBegunError,
+)
+from neurosnap.protocol.run_options import HostKind, WiringKind
+
+
+@app.command()
+def depth(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[LOG]",
+            help="Measure the waves in this recording, and start no swarm.",
+        ),
+    ] = None,
+    heights: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B",
+            help="How long the chains of implications are, one after another.",
+        ),
+    ] = "1,2,4,8,16,32,64",
+    wiring: Annotated[
+        WiringKind,
+        typer.Option(
+            help="Which implications are connections between cells: those that do not"
+            " follow from others (hasse), or all (derived)."
+        ),
+    ] = "hasse",
+    sensors: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B",
+            help="How many sensors the swarms have, one after another.",
+            show_default="what the longest chain takes, and twice as many",
+        ),
+    ] = "",
+    waves: Annotated[
+        int, typer.Option(help="How many waves to start at each height.")
+    ] = 10,
+    cells: Annotated[
+        HostKind,
+        typer.Option(
+            help="Process: each cell is a process of its own. Worker: --workers processes"
+            " share them."
+        ),
+    ] = "process",
+    workers: Annotated[
+        int, typer.Option(help="With --cells worker: how many processes there are.")
+    ] = 2,
+    edges: Annotated[
+        int,
+        typer.Option(
+            help="Measure random orders with so many implications instead of chains.",
+            show_default="0: chains",
+        ),
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random orders.")] = 0,
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="The folder for depth.csv and depth.png."),
+    ] = Path(),
+    as_json: Json = False,
+) -> None:
+    """Measure how far a wave of messages travels, and how long that takes.
+
+    Starts swarms whose implications form chains; writes a table and a picture.
+    """
+    from neurosnap.apps.cli import output
+    from neurosnap.depth.measure import draw, fit, from_recording, measure, write_csv
+    from neurosnap.depth.probe import Measured
+    from neurosnap.recording.read.split_files import open_whole
+
+    with errors():
+        tall = _numbers("heights", heights)
+        sizes = _numbers("sensors", sensors) if sensors else _sizes(tall)
+        recording = None if log is None else open_whole(log)
+        if recording is not None:
+            rows = from_recording(recording)
+        else:
+            total = len(sizes) * len(tall) * waves
+            with output.progress(screen, "waves", total) as on_progress:
+
+                async def work(stop: asyncio.Event) -> list[Measured]:
+                    found = await measure(
+                        tall,
+                        wiring,
+                        sizes,
+                        waves,
+                        stop,
+                        on_progress,
+                        cells=cells,
+                        workers=workers,
+                        edges=edges,
+                        seed=seed,
+                    )
+                    if not found and stop.is_set():
+                        rule = "must measure a wave, was asked to end first"
+                        raise NothingBegunError(f"depth: {rule}")
+                    return found
+
+                rows = run_async(work)
+        if not rows:
+            raise NeurosnapError("depth: must have a wave to measure, got none")
+        out.mkdir(parents=True, exist_ok=True)
+        wrote = [out / "depth.csv"]
+        with unwinding():
+            write_csv(rows, wrote[0])
+            try:
+                draw(rows, out / "depth.png")
+                wrote.append(out / "depth.png")
+            except MissingExtraError as error:
+                screen.print(f"no picture: {error}", markup=False, soft_wrap=True)
+        line = fit(rows)
+        output.depths(say(as_json), rows, line, wrote)
+        if as_json:
+            print_json(output.depth_facts(rows, line, wrote))
+        if recording is not None:
+            end_by(recording)
+
+
+@app.command()
+def figures(
+    only: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B",
+            help="Make these figures only, by name or number.",
+            show_default="all",
+        ),
+    ] = "",
+    runs: Annotated[
+        int, typer.Option(help="How many times to run each experiment.")
+    ] = 50,
+    steps: Annotated[
+        int, typer.Option(help="How many observations to take in each run.")
+    ] = 8000,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="The folder for pictures and data.")
+    ] = Path("figures"),
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    truth: Annotated[
+        TruthKind,
+        typer.Option(
+            help="Compare what is learned with the implications that hold everywhere in"
+            " the world (contained), or with those that an endless walk would learn"
+            " (thresholded)."
+        ),
+    ] = "contained",
+    equivalences: Annotated[
+        bool,
+        typer.Option(
+            metavar=FLAG, help="Let a snapshot learn that two sensors are the same."
+        ),
+    ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="How many threads compute.", show_default="one for each processor core"
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Repeat the paper's experiments: pictures, data, and whether its claims hold.
+
+    What is finished is kept in DIR/cells: after Ctrl-C the same command goes on.
+
+    With fewer --runs and --steps it takes less time, and proves less.
+    """
+    from neurosnap.apps.cli import output
+    from neurosnap.apps.figures.figure import FigureOptions
+    from neurosnap.apps.figures.run import run_figures
+
+    with errors():
+        options = FigureOptions(
+            only=tuple(name.strip() for name in only.split(",") if name.strip()),
+            runs=runs,
+            steps=steps,
+            out=out,
+            seed=seed,
+            truth=truth,
+            equivalences=equivalences,
+            workers=(os.cpu_count() or 1) if workers is None else workers,
+        )
+        with output.progress(screen, "runs", None) as on_progress:
+            results = run_async(
+                lambda stop: asyncio.to_thread(
+                    run_figures, options, on_progress, stop.is_set
+                )
+            )
+        output.figures(say(as_json), results)
+        if as_json:
+            print_json(output.figure_facts(results))
+        if results.missing:
+            raise typer.Exit(LOST)
+
+
+def _numbers(name: str, text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError as error:
+        raise InvalidValueError(name, "must be whole numbers", text) from error
+
+
+def _sizes(heights: tuple[int, ...]) -> tuple[int, ...]:
+    """Return two swarm sizes: if only height counts, both take as long."""
+    least = max(heights) + 1
+    return (least, 2 * least)

@@ -1,0 +1,328 @@
+"""What people see on the terminal."""
+
+from __future__ import annotations
+
+import shlex
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol
+
+import msgspec
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from neurosnap.recording.read.info import in_ranges
+from neurosnap.sensorium import visible
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from neurosnap.apps.doctor import Finding
+    from neurosnap.apps.figures.run import FigureResults
+    from neurosnap.depth.measure import Line
+    from neurosnap.depth.probe import Measured
+    from neurosnap.protocol.anomaly_messages import Told
+    from neurosnap.protocol.run_options import RunOptions
+    from neurosnap.recording.replay.verify import Verdict
+    from neurosnap.runtime.registry import Note, Part
+    from neurosnap.runtime.restart import Restart
+    from neurosnap.runtime.run import Outcome
+
+_MOST = 24  # implications shown; all of them are in `neurosnap graph`
+_NAMES = 8  # names in one line about an anomaly; all of them are in `watch --json`
+
+
+@contextmanager
+def progress(screen: Console, what: str, total: int | None) -> Iterator[OnProgress]:
+    """Show a bar that follows the number the callback is told, and the total."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    hidden = not screen.is_terminal
+    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
+        task = bar.add_task(what, total=total)
+
+        def on_progress(done: int, of: int | None = None) -> None:
+            bar.update(task, completed=done, total=total if of is None else of)
+
+        yield on_progress
+
+
+class OnProgress(Protocol):
+    """Told how much is done, and where that is not known beforehand, of how much."""
+
+    def __call__(self, done: int, of: int | None = None) -> None:
+        """Show it."""
+
+
+def figures(console: Console, results: FigureResults) -> None:
+    """Say what figures were made, what was fitted, and what agrees with the paper."""
+    console.print(f"cells: {results.computed} computed, {results.reused} reused")
+    for figure in results.figures:
+        files = ", ".join(str(path) for path in figure.files)
+        console.print(f"\n{figure.title}: {files}", markup=False, soft_wrap=True)
+        for line in figure.lines:
+            console.print(f"  {line}", markup=False, soft_wrap=True)
+        for claim in figure.claims:
+            text = f"  {claim.verdict}: {claim.says}: {claim.numbers}"
+            console.print(text, markup=False, soft_wrap=True)
+    if results.missing:
+        console.print(f"stopped: {results.missing} cells are still to be computed")
+
+
+def figure_facts(results: FigureResults) -> dict[str, object]:
+    """Return what came of the figures as one JSON object."""
+    facts: dict[str, object] = msgspec.to_builtins(results, enc_hook=str)
+    return facts
+
+
+def outcome_facts(
+    options: RunOptions, outcome: Outcome, log: Path | None
+) -> dict[str, object]:
+    """Return a run's outcome as one JSON object."""
+    return {
+        "log": None if log is None else str(log),
+        "cells": len(options.sensors),
+        **msgspec.structs.asdict(outcome.totals),
+        "seconds": outcome.seconds,
+        "startup": outcome.startup,
+        "restarts": outcome.restarts,
+        "stopped": outcome.stopped,
+        "complete": outcome.complete,
+        "kept": outcome.kept,
+        "journal": outcome.journal,
+        "waiting": outcome.waiting,
+        "lost": outcome.lost,
+        "implications": outcome.implications,
+    }
+
+
+def restart(console: Console, event: Restart) -> None:
+    """Say that a run goes on, what that costs, and what it could not go on from."""
+    what = "readings are lost" if event.outside else "ticks are done again"
+    cost = f"; {event.lost} {what}" if event.lost else ""
+    console.print(
+        f"[yellow]going on[/yellow] from tick {event.tick}: {escape(event.why)}{cost}",
+        soft_wrap=True,
+    )
+    for path in event.kept:
+        console.print(
+            f"[red]could not go on from[/red] a recording; kept: {escape(path)}",
+            soft_wrap=True,
+        )
+
+
+def anomaly(told: Told) -> str:
+    """Return an anomaly as one line that names a few of what it is about."""
+    long = f", since tick {told.since}" if told.since < told.tick else ""
+    exact = "" if told.exact else " (at least)"
+    likely = _few(told.culprits) or "nobody"
+    others = [name for name in told.candidates if name not in told.culprits]
+    perhaps = f" or {_few(others)}" if others else ""
+    links = [
+        f"{link.implication} ({link.support:g} for, {link.against:g} against,"
+        f" since tick {link.since})"
+        for link in told.broken
+    ]
+    broken = _few(links, "; ", told.more)
+    return visible(
+        f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
+        f" breaks {broken}"
+    )
+
+
+def _few(names: Sequence[str], comma: str = ", ", more: int = 0) -> str:
+    """Return the first names, and how many others there are, `more` among them."""
+    more += max(0, len(names) - _NAMES)
+    rest = f" and {more} more" if more else ""
+    return comma.join(names[:_NAMES]) + rest
+
+
+def swarms(console: Console, notes: Sequence[Note]) -> None:
+    """List the swarms that run."""
+    if not notes:
+        console.print("no swarm runs here")
+        return
+    table = Table("swarm", "pid", "source", "recording", box=None, pad_edge=False)
+    for note in notes:
+        table.add_row(note.swarm, str(note.pid), escape(note.source), escape(note.log))
+    console.print(table)
+
+
+def parts(console: Console, note: Note, there: Sequence[Part]) -> None:
+    """List the processes of one swarm."""
+    console.print(f"swarm {note.swarm}: {note.source}, hub at {note.endpoint}")
+    table = Table("part", "pid", "memory", "processor", box=None, pad_edge=False)
+    for part in there:
+        memory = f"{part.memory / 2**20:.0f} MB"
+        table.add_row(part.who, str(part.pid), memory, f"{part.seconds:.2f} s")
+    console.print(table)
+
+
+def outcome(
+    console: Console, options: RunOptions, outcome_: Outcome, log: Path | None
+) -> None:
+    """Print a run's summary."""
+    totals = outcome_.totals
+    rate = totals.ticks / outcome_.seconds if outcome_.seconds > 0 else 0.0
+    kind = f"{options.workers} workers" if options.sharing else options.cells
+    rows = {
+        "cells": f"{len(options.sensors)} ({kind}, {options.wiring} wiring)",
+        "ticks": f"{totals.ticks} in {outcome_.seconds:.1f} s ({rate:.0f} a second)",
+        "waves": f"{totals.waves}",
+        "pulses": f"{totals.pulses}",
+        "depth": f"{totals.depth} hops, the deepest wave",
+        "height": f"{totals.height}, the longest chain of implications now",
+        "incoherent": f"{totals.incoherent} observations",
+        **(
+            {"anomalies": f"{totals.anomalies} observations against what was learned"}
+            if options.watch
+            else {}
+        ),
+        "implications": f"{totals.edges}",
+    }
+    if totals.faults:
+        rows["faults"] = f"{totals.faults} messages dropped as bad or unexpected"
+    if outcome_.restarts:
+        rows["restarts"] = f"{outcome_.restarts}, after a part had died"
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value in rows.items():
+        table.add_row(f"[bold]{name}[/bold]", value)
+    console.print(table)
+    _implications(console, outcome_.implications, log)
+    if outcome_.stopped:
+        console.print(f"stopped after tick {totals.ticks}, as asked")
+    if log is not None:
+        console.print(f"recording: {escape(str(log))}", soft_wrap=True)
+    if outcome_.lost:
+        rule = "came in and had no tick, or were no readings"
+        console.print(f"[red]{outcome_.lost} lines or messages {rule}[/red]")
+    if outcome_.waiting:
+        kept = f"{outcome_.waiting} readings came in and had no tick; they are kept in"
+        then = "and are taken in when the run is resumed"
+        console.print(f"{kept} {escape(outcome_.journal)} {then}", soft_wrap=True)
+    elif outcome_.journal:
+        kept = "the readings that the recording may lack are kept in"
+        console.print(f"{kept} {escape(outcome_.journal)}", soft_wrap=True)
+    balance = outcome_.completeness
+    if balance is not None and balance.missing:
+        lost = [f"{count} of {who}" for who, count in balance.missing.items()]
+        console.print(
+            f"[red]the recording lacks {sum(balance.missing.values())} messages[/red]:"
+            f" {escape(_few(lost))}",
+            soft_wrap=True,
+        )
+    for path in () if balance is None else balance.vanished:
+        text = "deleted, moved or replaced while it was written"
+        console.print(f"[red]{text}[/red]: {escape(path)}", soft_wrap=True)
+    for path in outcome_.kept:
+        text = "may hold ticks that cannot be read"
+        console.print(f"[red]damaged[/red]: {escape(path)} {text}", soft_wrap=True)
+
+
+def _implications(
+    console: Console, pairs: Sequence[tuple[str, str]], log: Path | None
+) -> None:
+    shown = ", ".join(f"{below} → {above}" for below, above in pairs[:_MOST])
+    if pairs:
+        console.print(f"  {escape(visible(shown))}")
+    if len(pairs) > _MOST:
+        # Without a recording nobody can be asked later.
+        every = "--json" if log is None else f"neurosnap graph {shlex.quote(str(log))}"
+        more = f"  and {len(pairs) - _MOST} more; all: {every}"
+        console.print(more, markup=False, soft_wrap=True)
+
+
+def verdict(console: Console, found: Verdict) -> None:
+    """Print what a replay found."""
+    if not found.same:
+        console.print("[red]different[/red]:", escape(str(found.difference)))
+        return
+    since = f" after tick {found.start}" if found.start else ""
+    if found.missing:
+        since = f" ({in_ranges(found.ranges)})"
+    where = f" in {found.files} files" if found.files > 1 else ""
+    # The last tick's is left out, unless the run was only asked to end after it.
+    one_more = found.decisions > found.states
+    before = ", since a start makes one, too" if one_more else ""
+    console.print(
+        f"same: every state and decision of {found.ticks} ticks{since}{where} came out"
+        f" the same ({found.states} states, {found.decisions} decisions{before},"
+        f" {found.wirings} wirings, {found.waves} waves; {found.seconds:.2f} s)"
+    )
+    if found.missing:
+        lost = in_ranges(found.missing)
+        console.print(f"[yellow]missing[/yellow]: ticks {lost}", soft_wrap=True)
+    for line in found.damage:
+        console.print(f"[yellow]damaged[/yellow]: {escape(line)}", soft_wrap=True)
+    if not found.complete:
+        console.print("[yellow]the recording is incomplete[/yellow]")
+
+
+def depth_facts(
+    rows: Sequence[Measured], line: Line | None, wrote: Sequence[Path]
+) -> dict[str, object]:
+    """Return what was measured as one JSON object, with the files by their kind."""
+    files = {path.suffix: str(path) for path in wrote}
+    return {
+        "csv": files.get(".csv"),
+        "png": files.get(".png"),
+        "waves": len(rows),
+        "line": None if line is None else msgspec.structs.asdict(line),
+        "rows": [msgspec.structs.asdict(row) for row in rows],
+    }
+
+
+def depths(
+    console: Console, rows: Sequence[Measured], line: Line | None, wrote: Sequence[Path]
+) -> None:
+    """Print depth and time by height."""
+    table = Table("sensors", "kind", "height", "waves", "depth", "pulses", "median ms")
+    groups: dict[tuple[int, str, int], list[Measured]] = {}
+    for row in rows:
+        groups.setdefault((row.sensors, row.kind, row.height), []).append(row)
+    for (sensors, kind, height), found in sorted(groups.items()):
+        times = sorted(row.seconds for row in found)
+        table.add_row(
+            str(sensors),
+            f"{kind}, {found[0].wiring}",
+            str(height),
+            str(len(found)),
+            _span([row.depth for row in found]),
+            _span([row.pulses for row in found]),
+            f"{1e3 * times[len(times) // 2]:.2f}",
+        )
+    console.print(table)
+    if line is not None:
+        console.print(
+            f"time over depth: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
+        )
+    console.print(f"wrote {' and '.join(escape(str(path)) for path in wrote)}")
+
+
+def _span(values: Sequence[int]) -> str:
+    least, most = min(values), max(values)
+    return str(least) if least == most else f"{least}–{most}"
+
+
+def findings(console: Console, found: Sequence[Finding]) -> None:
+    """Print what the doctor found, each with its mend."""
+    for finding in found:
+        mark = "[green]ok[/green] " if finding.ok else "[red]bad[/red]"
+        console.print(f"{mark} {escape(finding.what)}: {escape(finding.found)}")
+        if not finding.ok:
+            console.print(f"    → {escape(finding.mend)}")

@@ -1,0 +1,135 @@
+"""The page of ``neurosnap view``, served beside whatever else a verb does."""
+
+import asyncio
+import contextlib
+import importlib.util
+import webbrowser
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any, TypeVar
+
+import typer
+
+from neurosnap.apps.cli.shared import print_json
+from neurosnap.errors import MissingExtraError, RecordingError
+from neurosnap.fabric.events import wait_at_most
+from neurosnap.system.distribution import must_have
+
+T = TypeVar("T")
+
+_POLL = 0.1
+"""Seconds between two looks for a recording that is to begin."""
+_NEEDED = ("starlette", "uvicorn")
+
+
+def check_page() -> None:
+    """Refuse to begin what is to be looked at where nothing can serve a page.
+
+    Raises:
+        MissingExtraError: What serves it is not installed.
+    """
+    for package in _NEEDED:
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtraError(f"view: {must_have(package, 'view')}")
+
+
+async def look(
+    log: Path,
+    stop: asyncio.Event,
+    *,
+    port: int = 0,
+    browser: bool = True,
+    grows: Callable[[], bool] | None = None,
+    as_json: bool = False,
+) -> None:
+    """Serve a page for a recording until `stop` is set, and say where it is.
+
+    Args:
+        log: The recording.
+        stop: Ends it.
+        port: 0: any that is free.
+        browser: Whether to open it.
+        grows: Says whether somebody still writes it; None: if a swarm of this machine
+            is noted to. As long as somebody does, its beginning is waited for.
+        as_json: Say where as JSON.
+
+    Raises:
+        NeurosnapError: The recording cannot be read, the port cannot be used, or what
+            serves the page is not installed.
+    """
+    check_page()
+    from neurosnap.apps.viewer.server import serving
+    from neurosnap.apps.viewer.session import Desk
+    from neurosnap.runtime.registry import recorded_in
+
+    writes = grows or (lambda: bool(recorded_in(log)))
+    desk = await _begun(lambda: Desk(log, writes), writes, stop)
+    async with serving(desk, port) as address:
+        # Not through what folds lines: it is to be copied whole.
+        if as_json:
+            print_json({"log": str(log), "url": address.url})
+        else:
+            typer.echo(f"{log}: {address.url}")
+        if browser:
+            with contextlib.suppress(webbrowser.Error):
+                await asyncio.to_thread(webbrowser.open, address.url)
+        await stop.wait()
+
+
+async def _begun(
+    opened: Callable[[], T], grows: Callable[[], bool], stop: asyncio.Event
+) -> T:
+    """Return what `opened` does, as soon as the recording has begun."""
+    while True:
+        last = stop.is_set() or not grows()
+        try:
+            return await asyncio.to_thread(opened)
+        except RecordingError:
+            if last:
+                raise
+        await wait_at_most(stop, _POLL)
+
+
+async def viewed(
+    log: Path,
+    stop: asyncio.Event,
+    work: Callable[[asyncio.Event], Coroutine[Any, Any, T]],
+    on_end: Callable[[T], None],
+    *,
+    port: int = 0,
+    browser: bool = True,
+) -> T:
+    """Do what writes a recording, and let it be looked at: then, and until `stop`.
+
+    Args:
+        log: Where it records.
+        stop: Ends both.
+        work: Returns once `log` is whole.
+        on_end: Told what came of it, while the page is still there.
+        port: As in `look`.
+        browser: As in `look`.
+
+    Raises:
+        NeurosnapError: As from `work` or from `look`; either ends the other.
+    """
+    halt = asyncio.Event()
+    running = asyncio.create_task(work(stop), name="view/run")
+    page = asyncio.create_task(
+        look(log, halt, port=port, browser=browser, grows=lambda: not running.done()),
+        name="view/page",
+    )
+    try:
+        await asyncio.wait({running, page}, return_when=asyncio.FIRST_COMPLETED)
+        if page.done():
+            stop.set()
+        outcome = await running
+        on_end(outcome)
+        await stop.wait()
+    finally:
+        halt.set()
+        stop.set()
+        await asyncio.wait({running, page})
+        failed = page.exception()
+    if failed is not None:
+        raise failed
+    return outcome

@@ -1,0 +1,263 @@
+"""What the verbs share: the app, errors as one line, and a run that can be stopped."""
+
+import asyncio
+import re
+import signal
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from shutil import get_terminal_size
+from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from neurosnap.apps.cli.options import FLAG, NETWORK
+from neurosnap.apps.cli.stopping import heard
+from neurosnap.apps.config.recording_names import free_path, new_path
+from neurosnap.errors import (
+    InvalidValueError,
+    NeurosnapError,
+    NoRecordingError,
+    NothingBegunError,
+)
+from neurosnap.system.distribution import version
+from neurosnap.system.signals import INTERRUPTED
+
+if TYPE_CHECKING:
+    from neurosnap.recording.read.reader import Recording
+
+T = TypeVar("T")
+
+LOST = 3
+_RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
+"""A number or a range. No swarm has a million cells, and a list of them takes room."""
+_WIDE = 70
+"""Columns of a terminal that a table of options fits."""
+_TWICE = 0.5
+"""Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
+program and to its group."""
+
+app = typer.Typer(
+    name="neurosnap",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    # Where a table would cut the names of options, plain text has room for them.
+    rich_markup_mode="rich" if get_terminal_size().columns >= _WIDE else None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+screen = Console(stderr=True, highlight=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"neurosnap {version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            metavar=FLAG,
+            help="Print the version.",
+        ),
+    ] = False,
+) -> None:
+    """A snapshot memory whose sensors are processes that compute by messages."""
+
+
+Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        metavar=FLAG,
+        help="Print the result as one JSON object, on the last line of standard output.",
+    ),
+]
+Tls = Annotated[
+    str,
+    typer.Option(
+        metavar="DIR",
+        rich_help_panel=NETWORK,
+        help="Encrypt, with the keys in this folder (made by `neurosnap keys DIR`).",
+    ),
+]
+Connect = Annotated[
+    str,
+    typer.Option(
+        metavar="ENDPOINT",
+        rich_help_panel=NETWORK,
+        help="Where the swarm's hub listens, such as tcp/127.0.0.1:7447.",
+    ),
+]
+Insecure = Annotated[
+    bool,
+    typer.Option(
+        "--insecure",
+        metavar=FLAG,
+        rich_help_panel=NETWORK,
+        help="Allow other machines to connect without encryption and without keys.",
+    ),
+]
+OptionalTick = Annotated[
+    int | None,
+    typer.Option(
+        metavar="TICK",
+        help="Show what was learned by this tick.",
+        show_default="the last one",
+    ),
+]
+
+
+@contextmanager
+def errors() -> Iterator[None]:
+    """Turn our errors into one line and an exit code."""
+    try:
+        yield
+    except NothingBegunError:
+        screen.print("interrupted")
+        raise typer.Exit(INTERRUPTED) from None
+    except (InvalidValueError, NoRecordingError) as error:
+        fail(str(error), 2)
+    except NeurosnapError as error:
+        fail(str(error), 1)
+    except BrokenPipeError:
+        raise  # by `| head`, which has read enough: click ends without a word
+    except OSError as error:
+        fail(f"{error.filename or 'system'}: {error.strerror or error}", 1)
+
+
+def fail(text: str, code: int) -> NoReturn:
+    """Say what went wrong, and end with `code`."""
+    # No markup: somebody's text may hold what rich would read as its own.
+    screen.print(Text.assemble(("error:", "red"), f" {text}"), soft_wrap=True)
+    raise typer.Exit(code)
+
+
+def end_by(recording: "Recording") -> None:
+    """Say what a recording lacks, if anything; end with `LOST` then."""
+    for line in recording.damage:
+        screen.print(f"damaged: {line}", markup=False, soft_wrap=True)
+    if (cut := recording.cut) is not None:
+        where = f"{recording.path} at byte {cut.offset} of {cut.size}"
+        screen.print(f"cut short: {where}", markup=False, soft_wrap=True)
+    if not recording.whole:
+        screen.print("the recording is not whole: `neurosnap info` says what it lacks")
+        raise typer.Exit(LOST)
+
+
+def was_given(context: typer.Context, flag: str) -> bool:
+    """Tell whether a flag stands on the command line."""
+    source = context.get_parameter_source(flag)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def ranges(name: str, text: str) -> list[int]:
+    """Return the numbers in ``0-3,7``, ascending.
+
+    Raises:
+        InvalidValueError: It holds something else, or a number twice.
+    """
+    numbers: set[int] = set()
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part.strip())
+        some = range(int(match[1]), int(match[2] or match[1]) + 1) if match else ()
+        if not some:
+            rule = "must be like 0-499 or 3,7,9-12, of at most six digits"
+            raise InvalidValueError(name, rule, text)
+        if not numbers.isdisjoint(some):
+            raise InvalidValueError(name, "must name each once", text)
+        numbers.update(some)
+    return sorted(numbers)
+
+
+def in_bytes(size: str | int) -> int:
+    """Return a size in bytes, given as that or in KiB, MiB or GiB.
+
+    Raises:
+        typer.BadParameter: It is something else.
+    """
+    units = {"": 1, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
+    text = str(size)
+    number = text.rstrip("KMGiB")
+    unit = text[len(number) :]
+    if not (number.isascii() and number.isdecimal()) or unit not in units:
+        raise typer.BadParameter(f"must be like 256MiB, got {text!r}")
+    return int(number) * units[unit]
+
+
+def check_swarm(swarm: str) -> None:
+    """Refuse an id that could not stand in a key.
+
+    Raises:
+        InvalidValueError: It holds something else than letters and digits.
+    """
+    if not swarm.isalnum():
+        raise InvalidValueError("swarm", "must be letters and digits", swarm)
+
+
+def convert(kind: type[T], **given: object) -> T:
+    """Return a struct of what was given, checked.
+
+    Raises:
+        InvalidValueError: Something breaks its rule.
+    """
+    try:
+        return msgspec.convert(given, kind)
+    except msgspec.ValidationError as error:
+        reason, _, place = str(error).partition(" - at ")
+        name = place.strip("`$.") or "options"
+        raise InvalidValueError(name, reason, given.get(name)) from error
+
+
+def say(as_json: bool) -> Console:
+    """Return where people are told: not where the JSON goes."""
+    return screen if as_json else Console(highlight=False)
+
+
+def print_json(facts: object) -> None:
+    """Print an object for programs, on a line of its own."""
+    typer.echo(msgspec.json.encode(facts))  # JSON is UTF-8, whatever a terminal is
+
+
+def run_async(work: Callable[[asyncio.Event], Awaitable[T]]) -> T:
+    """Run `work`; a signal to end asks it to stop, a second Ctrl-C cancels it."""
+
+    async def main() -> T:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        task = asyncio.current_task()
+        insists = float("inf")  # when a Ctrl-C is the second
+
+        def on_signal(number: int) -> None:
+            nonlocal insists
+            if number == signal.SIGINT and loop.time() > insists and task is not None:
+                task.cancel()
+            elif not stop.is_set():
+                insists = loop.time() + _TWICE
+                stop.set()
+
+        with heard(loop, on_signal):
+            return await work(stop)
+
+    try:
+        return asyncio.run(main())
+    except asyncio.CancelledError:
+        fail("interrupted before everything had ended in order", 1)
+
+
+def new_log(source: str, out: Path | None) -> Path:
+    """Return where to record: `out`, or a new name under ``logs/``."""
+    if out is not None:
+        return free_path(out)
+    path = new_path(source)
+    path.parent.mkdir(exist_ok=True)
+    return path

@@ -1,0 +1,90 @@
+"""``neurosnap watch``: what contradicts what was learned."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from neurosnap.apps.cli.options import FLAG, NETWORK
+from neurosnap.apps.cli.shared import (
+    Insecure,
+    Tls,
+    app,
+    convert,
+    end_by,
+    errors,
+    print_json,
+    run_async,
+    screen,
+)
+from neurosnap.errors import InvalidValueError
+from neurosnap.runtime.hosts.network import Network
+
+
+@app.command()
+def watch(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SWARM|LOG]",
+            help="The id of a swarm that runs, or a recording.",
+            show_default="the swarm that runs on this machine",
+        ),
+    ] = None,
+    connect: Annotated[
+        str,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub of a swarm on another machine listens.",
+        ),
+    ] = "",
+    tls: Tls = "",
+    insecure: Insecure = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json", metavar=FLAG, help="Print each as a JSON object on a line."
+        ),
+    ] = False,
+) -> None:
+    """Show anomalies: observations that contradict what was learned before.
+
+    Each names the sensors that may be wrong, and the implications it breaks.
+
+    Of a recording all are shown; of a swarm, those that come, until Ctrl-C.
+    """
+    from neurosnap.apps.cli.output import anomaly
+    from neurosnap.protocol.anomaly_messages import Told
+    from neurosnap.recording.read.split_files import open_whole
+    from neurosnap.runtime import registry
+    from neurosnap.runtime.anomaly_feed import recorded, without_anomalies
+    from neurosnap.runtime.anomaly_feed import watch as look_on
+
+    def show(told: Told) -> None:
+        if as_json:
+            print_json(told)
+        else:
+            typer.echo(anomaly(told))
+
+    with errors():
+        if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
+            recording = open_whole(Path(what))
+            found = False
+            for told in recorded(recording):
+                show(told)
+                found = True
+            if not found and not as_json:
+                typer.echo(without_anomalies(recording))
+            end_by(recording)
+            return
+        if connect and what is None:
+            raise InvalidValueError("swarm", "must be named with --connect", what)
+        swarm = what or ""
+        if not connect:
+            note = registry.find(what) if what else registry.only()
+            swarm, connect = note.swarm, note.endpoint
+        network = convert(Network, connect=connect, tls=tls, insecure=insecure)
+        network.check("watcher")
+        screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
+        run_async(lambda stop: look_on(network, swarm, stop, show))

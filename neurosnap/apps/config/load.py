@@ -1,0 +1,199 @@
+"""Reading a description of a run: a file, and what the command line says besides."""
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from neurosnap.apps.config.line_numbers import Keys, Lines
+from neurosnap.apps.config.problems import ConfigError, Fault, dotted, said_of
+from neurosnap.apps.config.tables import Config
+from neurosnap.apps.config.validate import Problem, problems
+
+_MOST = 100
+_NO_SOURCE = {"kind": "world", "id": "-"}  # stands where none can be read; never opened
+_PLACE = re.compile(r" \((?:at line (\d+), (column \d+)|at end of document)\)$")
+
+
+class Origin:
+    """Where the values of a description come from.
+
+    Args:
+        path: The file; None: there is none.
+        text: What is in it.
+        given: What the command line says: the names it has there, by key.
+    """
+
+    def __init__(self, path: Path | None, text: str, given: Mapping[Keys, str]) -> None:
+        self._path = path
+        self._lines = Lines(text)
+        self._given = dict(given)
+
+    @property
+    def folder(self) -> Path:
+        """What paths in the file are relative to."""
+        return Path() if self._path is None else self._path.parent
+
+    def fault(self, keys: Keys, rule: str, value: object = msgspec.UNSET) -> Fault:
+        """Return what is wrong with the value of a key, with the place it stands in.
+
+        Args:
+            keys: The way to it; what is not there itself stands where its table does.
+            rule: What it must be.
+            value: What it is; `UNSET`: nothing to show.
+        """
+        said = said_of(rule, value)
+        for length in range(len(keys), 0, -1):
+            if keys[:length] in self._given:
+                rest = dotted(keys[length:])
+                name = self._given[keys[:length]]
+                return Fault(key=f"{name}: {rest}" if rest else name, said=said)
+        if self._path is None:
+            return Fault(key=dotted(keys), said=said)
+        line = self._lines.line(keys)
+        if line is None and any(key[: len(keys)] == keys for key in self._given):
+            return Fault(key=dotted(keys), said=said)
+        for length in range(len(keys) - 1, 0, -1):
+            line = self._lines.line(keys[:length]) if line is None else line
+        return Fault(file=str(self._path), line=line, key=dotted(keys), said=said)
+
+    def error(self, found: Sequence[Problem]) -> ConfigError:
+        """Return the error that tells of problems, in the order of their lines.
+
+        It tells of the first 100: where there are more, one mistake was made over and
+        over, and to find a line takes a while.
+        """
+        faults = [self.fault(*problem) for problem in found[:_MOST]]
+        faults.sort(key=lambda fault: (fault.file is not None, fault.line or 0))
+        return ConfigError(faults, more=len(found) - len(faults))
+
+
+class Loaded(msgspec.Struct, frozen=True):
+    """A description, every value of which was judged alone."""
+
+    config: Config
+    """What it says; a table with a wrong value is left out, and has its defaults."""
+    origin: Origin
+    """Where it says so."""
+    found: tuple[Problem, ...] = ()
+    """What is wrong with values alone."""
+
+    @property
+    def wrong(self) -> set[str | int]:
+        """The tables that are left out."""
+        return {problem.keys[0] for problem in self.found}
+
+
+def load(
+    path: Path | None,
+    overrides: Mapping[str, object] | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Loaded:
+    """Read a description of a run and check every value in it.
+
+    Args:
+        path: A TOML file; None: all is in `overrides`.
+        overrides: What goes before the file: values by dotted keys
+            (``"snapshot.threshold"``); paths among them are absolute, or relative to
+            the file's folder. A table replaces all of its keys.
+        names: What overrides are called where they were given, by the same keys; a key
+            is called as it is unless it is among them.
+
+    Raises:
+        ConfigError: The file cannot be read, is no TOML, or breaks rules: all that are
+            broken are named, each with its line.
+
+    Example:
+        >>> load(None, {"source": {"kind": "csv", "path": "a.csv"}}).config.source
+        CsvTable(path='a.csv')
+    """
+    loaded = look(path, overrides, names)
+    if loaded.found:
+        raise loaded.origin.error(loaded.found)
+    return loaded
+
+
+def look(
+    path: Path | None,
+    overrides: Mapping[str, object] | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Loaded:
+    """Read a description of a run as `load` does, and note what is wrong with values.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no TOML.
+    """
+    overrides = {} if overrides is None else overrides
+    names = {} if names is None else names
+    text = "" if path is None else _text(path)
+    table = {} if path is None else _parsed(path, text)
+    given = {
+        tuple[str | int, ...](key.split(".")): names.get(key, key) for key in overrides
+    }
+    origin = Origin(path, text, given)
+    whole = _merged(table, overrides)
+    found = tuple(problems(whole, Config))
+    left_out = {problem.keys[0] for problem in found}
+    right = {key: value for key, value in whole.items() if key not in left_out}
+    if "source" in left_out:
+        right["source"] = _NO_SOURCE
+    return Loaded(msgspec.convert(right, Config), origin, found)
+
+
+def source_kind(path: Path) -> object:
+    """Return what kind of source a file says it describes; None: it does not say.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no TOML.
+    """
+    source = _parsed(path, _text(path)).get("source")
+    return source.get("kind") if isinstance(source, dict) else None
+
+
+def _text(path: Path) -> str:
+    try:
+        # As tomllib reads files: in UTF-8, whatever the system writes otherwise.
+        return path.read_bytes().decode().replace("\r\n", "\n")
+    except OSError as error:
+        rule = f"must be a file that can be read ({error.strerror})"
+    except UnicodeDecodeError as error:
+        rule = f"must be UTF-8 text ({error.reason} at byte {error.start})"
+    raise ConfigError([Fault(file=str(path), key="", said=rule)])
+
+
+def _parsed(path: Path, text: str) -> dict[str, Any]:
+    """Return what is in a TOML file.
+
+    Raises:
+        ConfigError: It is no TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        line, said = None, "nested too deep"
+    except ValueError as error:  # tomllib's own is one, and so is a number too long
+        place = _PLACE.search(str(error))
+        said = str(error)[: place.start()] if place else str(error)
+        line = 1 + text.rstrip("\n").count("\n") if place else None
+        if place and place[1]:
+            line, said = int(place[1]), f"{said} ({place[2]})"
+    raise ConfigError(
+        [Fault(file=str(path), line=line, key="", said=f"must be TOML: {said}")]
+    )
+
+
+def _merged(table: dict[str, Any], overrides: Mapping[str, object]) -> dict[str, Any]:
+    """Return a table with overrides put in; what is no table stays, to be refused."""
+    merged = deepcopy(table)
+    for key, value in overrides.items():
+        *way, last = key.split(".")
+        inner: Any = merged
+        for step in way:
+            inner = inner.setdefault(step, {}) if isinstance(inner, dict) else inner
+        if isinstance(inner, dict):
+            inner[last] = value
+    return merged

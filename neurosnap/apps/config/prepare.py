@@ -1,0 +1,288 @@
+"""What a run is started with, made of its description.
+
+Whatever can be refused before a run starts is refused here, and all of it at once: the
+source is opened, the agent fitted to it, keys are read and the recording's place looked
+at. Nothing is started, made or written.
+"""
+
+import logging
+import shlex
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from neurosnap.agent.body import Body
+from neurosnap.apps.config.line_numbers import Keys
+from neurosnap.apps.config.load import Loaded
+from neurosnap.apps.config.recording_names import LOGS, free_path, new_path
+from neurosnap.apps.config.sources import MqttTable
+from neurosnap.apps.config.tables import Config, RecordingTable
+from neurosnap.apps.config.validate import Problem, known_keys
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.fit_agent import body_of, drawn_to
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.preflight import check_sensors
+from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.sources.live.open import ZENOH, is_outside, settle
+from neurosnap.sources.open import Argument, open_source
+
+_logger = logging.getLogger(__name__)
+
+FOREVER = 2**31 - 1
+"""Ticks of a run that ends when it is told to: the most a message can say."""
+_SYNC = 1.0
+"""Seconds of readings from outside that a power cut may cost."""
+_CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls",)}
+"""The keys of what has another name where it is refused, or that of a file in it: the
+first that there is."""
+
+
+class Prepared(msgspec.Struct, frozen=True):
+    """What a run is started with."""
+
+    options: RunOptions
+    """What to run."""
+    log: Path | None
+    """Where to record, in a folder that may have to be made; None: not at all."""
+    supervision: Supervision
+    """What happens when a part dies."""
+    network: Network
+    """How the parts reach each other."""
+
+
+def prepare(loaded: Loaded) -> Prepared:
+    """Return what a run is started with.
+
+    Args:
+        loaded: Its description.
+
+    Raises:
+        ConfigError: What is described cannot be run: everything that was found is
+            named, each with its line. What needs the source is not looked for where
+            that cannot be opened, nor what needs a table with a wrong value.
+    """
+    config, folder = loaded.config, loaded.origin.folder
+    judge = _Judge(config)
+    name, given = config.source.opening(folder)
+    network = config.network
+    if network.tls:
+        network = msgspec.structs.replace(network, tls=str(folder / network.tls))
+    log: Path | None = None
+    fitted: _Fitted | None = None
+    options: RunOptions | None = None
+    if "source" not in loaded.wrong:
+        with judge.of("source", "agent"):
+            fitted = _fit(config, name, given)
+            _warn_of_secrets(config, folder)
+    with judge.of("recording"):
+        options = _options(config, name, fitted or _NOTHING)
+        if "recording" not in loaded.wrong:
+            log = _log(config, folder, name)
+    # What is wrong with the recording hides nothing of the rest.
+    plain = msgspec.structs.replace(config, recording=RecordingTable())
+    rest = _options(plain, name, fitted or _NOTHING)
+    with judge.of("snapshot"):
+        rest.new_snapshot()
+    if fitted is not None:
+        with judge.of("agent"):
+            rest.new_policy()
+        with judge.of("cells"):
+            rest.host_names()
+            _check_cells(rest)
+    with judge.of("network"):
+        network.check()
+    found = [*loaded.found, *judge.found]
+    if found or options is None:
+        raise loaded.origin.error(found)
+    return Prepared(options, log, config.supervision, network)
+
+
+def _warn_of_secrets(config: Config, folder: Path) -> None:
+    """Say so where a password stands in a file that every user may read."""
+    if not isinstance(config.source, MqttTable):
+        return
+    secret = config.source.broker.password_file
+    if secret is not None and (folder / secret).stat().st_mode & stat.S_IRWXO:
+        path = folder / secret
+        _logger.warning(
+            "%s: holds a password and must not be open to everybody: chmod o= %s",
+            path,
+            shlex.quote(str(path)),
+        )
+
+
+def _check_cells(options: RunOptions) -> None:
+    """Refuse cells that their source cannot reach.
+
+    Raises:
+        InvalidValueError: It reads from a hub, and cells in this process have none.
+    """
+    if options.source == ZENOH and options.cells == "inline":
+        rule = "must be 'process' or 'worker' for a source of kind zenoh"
+        raise InvalidValueError("kind", rule, options.cells)
+
+
+class _Fitted(NamedTuple):
+    """An agent fitted to a source."""
+
+    body: Body
+    arguments: dict[str, Argument]
+    target: tuple[str, ...]
+    length: int | None
+    """Observations there will be at most; None: no end is known."""
+
+
+_NOTHING = _Fitted(Body(own=()), {}, (), None)
+"""Stands where there is no source, for what can be judged without."""
+
+
+def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
+    """Open the source, for the names of its sensors, and fit the agent to it.
+
+    Raises:
+        InvalidValueError: The source cannot be opened, or has more sensors than this
+            machine can take, or the agent does not fit it.
+    """
+    arguments = settle(name, given)
+    agent, seed = config.agent, config.run.seed
+    target = _names(agent.target)
+    if agent.kind == "excited":
+        place = ",".join(target) if target else None
+        arguments |= drawn_to(name, seed, arguments, place)
+        target = ()
+    opened = open_source(name, seed, arguments)
+    opened.close()
+    length = FOREVER if opened.live else opened.length
+    body = body_of(opened, agent.kind)
+    check_sensors(len(body.sensors))  # before anything is made of all their pairs
+    return _Fitted(body, arguments, target, length)
+
+
+def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
+    """Return the options.
+
+    Raises:
+        InvalidValueError: Some of them do not go together.
+    """
+    optional: dict[str, Any] = {
+        "ticks": _at_most(config.run.ticks, fitted.length),
+        "threshold": config.snapshot.threshold,
+        "decay": config.snapshot.decay,
+        "sync": config.recording.sync,
+    }
+    if is_outside(name) and optional["sync"] is UNSET:
+        optional["sync"] = _SYNC
+    return RunOptions(
+        source=name,
+        arguments=fitted.arguments,
+        body=fitted.body,
+        agent=config.agent.kind,
+        target=fitted.target,
+        explore=config.agent.explore,
+        seed=config.run.seed,
+        snapshot=config.snapshot.kind,
+        wiring=config.cells.wiring,
+        cells=config.cells.kind,
+        workers=config.cells.workers,
+        deadline=config.cells.deadline,
+        watch=config.anomalies.watch,
+        hold=config.anomalies.hold,
+        keyframe_every=config.recording.keyframe_every,
+        split=config.recording.split,
+        keep=config.recording.keep,
+        **{name: value for name, value in optional.items() if value is not UNSET},
+    )
+
+
+def _names(target: object) -> tuple[str, ...]:
+    """Return a target as names, however it is written."""
+    if target is UNSET:
+        return ()
+    if isinstance(target, tuple):
+        return target
+    return tuple(name.strip() for name in str(target).split(","))
+
+
+def _at_most(asked: int | UnsetType, length: int | None) -> int | UnsetType:
+    """Return how many ticks to run: at most as many as the source has."""
+    if length is None:
+        return asked
+    return length if asked is UNSET else min(asked, length)
+
+
+def _log(config: Config, folder: Path, source: str) -> Path | None:
+    """Return where to record.
+
+    Raises:
+        InvalidValueError: It cannot be recorded there.
+    """
+    recording = config.recording
+    if not recording.record:
+        return None
+    if recording.path is UNSET:
+        given = recording.folder
+        return new_path(source, LOGS if given is UNSET else folder / given)
+    return free_path(folder / recording.path)
+
+
+class _Judge:
+    """Collects what is refused, with the keys that it is about."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self.found: list[Problem] = []
+
+    @contextmanager
+    def of(self, *tables: str) -> Iterator[None]:
+        """Judge what is made of some tables; what is refused ends the block."""
+        try:
+            yield
+        except InvalidValueError as error:
+            self.found.append(self._problem(error, tables))
+
+    def _problem(self, error: InvalidValueError, tables: tuple[str, ...]) -> Problem:
+        """Return an error as a problem with the key it is about.
+
+        It is about a key that has its name, or else a text as its value, since whoever
+        refuses a value may know it by another name; or else about the first table.
+        """
+        leaves = dict(_leaves(msgspec.to_builtins(self._config), ()))
+        mine = [keys for keys in [*leaves, *_keys(self._config)] if keys[0] in tables]
+        for keys in _called(error.name, mine):
+            return Problem(keys, error.rule, error.value)
+        for keys in mine:
+            value = leaves.get(keys)
+            if value and isinstance(value, str) and value == error.value:
+                return Problem(keys, error.rule, error.value)
+        return Problem(next(_called(tables[0], mine)), str(error), UNSET)
+
+
+def _keys(config: Config) -> Iterator[Keys]:
+    """Return the keys that there may be, of `source` those of its kind."""
+    for keys in known_keys(Config):
+        if keys[0] != "source":
+            yield keys
+    for keys in known_keys(type(config.source)):
+        yield ("source", *keys)
+
+
+def _called(name: str, among: list[Keys]) -> Iterator[Keys]:
+    """Return the keys that what is called so may be about, the likeliest first."""
+    for last in _CALLED.get(name, (name,)):
+        yield from (keys for keys in among if keys[-1] == last)
+
+
+def _leaves(value: object, at: Keys) -> Iterator[tuple[Keys, object]]:
+    """Return what stands in tables and lists, with the way to it."""
+    if isinstance(value, dict | tuple):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in items:
+            yield from _leaves(item, (*at, key))
+    else:
+        yield at, value

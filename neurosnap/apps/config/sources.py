@@ -1,0 +1,119 @@
+"""The tables a source can be described by, told apart by their `kind`.
+
+Another kind is another struct in `SourceTable`: its `kind` is its tag, and `opening`
+says how it is opened.
+"""
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from neurosnap.sources.live.open import MQTT, STDIN, ZENOH, OutsideArguments, Seconds
+from neurosnap.sources.mqtt.options import MqttOptions
+from neurosnap.sources.open import Argument
+
+Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
+Opening: TypeAlias = tuple[str, dict[str, Argument]]
+"""The name and the arguments that `neurosnap.sources.open.open_source` takes."""
+
+
+class WorldTable(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="kind",
+    tag="world",
+):
+    """A Gymnasium environment."""
+
+    id: Text
+    """Its id, `neurosnap/Path-v0`; `module:Id` imports a module first."""
+    arguments: dict[str, Argument] = {}
+    """What it is made with."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; a world is the same from any folder."""
+        return self.id, dict(self.arguments)
+
+
+class CsvTable(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="kind",
+    tag="csv",
+):
+    """A CSV file of readings."""
+
+    # Whatever has this ending is opened as a file, whether it is there or not.
+    path: Annotated[str, msgspec.Meta(pattern=r"\.[cC][sS][vV]$")]
+    """Where it is; its name ends with `.csv`."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened, by its path from `folder`."""
+        return str(folder / self.path), {}
+
+
+class _OutsideTable(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What sources that are fed from outside have in common."""
+
+    sensors: Annotated[tuple[Text, ...], msgspec.Meta(min_length=1)]
+    """The sensors' names, in order."""
+    stale_after: Seconds | UnsetType = UNSET
+    """Seconds after which a reading is believed no more; left out: it always is."""
+    interval: Seconds | UnsetType = UNSET
+    """Seconds between two ticks; left out: a tick as soon as something changed."""
+    min_interval: Annotated[float, msgspec.Meta(ge=0)] | UnsetType = UNSET
+    """Without `interval`: seconds between two ticks at least."""
+    max_interval: Seconds | UnsetType = UNSET
+    """Without `interval`: seconds between two ticks at most."""
+
+    def __post_init__(self) -> None:
+        msgspec.convert(self._arguments(), OutsideArguments).pace()
+
+    def _arguments(self) -> dict[str, Argument]:
+        given = msgspec.structs.asdict(self)
+        names = msgspec.json.encode(given.pop("sensors")).decode()
+        said = {name: value for name, value in given.items() if value is not UNSET}
+        return {"sensors": names, **said}
+
+
+class StdinTable(_OutsideTable, frozen=True, tag_field="kind", tag="stdin"):
+    """Standard input, a JSON object a line."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; it is the same from any folder."""
+        return STDIN, self._arguments()
+
+
+class ZenohTable(_OutsideTable, frozen=True, tag_field="kind", tag="zenoh"):
+    """Any program that publishes readings with Zenoh, under the swarm's own keys."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; it is the same from any folder."""
+        return ZENOH, self._arguments()
+
+
+class MqttTable(MqttOptions, frozen=True, tag_field="kind", tag="mqtt"):
+    """Topics of an MQTT broker."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; its files are looked for from `folder`."""
+        files = {
+            name: str(folder / path)
+            for name in ("ca_file", "password_file")
+            if (path := getattr(self.broker, name)) is not None
+        }
+        broker = msgspec.structs.replace(self.broker, **files)
+        options = msgspec.structs.replace(self, broker=broker)
+        return MQTT, {"options": msgspec.json.encode(options).decode()}
+
+
+SourceTable: TypeAlias = WorldTable | CsvTable | StdinTable | ZenohTable | MqttTable
+"""What may stand under `[source]`."""

@@ -1,0 +1,191 @@
+"""Everything that is wrong with a table.
+
+`msgspec` says whether a value is what a struct asks for, stops at the first thing that
+is wrong, and does not name the keys of a dictionary. So the walk over the structs is
+done here, value by value, and `msgspec` has the last word on every table in which
+nothing was found: what it would refuse is never let through.
+"""
+
+import difflib
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import UNSET, inspect
+
+from neurosnap.apps.config.line_numbers import Keys
+from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.type_texts import either, name_of, rule_of
+from neurosnap.errors import InvalidValueError
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong."""
+
+    keys: Keys
+    """The way to it."""
+    rule: str
+    """What it must be."""
+    value: object
+    """What it is; `UNSET`: it is missing, or it is a key that should not be there."""
+
+
+def problems(table: object, kind: type[msgspec.Struct]) -> list[Problem]:
+    """Return all that keeps a table from being a struct.
+
+    Every value is judged alone, and every struct whose values are all right as a whole.
+
+    Args:
+        table: As TOML has it.
+        kind: What it should be; of structs, lists of one kind, tables of one kind,
+            texts, numbers, truth values and choices of these.
+
+    Returns:
+        None found: ``msgspec.convert(table, kind)`` raises nothing.
+    """
+    walk = _Walk(known_keys(kind))
+    return list(walk.of(table, inspect.type_info(kind), ()))
+
+
+def known_keys(kind: type[msgspec.Struct]) -> list[Keys]:
+    """Return the way to every key that a table of a kind may have, lists left out."""
+    return list(dict.fromkeys(_keys_of(inspect.type_info(kind), ())))
+
+
+class _Walk(NamedTuple):
+    known: list[Keys]
+    """The keys that exist anywhere, to find what a misplaced one was meant to be."""
+
+    def of(self, value: object, kind: inspect.Type, at: Keys) -> Iterator[Problem]:
+        match kind:
+            case inspect.UnionType():
+                yield from self._of_one(value, kind, at)
+            case inspect.StructType():
+                yield from self._of_struct(value, kind, at)
+            case inspect.DictType():
+                if not isinstance(value, dict):
+                    yield Problem(at, "must be a table", value)
+                    return
+                for key, item in value.items():
+                    yield from self.of(item, kind.value_type, (*at, key))
+            case inspect.ListType() | inspect.VarTupleType():
+                yield from self._of_list(value, kind, at)
+            case _:
+                rule = rule_of(kind, value)
+                if rule is not None:
+                    yield Problem(at, rule, value)
+
+    def _of_one(
+        self, value: object, kind: inspect.UnionType, at: Keys
+    ) -> Iterator[Problem]:
+        """Judge what may be of several kinds by the one that it is meant to be."""
+        # TOML has no word for nothing, and what is left out is not looked at.
+        kinds = [one for one in kind.types if not isinstance(one, inspect.NoneType)]
+        structs = [one for one in kinds if isinstance(one, inspect.StructType)]
+        if isinstance(value, dict) and len(structs) > 1:
+            yield from self._of_tagged(value, structs, at)
+            return
+        found = [list(self.of(value, one, at)) for one in kinds]
+        if [] in found:
+            return
+        # A list is right or wrong by what is in it, a number by its range.
+        inner = [some for some in found if some[0].keys != at]
+        if len(kinds) == 1 or inner:
+            yield from (inner or found)[0]
+        else:
+            names = dict.fromkeys(map(name_of, kinds))
+            yield Problem(at, f"must be {either(names)}", value)
+
+    def _of_tagged(
+        self,
+        table: dict[str, Any],
+        structs: list[inspect.StructType],
+        at: Keys,
+    ) -> Iterator[Problem]:
+        tags = {struct.tag: struct for struct in structs}
+        field = structs[0].tag_field or ""
+        tag = table.get(field, UNSET)
+        if isinstance(tag, str) and tag in tags:
+            yield from self._of_struct(table, tags[tag], at)
+        else:
+            rule = f"must be {either(map(repr, tags))}"
+            yield Problem((*at, field), rule, tag)
+
+    def _of_struct(
+        self, table: object, kind: inspect.StructType, at: Keys
+    ) -> Iterator[Problem]:
+        if not isinstance(table, dict):
+            yield Problem(at, "must be a table", table)
+            return
+        fields = {field.encode_name: field for field in kind.fields}
+        found: list[Problem] = []
+        for key, value in table.items():
+            if key in fields:
+                found += self.of(value, fields[key].type, (*at, key))
+            elif key != kind.tag_field:
+                found.append(
+                    Problem((*at, key), self._unknown((*at, key), fields), UNSET)
+                )
+        found += (
+            Problem((*at, name), "must be given", UNSET)
+            for name, field in fields.items()
+            if field.required and name not in table
+        )
+        yield from found or _as_a_whole(table, kind, at)
+
+    def _of_list(
+        self,
+        value: object,
+        kind: inspect.ListType | inspect.VarTupleType,
+        at: Keys,
+    ) -> Iterator[Problem]:
+        if not isinstance(value, list):
+            yield Problem(at, "must be a list", value)
+            return
+        if len(value) < (kind.min_length or 0):
+            yield Problem(at, f"must have {kind.min_length} or more items", value)
+        if kind.max_length is not None and len(value) > kind.max_length:
+            yield Problem(at, f"must have at most {kind.max_length} items", len(value))
+        for place, item in enumerate(value):
+            yield from self.of(item, kind.item_type, (*at, place))
+
+    def _unknown(self, at: Keys, fields: Iterable[str]) -> str:
+        """Return what to say of a key that does not exist."""
+        likely = difflib.get_close_matches(str(at[-1]), fields, n=1) or [
+            dotted(keys) for keys in self.known if keys[-1] == at[-1] and keys != at
+        ]
+        if likely:
+            return f"must be a known key (did you mean {either(likely)}?)"
+        return f"must be a known key: {either(fields)}"
+
+
+def _as_a_whole(
+    table: dict[str, Any], kind: inspect.StructType, at: Keys
+) -> Iterator[Problem]:
+    """Judge a table whose values are all right, each alone."""
+    try:
+        msgspec.convert(table, kind.cls)
+    except msgspec.ValidationError as error:
+        cause = error.__cause__
+        if not isinstance(cause, InvalidValueError):
+            yield Problem(at, str(error), UNSET)
+            return
+        # Who checks several values names one: the key, perhaps after a name.
+        name = cause.name.rpartition(": ")[2]
+        if name in table:
+            yield Problem((*at, name), cause.rule, cause.value)
+        else:
+            yield Problem(at, str(cause), UNSET)
+
+
+def _keys_of(kind: inspect.Type, at: Keys) -> Iterator[Keys]:
+    match kind:
+        case inspect.StructType():
+            for field in kind.fields:
+                yield (*at, field.encode_name)
+                yield from _keys_of(field.type, (*at, field.encode_name))
+        case inspect.UnionType():
+            for one in kind.types:
+                yield from _keys_of(one, at)
+        case _:
+            return

@@ -1,0 +1,146 @@
+"""A model's picture: Hasse diagram, dual, key, on a page that fits them."""
+
+import os
+import textwrap
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from neurosnap.apps.drawing.cube_layers import layers_panel
+from neurosnap.apps.drawing.dual_panel import dual_panel, unit_of
+from neurosnap.apps.drawing.dual_view import View
+from neurosnap.apps.drawing.hasse_panel import hasse_panel
+from neurosnap.apps.drawing.legend import key_panel
+from neurosnap.apps.drawing.measures import Numbers, in_words
+from neurosnap.apps.drawing.model import Model
+from neurosnap.apps.drawing.panel import (
+    PALE,
+    Panel,
+    beside,
+    captioned,
+    lines,
+    stacked,
+)
+from neurosnap.errors import InvalidValueError, MissingExtraError, naming
+from neurosnap.system.distribution import must_have
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MARGIN = 0.35
+_DPI = 120
+_KINDS = (".png", ".svg", ".pdf")
+
+
+def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
+    """Write the picture of a model: whole or not at all; what was there is replaced.
+
+    Raises:
+        InvalidValueError: As from `check_picture`.
+        MissingExtraError: matplotlib is not installed.
+    """
+    check_picture(path)
+    figure = figure_of(model, numbers)
+    draft = path.with_name(f"{path.name}.part")
+    try:
+        with naming(path), warnings.catch_warnings():
+            # A sensor's name may be in a script the font lacks: it shows as boxes.
+            warnings.filterwarnings("ignore", message="Glyph")
+            figure.savefig(draft, dpi=_DPI, format=path.suffix[1:].lower())
+        os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a picture that could not be written, before anything is computed for it.
+
+    Raises:
+        InvalidValueError: It is not of a kind that can be drawn, or its folder is
+            missing.
+        MissingExtraError: matplotlib is not installed.
+    """
+    if path.suffix.lower() not in _KINDS:
+        raise InvalidValueError("out", "must end in .png, .svg or .pdf", str(path))
+    if not path.absolute().parent.is_dir():
+        raise InvalidValueError("out", "must be in a folder that exists", str(path))
+    _canvas()
+
+
+def figure_of(model: Model, numbers: Numbers) -> "Figure":
+    """Return the picture of a model.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    canvas = _canvas()
+    page = stacked([_heading(model, numbers), *_rows(model)], 0.32)
+    width, height = page.width + 2 * _MARGIN, page.height + 2 * _MARGIN
+    figure = canvas(figsize=(width, height))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, width), ylim=(0, height))
+    axes.set_axis_off()
+    page.draw(axes, _MARGIN, _MARGIN)
+    return figure
+
+
+def _rows(model: Model) -> list[Panel]:
+    """Return Hasse diagram, dual and key, of the model and of what it is mapped to."""
+    rows = [_row(model)]
+    if model.target is not None:
+        rows.append(
+            captioned(
+                f"{model.target.title}:  {model.target.poc}",
+                _row(model.target, brief=True),
+            )
+        )
+    return rows
+
+
+def _row(model: Model, *, brief: bool = False) -> Panel:
+    """Return Hasse diagram, dual and key, which may leave out what is said above."""
+    if model.vertices is None:
+        hasse = hasse_panel(model.poc, None, model.state)
+        why = [f"The dual is not drawn: {model.unlisted} (--limit)."]
+        if model.state is not None:
+            why.append("The elements of the current state are lit.")
+        caption = captioned("Order (Hasse diagram)", lines(why, 9, PALE))
+        return stacked([caption, hasse], 0.2)
+    view = View.of(model.poc, model.vertices, level=model.level, seen=model.witnessed)
+    unit = unit_of(view)
+    dual = dual_panel(model, view, unit)
+    hasse = captioned(
+        "Order (Hasse diagram)", hasse_panel(model.poc, view, model.state)
+    )
+    key = captioned("Key", key_panel(model, view, dual.nameless, brief=brief))
+    row = beside([hasse, captioned("Dual (model space)", dual), key])
+    apart = layers_panel(model, view, unit)
+    return row if apart is None else stacked([row, apart], 0.35)
+
+
+def _heading(model: Model, numbers: Numbers) -> Panel:
+    """Return title, poc set and numbers."""
+    title = lines([model.title], 14)
+    poc = textwrap.wrap(_kept(str(model.poc)), 130, max_lines=4, placeholder=" …")
+    return stacked([title, lines([*poc, *in_words(numbers)])], 0.1)
+
+
+def _kept(text: str) -> str:
+    """Return relations that no line is broken in."""
+    for sign in ("<", "="):
+        text = text.replace(f" {sign} ", f"\u00a0{sign}\u00a0")
+    return text
+
+
+def _canvas() -> "type[Figure]":
+    """Return what a picture is drawn on.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        rule = must_have("matplotlib", "plot")
+        raise MissingExtraError(f"picture: {rule}") from error
+    return Figure

@@ -1,0 +1,154 @@
+"""The columns of a run as a table: one row a tick, a column a sensor.
+
+What was not recorded, and a reading that was not known, is None. The state is one text:
+a letter a sensor, in their order, T where the sensor itself is in the state, F where
+its complement is, ? where neither; digits would be read back as a number.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body
+from neurosnap.errors import RecordingError
+from neurosnap.protocol.observations import readings
+from neurosnap.recording.read.ticks import Tick
+from neurosnap.sensorium import unpack
+
+Kind: TypeAlias = Literal["time", "number", "bit", "text"]
+Cell: TypeAlias = int | bool | str | None
+"""Times are nanoseconds since the epoch."""
+
+_LATEST = 2**63
+"""Times before this can be written as dates: up to the year 2262."""
+
+
+class Column(NamedTuple):
+    """What a column is called, and what it holds."""
+
+    name: str
+    kind: Kind
+
+
+class Table:
+    """Makes rows of ticks.
+
+    Args:
+        body: What the run senses and does.
+        only_readings: Leave out all but the time and the readings: what
+            ``neurosnap run`` takes as a source.
+    """
+
+    def __init__(self, body: Body, *, only_readings: bool = False) -> None:
+        self._count = len(body.sensors)
+        self._decisions = tuple(_called(body.actions, each) for each in body.choices)
+        self._only_readings = only_readings
+        time = Column("time", "time")
+        before = (Column("tick", "number"), Column("begins", "bit"))
+        after = (
+            Column("state", "text"),
+            *(Column(name, "number") for name in ("depth", "height", "edges")),
+            Column("pulses", "number"),
+            Column("incoherent", "bit"),
+            Column("decision", "text"),
+            Column("why", "text"),
+        )
+        self.columns: tuple[Column, ...]
+        if only_readings:
+            self.columns = (time, *(Column(name, "bit") for name in body.sensors))
+            return
+        taken = [column.name for column in (time, *before, *after)]
+        names = _apart(body.sensors, taken)
+        sensed = (Column(name, "bit") for name in names)
+        self.columns = (time, *before, *sensed, *after)
+
+    def row(self, tick: Tick) -> list[Cell]:
+        """Return the cells of a tick, one a column. O(N) time.
+
+        Raises:
+            RecordingError: It is not of such sensors and actions.
+        """
+        bits = self._bits(tick)
+        if self._only_readings:
+            return [self._time(tick), *bits]
+        begins = None if tick.observation is None else tick.observation.begins
+        return [
+            self._time(tick),
+            tick.number,
+            begins,
+            *bits,
+            *self._outcome(tick),
+            *self._decided(tick),
+        ]
+
+    def _time(self, tick: Tick) -> int | None:
+        if tick.observation is None:
+            return None
+        if tick.sent >= _LATEST:
+            raise _wrong(tick, "time: must be before the year 2262", tick.sent)
+        return tick.sent
+
+    def _bits(self, tick: Tick) -> list[bool | None]:
+        if tick.observation is None:
+            return [None] * self._count
+        try:
+            bits, known = readings(tick.observation, self._count)
+        except ValueError as error:
+            raise _wrong(tick, f"must be of {self._count} sensors", error) from error
+        cells: list[bool | None] = bits.tolist()
+        if known is None:
+            return cells
+        return [bit if sure else None for bit, sure in zip(cells, known, strict=True)]
+
+    def _outcome(self, tick: Tick) -> list[Cell]:
+        state = tick.state
+        if state is None:
+            return [None] * 6
+        try:
+            literals = unpack(state.literals, 2 * self._count)
+        except ValueError as error:
+            raise _wrong(tick, f"must be of {self._count} sensors", error) from error
+        signs = np.where(literals[::2], "T", np.where(literals[1::2], "F", "?"))
+        return [
+            "".join(signs.tolist()),
+            state.depth,
+            state.height,
+            state.edges,
+            state.pulses,
+            state.incoherent,
+        ]
+
+    def _decided(self, tick: Tick) -> list[Cell]:
+        if tick.decision is None:
+            return [None, None]
+        action = tick.decision.action
+        if action >= len(self._decisions):
+            rule = f"decision: must be one of {len(self._decisions)}"
+            raise _wrong(tick, rule, action)
+        return [self._decisions[action] if action >= 0 else None, tick.decision.why]
+
+
+def _called(actions: Sequence[str], choice: NDArray[np.bool_]) -> str:
+    """Return what names a choice: its actions, none at all as ``-``."""
+    taken = zip(actions, choice.tolist(), strict=True)
+    return "+".join(action for action, on in taken if on) or "-"
+
+
+def _apart(names: Sequence[str], taken: Sequence[str]) -> list[str]:
+    """Return names that no other column has: with underscores where one would."""
+    every = {*names, *taken}
+    apart: list[str] = []
+    for name in names:
+        found = name
+        if name in taken:
+            while found in every:
+                found += "_"
+            every.add(found)
+        apart.append(found)
+    return apart
+
+
+def _wrong(tick: Tick, rule: str, got: object) -> RecordingError:
+    return RecordingError(f"tick {tick.number}: {rule}, got {got}")

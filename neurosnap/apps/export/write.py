@@ -1,0 +1,161 @@
+"""A recording in another format, whole or not at all."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Literal, Protocol, TypeAlias
+
+import msgspec
+
+from neurosnap.apps.export.as_csv import write_csv
+from neurosnap.apps.export.columns import Cell, Column, Table
+from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
+from neurosnap.apps.export.graph_text import diagram, render
+from neurosnap.apps.export.output_file import placed
+from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.recording.read.learned_at import snapshot_at
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.read.ticks import ticks
+from neurosnap.recording.replay.verify import options_of
+from neurosnap.system.distribution import must_have
+
+Form: TypeAlias = Literal["csv", "parquet", "graphml", "foxglove", "layout"]
+
+_ENDINGS: dict[Form, str] = {
+    "csv": ".csv",
+    "parquet": ".parquet",
+    "graphml": ".graphml",
+    "foxglove": ".foxglove.mcap",
+    "layout": ".layout.json",
+}
+
+
+class Exported(msgspec.Struct, frozen=True):
+    """What was written."""
+
+    path: str
+    format: Form
+    ticks: int
+    """How many ticks are in it, or by which tick it was learned; 0 for a layout."""
+    incomplete: int
+    """Ticks in a table that lack a reading or a state."""
+    whole: bool
+    """The recording has its end, and nothing that was sent is missing from it."""
+    damage: tuple[str, ...] = ()
+    """What of it cannot be read; see `Recording.damage`."""
+
+
+def parse_form(name: str) -> Form:
+    """Return the format called `name`.
+
+    Raises:
+        InvalidValueError: There is none of that name.
+    """
+    match name:
+        case "csv" | "parquet" | "graphml" | "foxglove" | "layout":
+            return name
+        case _:
+            raise InvalidValueError("format", f"must be of {', '.join(_ENDINGS)}", name)
+
+
+def export(
+    log: Path,
+    form: Form,
+    out: Path | None = None,
+    *,
+    at: int | None = None,
+    only_readings: bool = False,
+    force: bool = False,
+) -> Exported:
+    """Write a recording in another format.
+
+    A recording that was cut short is written as far as it goes, and of one that is
+    damaged what can be read. Memory is bounded; a
+    table takes O(ticks · N) time.
+
+    Args:
+        log: A recording, or the first of its files for all of them.
+        form: The format.
+        out: Where to; None: beside the recording.
+        at: The tick whose order is written, with graphml; None: the last.
+        only_readings: With csv: what ``neurosnap run`` takes as a source.
+        force: Replace what is there.
+
+    Raises:
+        InvalidValueError: An option does not go with the format, or breaks its rule.
+        NeurosnapError: The recording is damaged or not a run's, or what the format
+            takes is not installed.
+        OSError: It cannot be written.
+    """
+    if at is not None and form != "graphml":
+        raise InvalidValueError("at", "must come with --format graphml", at)
+    if only_readings and form != "csv":
+        raise InvalidValueError("only-readings", "must come with --format csv", form)
+    recording = open_whole(log)
+    path = log.with_name(f"{log.stem}{_ENDINGS[form]}") if out is None else out
+    reads = (log, *part_paths(log).values())
+    with placed(path, force=force, reads=reads) as draft:
+        count, incomplete = _write(draft, recording, form, at, only_readings)
+    whole, damage = recording.whole, recording.damage
+    return Exported(str(path), form, count, incomplete, whole, damage)
+
+
+def _write(
+    draft: Path, recording: Recording, form: Form, at: int | None, only_readings: bool
+) -> tuple[int, int]:
+    """Write a format; return how many ticks are in it, and lack something."""
+    match form:
+        case "csv":
+            return _write_table(draft, recording, write_csv, only_readings)
+        case "parquet":
+            return _write_table(draft, recording, _parquet(), only_readings)
+        case "graphml":
+            tick, snapshot = snapshot_at(recording, at)
+            drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
+            draft.write_text(render(drawn, "graphml"), encoding="utf-8")
+            return tick, 0
+        case "foxglove":
+            return write_drawable(draft, recording), 0
+        case "layout":
+            draft.write_bytes(layout_of(recording))
+            return 0, 0
+
+
+class _WriteTable(Protocol):
+    def __call__(
+        self, path: Path, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]
+    ) -> None:
+        """Write a table."""
+
+
+def _write_table(
+    draft: Path, recording: Recording, write: _WriteTable, only_readings: bool
+) -> tuple[int, int]:
+    table = Table(options_of(recording).body, only_readings=only_readings)
+    count = incomplete = 0
+
+    def rows() -> Iterator[list[Cell]]:
+        nonlocal count, incomplete
+        for tick in ticks(recording):
+            count += 1
+            incomplete += not tick.known
+            yield table.row(tick)
+
+    write(draft, table.columns, rows())
+    return count, incomplete
+
+
+def _parquet() -> _WriteTable:
+    """Return what writes Parquet.
+
+    Raises:
+        NeurosnapError: pyarrow is not installed.
+    """
+    try:
+        from neurosnap.apps.export.as_parquet import write_parquet
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "pyarrow":
+            raise
+        rule = must_have("pyarrow", "export")
+        raise NeurosnapError(f"format: {rule}") from error
+    return write_parquet

@@ -1,0 +1,1 @@
+"""The experiments behind the figures, run and measured."""

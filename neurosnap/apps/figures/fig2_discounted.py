@@ -1,0 +1,146 @@
+"""Figure 2: how fast discounted snapshots learn, for ten decays in four settings."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from neurosnap.apps.figures import learners, plots
+from neurosnap.apps.figures.curves import Curve
+from neurosnap.apps.figures.experiments.waiting_time import to_learn
+from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+_BEST, _BETTER_WAIT = 5, 4
+_UNIFORM = 0.25  # every weight of a new snapshot
+_REDS = ((0.4, 0.0, 0.0), (0.95, 0.25, 0.05), (1.0, 0.88, 0.15))
+
+Curves = Mapping[str, Sequence[Curve]]
+
+
+def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
+    """Return the figure of the rows of its cells."""
+    curves = learners.curves_of(learners.discounted(options), rows)
+    return learners.report(curves, _draw, claims(learners.by_setting(curves)))
+
+
+def claims(curves: Curves) -> tuple[Claim, ...]:
+    """Hold the curves against the paper's text ([GK] discounted:performance).
+
+    The *eventual* deviation of a learner is its `level`. In each setting the curves are
+    those of ``k = 0, 1, …``.
+    """
+    return (_not_monotone(curves), _best(curves), _wait(curves), _lower_bound(curves))
+
+
+def _not_monotone(curves: Curves) -> Claim:
+    levels = {name: [c.level for c in chosen] for name, chosen in curves.items()}
+    bent = [not _is_monotone(each) for each in levels.values()]
+    woken = _woken(curves)
+    return Claim(
+        "learning does not depend on q monotonically (the eventual deviation both falls"
+        " and rises with k, in every setting)",
+        all(bent),
+        "; ".join(
+            f"({learners.LETTERS[name]}) {' '.join(f'{level:.3g}' for level in each)}"
+            for name, each in levels.items()
+        )
+        + f"; the first change is at step {_listed(woken)} for the first {len(woken)} k",
+    )
+
+
+def _is_monotone(values: Sequence[float]) -> bool:
+    return list(values) in (sorted(values), sorted(values, reverse=True))
+
+
+def _best(curves: Curves) -> Claim:
+    parts, best = [], []
+    for name, chosen in curves.items():
+        levels = [curve.level for curve in chosen]
+        least = min(levels)
+        winners = [k for k, level in enumerate(levels) if level == least]
+        best.append(_BEST in winners)
+        parts.append(
+            f"({learners.LETTERS[name]}) k = {', '.join(map(str, winners))} with {least:.3g},"
+            f" k = {_BEST} has {levels[_BEST]:.3g}"
+        )
+    return Claim(
+        f"k = {_BEST} works best for all settings as to the eventual deviation",
+        all(best),
+        "; ".join(parts),
+    )
+
+
+def _wait(curves: Curves) -> Claim:
+    waits = {
+        name: (curves[name][_BETTER_WAIT].halved, curves[name][_BEST].halved)
+        for name in ("path", "cycle", "grid")
+    }
+    return Claim(
+        f"k = {_BETTER_WAIT} waits less than k = {_BEST} for meaningful learning in"
+        " (a), (b), (c) (until the mean has halved from its peak)",
+        all(
+            short is not None and (long is None or short < long)
+            for short, long in waits.values()
+        ),
+        ", ".join(
+            f"({learners.LETTERS[name]}) {short} against {long} steps"
+            for name, (short, long) in waits.items()
+        ),
+    )
+
+
+def _lower_bound(curves: Curves) -> Claim:
+    """The bound is for a weight at its largest, and a new snapshot has 1/4."""
+    woken = _woken(curves)
+    threshold = learners.LEAST
+    bounds = {q: to_learn(threshold, q) for q in woken}
+    starts = {q: to_learn(threshold, q, _UNIFORM) for q in woken}
+    return Claim(
+        "nothing goes on record in fewer than log τ / log q observations",
+        all(woken[q] >= bounds[q] for q in woken),
+        f"the first change is at step {_listed(woken)}, the bound allows"
+        f" {_listed(bounds)}, and from the weight a snapshot starts with, 1/4, it is"
+        f" {_listed(starts)}",
+    )
+
+
+def _woken(curves: Curves) -> dict[float, int]:
+    """Return the first step with a change in any setting, for decays that have one."""
+    woken: dict[float, int] = {}
+    for chosen in curves.values():
+        for curve in chosen:
+            if curve.cell.decay is not None and curve.woken is not None:
+                q = curve.cell.decay
+                woken[q] = min(woken.get(q, curve.woken), curve.woken)
+    return woken
+
+
+def _listed(numbers: Mapping[float, int]) -> str:
+    return " ".join(str(numbers[q]) for q in sorted(numbers)) or "none"
+
+
+def _draw(canvas: "Canvas", curves: Sequence[Curve]) -> None:
+    colours = plots.shades(_REDS, len(learners.DECAYS))
+    order = {decay: k for k, decay in enumerate(learners.DECAYS)}
+    strokes = []
+    for curve in curves:
+        k = order[curve.cell.decay or 0.0]
+        label = rf"$1 - 2^{{-{k + 2}}}$"
+        strokes.append(plots.Stroke(curve, label, colours[k]))
+    title = (
+        f"Discounted snapshots learning from {curves[0].cell.runs} random walks,"
+        f" τ = 1/{learners.SENSORS}³"
+    )
+    plots.draw(canvas, strokes, title, "decay q", "log")
+
+
+FIGURE = Figure(
+    name="learning-discounted",
+    title="Discounted learning",
+    cells=learners.discounted,
+    report=report,
+)
+"""Figure 2 ([GK] fig:discounted learners)."""

@@ -1,0 +1,136 @@
+"""How learning curves look: a panel a setting, errors on a logarithmic scale.
+
+A mean over runs is either 0 or at least two edges shared among the runs (an edge never
+comes without its contrapositive). So below that least value the scale is linear and
+holds nothing but 0, which gets its own tick: nothing is cut off, nothing is invented.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from neurosnap.apps.figures.curves import Curve
+from neurosnap.apps.figures.experiments.walks import SETTINGS, Setting
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+Colour: TypeAlias = tuple[float, float, float]
+"""Red, green and blue, each in [0, 1]."""
+
+_TITLES = {
+    "path": "a path of 21 places, threshold sensors",
+    "cycle": "a cycle of 20 places, beacons",
+    "grid": "a grid of 11 × 11 places, threshold sensors",
+    "random": "a path of 21 places, random fields",
+}
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """How one curve is drawn."""
+
+    curve: Curve
+    label: str
+    """Its entry in the legend, which all panels share."""
+    colour: Colour
+    band: bool = False
+    """Whether its spread is drawn: readable for a few curves, not for ten."""
+
+
+def shades(stops: Sequence[Colour], count: int) -> list[Colour]:
+    """Return colours in equal steps along `stops`, the first and the last included."""
+    places = np.linspace(0, len(stops) - 1, count)
+    channels = [
+        np.interp(places, np.arange(len(stops)), channel)
+        for channel in zip(*stops, strict=True)
+    ]
+    return [(float(r), float(g), float(b)) for r, g, b in zip(*channels, strict=True)]
+
+
+def draw(
+    canvas: "Canvas",
+    strokes: Sequence[Stroke],
+    title: str,
+    legend: str,
+    scale: Literal["linear", "log"],
+) -> None:
+    """Draw four panels that share their scales, and one legend.
+
+    Args:
+        canvas: An empty canvas.
+        strokes: All curves; each goes to the panel of its setting.
+        title: Above everything.
+        legend: The title of the legend.
+        scale: Of the steps.
+    """
+    canvas.set_size_inches(11, 7.6)
+    panels = canvas.subplots(2, 2, sharex=True, sharey=True)
+    for axes, setting in zip(panels.flat, SETTINGS, strict=True):
+        chosen = [s for s in strokes if s.curve.cell.setting == setting.name]
+        _panel(axes, setting, chosen)
+    _scale_errors(panels.flat[0], [stroke.curve for stroke in strokes])
+    _scale_steps(panels.flat[0], len(strokes[0].curve.mean), scale)
+    for axes in panels[1]:
+        axes.set_xlabel("step t (observations)")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("Err(t), mean of runs (edges)")
+    handles, labels = panels.flat[0].get_legend_handles_labels()
+    canvas.legend(
+        handles,
+        labels,
+        loc="outside right center",
+        title=legend,
+        fontsize="small",
+        frameon=False,
+    )
+    canvas.suptitle(title)
+
+
+def _panel(axes: "Axes", setting: Setting, strokes: Sequence[Stroke]) -> None:
+    for stroke in strokes:
+        curve = stroke.curve
+        steps = np.arange(1, len(curve.mean) + 1)
+        if stroke.band:
+            axes.fill_between(
+                steps,
+                np.maximum(curve.mean - curve.std, 0),
+                curve.mean + curve.std,
+                color=stroke.colour,
+                alpha=0.2,
+                lw=0,
+            )
+        axes.plot(steps, curve.mean, color=stroke.colour, lw=1.1, label=stroke.label)
+    if len({stroke.curve.mean.tobytes() for stroke in strokes}) == 1 < len(strokes):
+        note = f"all {len(strokes)} coincide"
+        axes.text(0.97, 0.93, note, transform=axes.transAxes, ha="right", va="top")
+    axes.set_title(f"({setting.letter}) {_TITLES[setting.name]}", fontsize="medium")
+    axes.grid(alpha=0.25, lw=0.6)
+
+
+def _scale_errors(axes: "Axes", curves: Sequence[Curve]) -> None:
+    """Set the errors' scale in all panels: linear below the least mean but 0."""
+    floor = 2 / curves[0].cell.runs
+    top = 1.5 * max(float((curve.mean + curve.std).max()) for curve in curves)
+    top = max(top, 10 * floor)  # one decade at least, to have a tick
+    axes.set_yscale("symlog", linthresh=floor, linscale=0.4)
+    powers = np.arange(np.ceil(np.log10(floor)), np.floor(np.log10(top)) + 1)
+    decades = 10.0**powers
+    axes.set_yticks([0.0, *decades], ["0", *(f"{decade:g}" for decade in decades)])
+    minor = np.outer(10.0 ** np.arange(powers[0] - 1, powers[-1] + 1), np.arange(2, 10))
+    axes.set_yticks(minor[(minor > floor) & (minor < top)], minor=True)
+    axes.set_ylim(-floor / 4, top)  # what lies at 0 shows whole
+
+
+def _scale_steps(axes: "Axes", steps: int, scale: Literal["linear", "log"]) -> None:
+    """Set the steps' scale in all panels; the last step is not on the frame."""
+    axes.set_xscale(scale)
+    if scale == "log":
+        decades = 10 ** np.arange(int(np.log10(steps)) + 1)
+        axes.set_xticks(decades, [str(decade) for decade in decades.tolist()])
+        axes.set_xlim(1, 1.15 * max(steps, 2))
+    else:
+        axes.set_xlim(0, 1.01 * max(steps, 2))

@@ -1,0 +1,81 @@
+"""The page's own files: they stand in a table, and nothing else is served."""
+
+from functools import cache
+from importlib.resources import files
+
+from starlette.responses import Response
+
+PAGE = "index.html"
+NAMES = (
+    PAGE,
+    "style.css",
+    "icon.svg",
+    "vendor/uplot/uPlot.esm.js",
+    "vendor/uplot/uPlot.min.css",
+    *(
+        f"{module}.js"
+        for module in (
+            "api",
+            "background",
+            "camera",
+            "cells",
+            "choice",
+            "diagram",
+            "dom",
+            "edge",
+            "facts",
+            "groups",
+            "keys",
+            "layers",
+            "layout",
+            "links",
+            "literals",
+            "live",
+            "looks",
+            "main",
+            "nodes",
+            "orders",
+            "outline",
+            "palette",
+            "player",
+            "plots",
+            "pointer",
+            "pulses",
+            "reel",
+            "search",
+            "tabs",
+            "theme",
+            "timeline",
+            "voice",
+            "wave",
+            "world",
+        )
+    ),
+)
+"""All there are, below ``static/``; a file that is not here is not there."""
+
+_TYPES = {
+    "css": "text/css",
+    "html": "text/html",
+    "js": "text/javascript",
+    "svg": "image/svg+xml",
+}
+
+
+def asset(name: str) -> Response | None:
+    """Return the file of a name, ``""`` for the page itself; None: there is none."""
+    known = name or PAGE
+    if known not in NAMES:
+        return None
+    kind = _TYPES[known.rpartition(".")[2]]
+    return Response(_content(known), media_type=kind)
+
+
+@cache
+def _content(name: str) -> bytes:
+    """Return what is in one of `NAMES`."""
+    return (
+        (files("neurosnap.apps.viewer") / "static")
+        .joinpath(*name.split("/"))
+        .read_bytes()
+    )

@@ -1,0 +1,93 @@
+"""What is new in a recording that grows, for one who listens."""
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import msgspec
+
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.session import Desk
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.events import wait_at_most
+
+_EVERY = 0.1
+"""Seconds between two events, at least."""
+_NEWEST = 10
+"""Frames in one event that were not told before, at most: who falls behind asks for
+the others."""
+_HEARTBEAT = 15.0
+"""Seconds of silence, at most."""
+
+
+async def news(desk: Desk, stop: asyncio.Event) -> AsyncIterator[bytes]:
+    """Yield server-sent events until the recording has its end, or `stop` is set.
+
+    A recording that cannot be read any further has its end, too.
+    """
+    loop = asyncio.get_running_loop()
+    listener = _Listener()
+    said = loop.time()
+    while not stop.is_set():
+        try:
+            await desk.look()
+            event = await desk.ask(listener.event, desk.live)
+        except RecordingError as error:
+            # The answer has begun: what is wrong can only be said in it, as its last.
+            event = listener.cut(str(error))
+        if event is not None:
+            said = loop.time()
+            yield b"data: " + msgspec.json.encode(event) + b"\n\n"
+            if not event.live:
+                return
+        elif loop.time() - said > _HEARTBEAT:
+            said = loop.time()
+            yield b": still here\n\n"
+        await wait_at_most(stop, _EVERY)
+
+
+class _Listener:
+    """What one who listens was told last."""
+
+    def __init__(self) -> None:
+        self._film: Film | None = None
+        self._frame: api.Frame | None = None
+        self._told: tuple[int, int, bool] | None = None
+
+    def event(self, film: Film, live: bool) -> api.Event | None:
+        """Return what is new; None: nothing is."""
+        reset = self._film is not None and film is not self._film
+        if reset:
+            self._frame = self._told = None
+        now = (film.grown, film.last, live)
+        if now == self._told:
+            return None
+        changes = self._changes(film)
+        said = None if self._told is None else self._told[1:]
+        self._film, self._told = film, now
+        if not changes and now[1:] == said:
+            return None
+        cut = None if live and not film.files.troubled else film.cut
+        return api.Event(
+            ticks=film.last, live=live, cut=cut, reset=reset, frames=changes
+        )
+
+    def cut(self, why: str) -> api.Event:
+        """Return that no more can be read."""
+        ticks = 0 if self._film is None else self._film.last
+        return api.Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
+
+    def _changes(self, film: Film) -> list[api.Change]:
+        """Return how the newest frames differ from what was told.
+
+        The last that was told is looked at again, however far behind it is: its
+        decision may have come since.
+        """
+        told = film.last if self._frame is None else self._frame.tick
+        newest = max(told + 1, film.last - _NEWEST + 1)
+        changes = []
+        for frame in (*film.frames(told, told), *film.frames(newest, film.last)):
+            if frame != self._frame:
+                changes.append(api.difference(self._frame, frame))
+            self._frame = frame
+        return changes

@@ -1,0 +1,69 @@
+"""What speaks for and against one implication, now and over time."""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from neurosnap.apps.viewer.api import Edge, Weighed
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.poc.learning.kinds import Snapshot
+
+_AROUND = 500
+"""Ticks before and after the one asked for that are learned through again."""
+_NEAR = 100
+_FAR = 100
+"""Points of these ticks, and of the key-frames."""
+
+
+def weighed(film: Film, source: int, target: int, tick: int) -> Edge:
+    """Return what is known of ``source -> target`` at a tick and around it.
+
+    Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
+
+    Raises:
+        InvalidValueError: There is no such tick, no such literal, or both are of one
+            sensor.
+        RecordingError: An observation or a key-frame that is needed is not there.
+    """
+    now = _weigh(tick, film.snapshot(tick), source, target)
+    around = {each.tick: each for each in _far(film, source, target)}
+    around |= {each.tick: each for each in _near(film, source, target, tick)}
+    around[tick] = now
+    over = [around[each] for each in sorted(around)]
+    return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
+
+
+def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:
+    found = snapshot.evidence(source, target)
+    return Weighed(
+        tick=tick,
+        weights=(found.both, found.against, found.other, found.neither),
+        threshold=found.limit,
+        total=found.total,
+        holds=found.holds,
+        since=found.since,
+    )
+
+
+def _near(film: Film, source: int, target: int, tick: int) -> Iterator[Weighed]:
+    """Yield ticks around one, evenly apart, as far as they can be learned."""
+    first = max(film.first, tick - _AROUND)
+    last = min(film.last, tick + _AROUND)
+    apart = max(1, -(-(last - first + 1) // _NEAR))
+    try:
+        for now, snapshot in film.recall.walk(first, last):
+            if (now - tick) % apart == 0:
+                yield _weigh(now, snapshot, source, target)
+    except RecordingError:
+        return  # what is known by then is shown
+
+
+def _far(film: Film, source: int, target: int) -> Iterator[Weighed]:
+    """Yield key-frames, evenly apart."""
+    for frame in film.reel.keyframes(_FAR):
+        try:
+            snapshot = film.recall.weigh(frame)
+        except (RecordingError, InvalidValueError):
+            continue
+        yield _weigh(frame.tick, snapshot, source, target)

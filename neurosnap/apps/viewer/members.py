@@ -1,0 +1,88 @@
+"""The parts of the swarm, and how much each has sent.
+
+A part's messages have running numbers. So its last one says how many there were, and
+only the end of a recording has to be read: every cell reports on every tick.
+"""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from neurosnap import wire
+from neurosnap.apps.viewer.api import Cells, Member
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.protocol.partition import shares
+from neurosnap.runtime.registry import Part, parts, recorded_in
+
+_LATEST = 16
+"""Chunks at the end of a recording that are read, at most."""
+_REPORTING = ("settle", "tally", "observe", "state", "decide", "leave")
+"""What each part sends on every tick, or at its end."""
+
+
+def members(film: Film) -> Cells:
+    """Return the parts of a recorded swarm, or of one that is being recorded.
+
+    Raises:
+        RecordingError: The recording's totals, or the places it notes, are not what a
+            writer writes.
+    """
+    hosting = _hosting(film)
+    sent = _sent(film, hosting)
+    there = {part.who: part for part in _running(film.path)}
+    places = film.files.last.places
+    services = [who for who in ("coordinator", "world") if who in sent]
+    return Cells(
+        cells=[
+            Member(
+                who=who,
+                sensors=list(hosting.get(who, ())),
+                messages=sent.get(who, 0),
+                restarts=len(film.resumed),
+                host=_host(there.get(who), places.get(who)),
+            )
+            for who in (*services, *hosting)
+        ],
+        read_to=film.last,
+    )
+
+
+def _hosting(film: Film) -> dict[str, range]:
+    """Return of each worker or cell, in order, which sensors it has."""
+    options = film.options
+    count = len(options.sensors)
+    each = shares(count, options.sharing or count) if count else []
+    return dict(zip(options.host_names(), each, strict=True))
+
+
+def _sent(film: Film, hosting: Collection[str]) -> dict[str, int]:
+    """Return how many messages each part has sent, as far as those that host go."""
+    noted = film.files.last.noted().expected
+    if noted:
+        return noted
+    sent: dict[str, int] = {}
+    missing = set(hosting)
+    for _, strip in film.reel.readable_back(_LATEST):
+        for topic in _REPORTING:
+            try:
+                messages = strip.all(topic, wire.TOPICS[topic])
+            except RecordingError:
+                continue
+            for message, number in zip(messages, strip.sequences(topic), strict=True):
+                sent[message.sender] = max(sent.get(message.sender, 0), number + 1)
+        missing -= sent.keys()
+        if not missing:
+            break
+    return sent
+
+
+def _running(log: Path) -> list[Part]:
+    """Return the processes of this machine that are recorded there now."""
+    return [part for note in recorded_in(log) for part in parts(note)]
+
+
+def _host(part: Part | None, place: Place | None) -> str | None:
+    if part is not None:
+        return f"this machine, process {part.pid}"
+    return None if place is None else f"host {place.host}, process {place.pid}"

@@ -1,0 +1,232 @@
+"""A recorded run, tick by tick and from anywhere: what the page shows of it.
+
+Nothing is derived again that was recorded: the state of a tick is the one the recording
+has, which is the one that `neurosnap replay` derives. Only the learned order is worked
+out, by learning what was observed from the nearest key-frame on.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.order_drawing import drawn, graph_id
+from neurosnap.apps.viewer.snapshot_cache import Recall
+from neurosnap.apps.viewer.tick_messages import Ticks
+from neurosnap.apps.viewer.world_scene import Scene
+from neurosnap.errors import InvalidValueError, RecordingError, ShapeError
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.recording.read.growing_files import Files
+from neurosnap.recording.read.tick_index import Reel
+from neurosnap.recording.replay.verify import options_of, resumed_at
+from neurosnap.sensorium import unpack
+
+_GRAPHS = 32
+"""Drawn orders that are kept."""
+_BITS: tuple[api.Bit, ...] = (None, 0, 1, None)
+_UNKNOWN = ""
+"""The id of an order that cannot be known: an observation is missing."""
+
+
+class Film:
+    """A recording to look at. To be used by one thread at a time.
+
+    Args:
+        path: The recording: whole, cut short, or growing.
+        scene: Its world, where that is known already.
+
+    Raises:
+        RecordingError: It cannot be read, or is not a run's.
+    """
+
+    def __init__(self, path: Path, scene: Scene | None = None) -> None:
+        self.path = path
+        self.files = Files(path)
+        self.options = options_of(self.files.first)
+        self.reel = Reel(self.files)
+        self.recall = Recall(self.reel, self.options)
+        self.scene = Scene(self.options) if scene is None else scene
+        self.first = self._first()
+        self.last = self.reel.last_tick()
+        self.grown = 0
+        """How often there was more."""
+        self._names = self.options.body.actions
+        self._choices = self.options.body.choices
+        self._graphs: OrderedDict[str, api.Graph] = OrderedDict()
+        self._identified: tuple[PocGraph, str] | None = None
+
+    def grow(self) -> bool:
+        """Look at what the file has gained; return whether that is anything.
+
+        Raises:
+            RecordingError: The file cannot be read.
+        """
+        if not self.reel.grow():
+            return False
+        self.first = self._first()
+        self.last = max(self.last, self.reel.last_tick())
+        self.grown += 1
+        return True
+
+    @property
+    def cut(self) -> str | None:
+        """Where a recording that is not whole ends, and what in it cannot be read."""
+        return "; ".join((*self.files.cuts, *self.reel.damage.values())) or None
+
+    @property
+    def resumed(self) -> tuple[int, ...]:
+        """The ticks after which the run was taken up again."""
+        return resumed_at(self.files.last)
+
+    def run(self, live: bool) -> api.Run:
+        """Return what is being looked at.
+
+        Args:
+            live: Whether it still grows.
+        """
+        options = self.options
+        return api.Run(
+            log=self.path.name,
+            source=options.source,
+            sensors=options.sensors,
+            actions=self._names,
+            options=msgspec.to_builtins(options),
+            first=self.first,
+            ticks=self.last,
+            live=live,
+            cut=None if live and not self.files.troubled else self.cut,
+            swarm=self.files.first.swarm,
+            world=self.scene.stage,
+            columns=(*api.COLUMNS, *self.scene.columns),
+        )
+
+    def frames(self, first: int, last: int) -> list[api.Frame]:
+        """Return the frames of some ticks, but of those whose state is not recorded.
+
+        Args:
+            first: Earlier than the first tick there is: from that on.
+            last: Later than the last tick there is: up to that.
+
+        Raises:
+            RecordingError: A message that is needed is not what it should be.
+        """
+        first, last = max(first, self.first), min(last, self.last)
+        if first > last:
+            return []
+        ticks = Ticks(self.reel, self.options, first, last)
+        graphs = dict(self._graph_ids(first, last))
+        return [
+            self._frame(ticks, ticks.states[tick], graphs.get(tick, _UNKNOWN))
+            for tick in range(first, last + 1)
+            if tick in ticks.states
+        ]
+
+    def graph(self, tick: int) -> api.Graph:
+        """Return the learned order after a tick; 0 for before the first.
+
+        Raises:
+            InvalidValueError: There is no such tick.
+            RecordingError: An observation or a key-frame that is needed is not there.
+        """
+        snapshot = self.snapshot(tick)
+        graph = snapshot.poc_graph()
+        name = graph_id(graph)
+        if name not in self._graphs:
+            self._graphs[name] = drawn(name, tick, graph, snapshot.sensorium)
+            if len(self._graphs) > _GRAPHS:
+                self._graphs.popitem(last=False)
+        self._graphs.move_to_end(name)
+        return msgspec.structs.replace(self._graphs[name], tick=tick)
+
+    def snapshot(self, tick: int) -> Snapshot:
+        """Return what had been learned after a tick; not to be changed.
+
+        Raises:
+            InvalidValueError: There is no such tick.
+            RecordingError: An observation or a key-frame that is needed is not there.
+        """
+        least = 0 if self.first == 1 else self.first
+        if not least <= tick <= self.last:
+            rule = f"must be in [{least}, {self.last}]"
+            raise InvalidValueError("tick", rule, tick)
+        return self.recall.at(tick)
+
+    def _first(self) -> int:
+        """Return the first tick that was observed; 1 if none was."""
+        for number in range(len(self.reel)):
+            if observed := self.reel.observed(number):
+                return min(observation.tick for observation in observed)
+        return 1
+
+    def _graph_ids(self, first: int, last: int) -> Iterator[tuple[int, str]]:
+        """Yield the order's id after each tick, as far as it can be known."""
+        tick = first
+        while tick <= last:
+            try:
+                for now, snapshot in self.recall.walk(tick, last):
+                    tick = now + 1
+                    yield now, self._id_of(snapshot.poc_graph())
+            except RecordingError:
+                # Behind the gap it is known again from the next key-frame on.
+                tick = self.reel.keyframe_after(tick)
+
+    def _id_of(self, graph: PocGraph) -> str:
+        """Return `graph_id`; worked out once for each of a row of ticks."""
+        if self._identified is None or self._identified[0] is not graph:
+            self._identified = (graph, graph_id(graph))
+        return self._identified[1]
+
+    def _frame(self, ticks: Ticks, state: wire.State, graph: str) -> api.Frame:
+        tick, sensors = state.tick, len(self.options.sensors)
+        observation = ticks.observations.get(tick)
+        observed = ticks.literals(tick)
+        literals = self._unpacked(state)
+        reached = np.zeros(2 * sensors, np.bool_)
+        reached[ticks.reached(state.wave)] = True
+        decision = ticks.decisions.get(tick)
+        choice = -1 if decision is None else decision.action
+        return api.Frame(
+            tick=tick,
+            bits=_bits(observed),
+            state=_bits(literals),
+            contradicted=np.flatnonzero(reached[::2] & reached[1::2]).tolist(),
+            action=self._named(choice),
+            choice=choice,
+            why="" if decision is None else decision.why,
+            begins=observation is not None and observation.begins,
+            incoherent=state.incoherent,
+            depth=state.depth,
+            longest=state.longest,
+            height=state.height,
+            edges=state.edges,
+            pulses=state.pulses,
+            graph=graph,
+            place=self.scene.place(observed),
+            waves=ticks.waves(tick),
+        )
+
+    def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:
+        try:
+            return unpack(state.literals, 2 * len(self.options.sensors))
+        except ShapeError as error:
+            place = f"{self.path}: tick {state.tick}"
+            raise RecordingError(f"{place}: /state: {error}") from error
+
+    def _named(self, choice: int) -> str | None:
+        """Return what a choice is called; None: nothing is done."""
+        if not 0 <= choice < len(self._choices):
+            return None
+        taken = np.flatnonzero(self._choices[choice]).tolist()
+        return " + ".join(self._names[action] for action in taken) or None
+
+
+def _bits(literals: NDArray[np.bool_]) -> list[api.Bit]:
+    """Return which sensors a set of literals has on, off, or neither; ``(2N,)``."""
+    kinds = literals[::2] * 2 + literals[1::2]
+    return [_BITS[kind] for kind in kinds.tolist()]

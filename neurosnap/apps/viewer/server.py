@@ -1,0 +1,189 @@
+"""The server: its own files, and the one recording it was given.
+
+It listens on loopback alone. What may ask it anything is for
+`neurosnap.apps.viewer.auth` to say; what it answers is listed here and in
+`neurosnap.apps.viewer.assets`, and no path is ever made of what a request says.
+"""
+
+import asyncio
+import contextlib
+import secrets
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.assets import asset
+from neurosnap.apps.viewer.auth import LARGEST_HEAD, Guard
+from neurosnap.apps.viewer.connection import MOST, Connection
+from neurosnap.apps.viewer.event_stream import news
+from neurosnap.apps.viewer.evidence import weighed
+from neurosnap.apps.viewer.json_answers import answer, refusal, whole
+from neurosnap.apps.viewer.members import members
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.session import Desk
+from neurosnap.errors import InvalidValueError, NeurosnapError
+
+_LOOPBACK = "127.0.0.1"
+_GRACE = 3
+"""Seconds an answer may take to end once the server is to."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a server is."""
+
+    port: int
+    token: str
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser. Who has it may look at the recording."""
+        return f"http://{_LOOPBACK}:{self.port}/?token={self.token}"
+
+
+def application(desk: Desk, address: Address, stop: asyncio.Event) -> ASGIApp:
+    """Return what answers requests.
+
+    Args:
+        desk: The recording.
+        address: Where it is asked.
+        stop: Ends what would go on for ever.
+    """
+
+    async def run(request: Request) -> Response:
+        return answer(await desk.run())
+
+    async def frames(request: Request) -> Response:
+        first = max(1, whole(request.query_params, "from"))
+        last = whole(request.query_params, "to", first)
+        if last - first >= api.MOST_FRAMES:
+            rule = f"must be at most {api.MOST_FRAMES - 1} after from"
+            raise InvalidValueError("to", rule, last)
+        return answer(api.Frames(await desk.ask(Film.frames, first, last)))
+
+    async def graph(request: Request) -> Response:
+        tick = whole(request.query_params, "tick")
+        return answer(await desk.ask(Film.graph, tick))
+
+    async def edge(request: Request) -> Response:
+        asked = (whole(request.query_params, n) for n in ("source", "target", "tick"))
+        return answer(await desk.ask(weighed, *asked))
+
+    async def series(request: Request) -> Response:
+        query = request.query_params
+        first = max(1, whole(query, "from", 1))
+        last = whole(query, "to", max(first, desk.film.last))
+        points = whole(query, "points", 600)
+        if not 4 <= points <= api.MOST_POINTS:
+            rule = f"must be in [4, {api.MOST_POINTS}]"
+            raise InvalidValueError("points", rule, points)
+        column = query.get("column", "")
+        return answer(desk.ledger.series(column, first, last, points))
+
+    async def cells(request: Request) -> Response:
+        return answer(await desk.ask(members))
+
+    async def events(request: Request) -> Response:
+        return StreamingResponse(news(desk, stop), media_type="text/event-stream")
+
+    async def static(request: Request) -> Response:
+        return asset(request.path_params["name"]) or await nowhere(request)
+
+    async def nowhere(request: Request, _: Exception | None = None) -> Response:
+        return refusal(404, "not here")
+
+    app = Starlette(
+        routes=[
+            *(
+                Route(f"/api/{endpoint.__name__}", _refusing(endpoint))
+                for endpoint in (run, frames, graph, edge, series, cells, events)
+            ),
+            Route("/{name:path}", static),
+        ],
+        exception_handlers={404: nowhere},
+    )
+    return Guard(app, address.port, address.token)
+
+
+Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+def _refusing(endpoint: Endpoint) -> Endpoint:
+    """Return an endpoint that answers errors of ours by saying what is wrong."""
+
+    async def refusing(request: Request) -> Response:
+        try:
+            return await endpoint(request)
+        except InvalidValueError as error:
+            return refusal(400, str(error))
+        except NeurosnapError as error:
+            return refusal(500, str(error))
+
+    return refusing
+
+
+class _Server(uvicorn.Server):
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Leave signals to whoever serves: they have handlers of their own."""
+        yield
+
+
+@asynccontextmanager
+async def serving(desk: Desk, port: int = 0) -> AsyncIterator[Address]:
+    """Serve while the context is entered; yields where, once it listens.
+
+    Args:
+        desk: The recording.
+        port: 0: any that is free.
+
+    Raises:
+        InvalidValueError: The port is in use, may not be used, or is none.
+    """
+    stop = asyncio.Event()
+    listener = _listener(port)
+    with listener:
+        address = Address(listener.getsockname()[1], secrets.token_urlsafe(24))
+        server = _Server(
+            uvicorn.Config(
+                application(desk, address, stop),
+                http=Connection,
+                ws="none",
+                lifespan="off",
+                log_config=None,
+                access_log=False,  # it would hold the token
+                server_header=False,
+                proxy_headers=False,
+                limit_concurrency=MOST,
+                timeout_graceful_shutdown=_GRACE,
+                h11_max_incomplete_event_size=2 * LARGEST_HEAD,
+            )
+        )
+        async with asyncio.TaskGroup() as group:
+            group.create_task(server.serve(sockets=[listener]), name="view/server")
+            group.create_task(desk.read_on(stop), name="view/ledger")
+            try:
+                yield address
+            finally:
+                stop.set()
+                server.should_exit = True
+
+
+def _listener(port: int) -> socket.socket:
+    """Return a socket that listens on loopback."""
+    if not 0 <= port < 1 << 16:
+        raise InvalidValueError("port", "must be in [0, 65535]", port)
+    try:
+        return socket.create_server((_LOOPBACK, port))
+    except OSError as error:
+        rule = f"must be free on this machine ({error})"
+        raise InvalidValueError("port", rule, port) from error

@@ -1,0 +1,116 @@
+"""The one recording that is looked at, for many who ask at a time.
+
+A film is used by one thread at a time and may take a while to answer; meanwhile others
+wait, and the event loop does not. A recording that is being written is looked at again
+some times a second; where the run went on after a part had died it is another file
+under the same name, and everything begins again.
+"""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
+
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.time_series import Ledger
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.events import wait_at_most
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+_IDLE = 0.5
+"""Seconds until a ledger that is up to date looks for more."""
+_EVERY = 0.1
+"""Seconds between two looks at a recording that grows."""
+
+
+class Desk:
+    """What is open, and what is read of it in the background.
+
+    Args:
+        log: The recording.
+        grows: Says whether somebody still writes it.
+
+    Raises:
+        RecordingError: It cannot be read, or is not a run's.
+    """
+
+    def __init__(self, log: Path, grows: Callable[[], bool] = lambda: False) -> None:
+        self._log = log
+        self._grows = grows
+        self._lock = asyncio.Lock()
+        self._looked = 0.0
+        self._open()
+
+    def _open(self) -> None:
+        # Both or none: the ledger has a film of its own, of the same file.
+        film = Film(self._log)
+        ledger = Ledger(Film(self._log, film.scene))
+        self.film, self.ledger = film, ledger
+        self.live = self._is_live(self._grows())
+
+    async def ask(
+        self,
+        question: Callable[Concatenate[Film, P], T],
+        *arguments: P.args,
+        **named: P.kwargs,
+    ) -> T:
+        """Return what `question` finds, given the film; one at a time."""
+        async with self._lock:
+            return await asyncio.to_thread(question, self.film, *arguments, **named)
+
+    async def run(self) -> api.Run:
+        """Return what is being looked at, as it is now."""
+        await self.look()
+        return await self.ask(Film.run, self.live)
+
+    async def look(self) -> None:
+        """See whether the recording has grown, if it is time to.
+
+        Raises:
+            RecordingError: It cannot be read any more.
+        """
+        now = asyncio.get_running_loop().time()
+        if not self.live or now - self._looked < _EVERY:
+            return
+        self._looked = now
+        async with self._lock:
+            await asyncio.to_thread(self._look)
+
+    def _look(self) -> None:
+        # Asked first: what was written before its end is seen after.
+        grows = self._grows()
+        try:
+            if self.film.files.replaced():
+                self._open()
+                return
+        except RecordingError:
+            # Deleted; or the run that goes on has not begun to write.
+            self.live = self._is_live(grows)
+            return
+        self.film.grow()
+        self.live = self._is_live(grows)
+
+    def _is_live(self, grows: bool) -> bool:
+        """Return whether more may come: another file may where there are several."""
+        files = self.film.files
+        return grows and (files.split or not files.finished)
+
+    async def read_on(self, stop: asyncio.Event) -> None:
+        """Read the ledger in the background until `stop` is set."""
+        while not stop.is_set():
+            ledger, live = self.ledger, self.live
+            try:
+                more = await asyncio.to_thread(ledger.read_on)
+                ledger.ended = False
+            except RecordingError:
+                ledger.ended = True  # what was read until then is there
+                more = False
+            if more:
+                continue
+            if live:
+                await wait_at_most(stop, _IDLE)
+            else:  # nothing more can come
+                await stop.wait()

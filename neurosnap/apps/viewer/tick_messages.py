@@ -1,0 +1,122 @@
+"""What was recorded of some ticks in a row, whatever order it was recorded in.
+
+Senders overtake each other in a recording: a tick's state may come before its
+observation, or a report after the next tick has begun. So what belongs to a tick is
+looked for from the chunk before the one it was observed in, and as far behind it as
+something is missing.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.waves import Waves
+from neurosnap.errors import ShapeError
+from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.tick_index import Reel, Strip
+
+_BEYOND = 4
+"""Chunks behind the last tick in which something late is looked for. The recorder
+closes a chunk five times a second, and nothing is on the way for longer than that."""
+
+
+class Ticks:
+    """The messages of the ticks `first` to `last`.
+
+    Args:
+        reel: The recording.
+        options: The run's.
+        first: From 1 up.
+        last: Not before `first`.
+        with_waves: Whether reports on waves are read, too, which are most of it.
+    """
+
+    def __init__(
+        self,
+        reel: Reel,
+        options: RunOptions,
+        first: int,
+        last: int,
+        *,
+        with_waves: bool = True,
+    ) -> None:
+        self.observations: dict[int, wire.Observation] = {}
+        self.states: dict[int, wire.State] = {}
+        self.decisions: dict[int, wire.Decision] = {}
+        self._literals: dict[int, NDArray[np.bool_]] = {}
+        self._range = range(first, last + 1)
+        self._sensors = len(options.sensors)
+        self._waves = Waves(self._sensors) if with_waves else None
+        self._gather(reel)
+
+    def literals(self, tick: int) -> NDArray[np.bool_]:
+        """Return the literals observed at a tick: ``(2N,)``; none if that is unknown.
+
+        It is where the observation is not recorded, or is of other sensors.
+        """
+        observation = self.observations.get(tick)
+        if observation is None:
+            return np.zeros(2 * self._sensors, np.bool_)
+        if tick not in self._literals:
+            try:
+                found = selection(*readings(observation, self._sensors))
+            except ShapeError:
+                found = np.zeros(2 * self._sensors, np.bool_)
+            self._literals[tick] = found
+        return self._literals[tick]
+
+    def waves(self, tick: int) -> list[api.Wave]:
+        """Return the waves of a tick, oldest first."""
+        if self._waves is None:
+            return []
+        return self._waves.of(tick, self._signal(tick))
+
+    def reached(self, wave: int) -> list[int]:
+        """Return the literals that a wave reached."""
+        return [] if self._waves is None else self._waves.reached(wave)
+
+    def _signal(self, tick: int) -> tuple[int, ...]:
+        """Return the literals that start a tick's state wave."""
+        return tuple(self.literals(tick).nonzero()[0].tolist())
+
+    def _gather(self, reel: Reel) -> None:
+        first, last = self._range[0], self._range[-1]
+        closing = reel.files.last.closing
+        if closing is not None and closing.tick in self._range:
+            self.decisions[closing.tick] = closing
+        behind = reel.chunk_after(last)
+        for number, strip in reel.readable(
+            reel.chunk_of(first) - 1, behind + _BEYOND + 1
+        ):
+            self._take(reel.observed(number), strip)
+            if number > behind and self._is_whole():
+                return
+
+    def _take(self, observed: list[wire.Observation], strip: Strip) -> None:
+        """Take over what a chunk has of these ticks."""
+        for observation in observed:
+            if observation.tick in self._range:
+                self.observations.setdefault(observation.tick, observation)
+        for state in strip.all("state", wire.State):
+            if state.tick in self._range:
+                self.states.setdefault(state.tick, state)
+        for decision in strip.all("decide", wire.Decision):
+            if decision.tick in self._range:
+                self.decisions.setdefault(decision.tick, decision)
+        if self._waves is not None:
+            for start in strip.all("wave", wire.WaveStart):
+                if start.tick in self._range:
+                    self._waves.begin(start)
+            self._waves.report(strip.all("settle", wire.Settled))
+            self._waves.tally(strip.all("tally", wire.Tally))
+
+    def _is_whole(self) -> bool:
+        """Return whether all is there that these ticks can have."""
+        # A decision is the last that is said on a tick; a run's last tick has none.
+        if min(len(self.states), len(self.decisions)) < len(self._range):
+            return False
+        return self._waves is None or all(
+            self._waves.settled(tick, self._signal(tick)) for tick in self._range
+        )

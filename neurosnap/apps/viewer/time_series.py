@@ -1,0 +1,160 @@
+"""Numbers over time: read once from the first tick to the last, in the background.
+
+A recording is opened without reading it all, and a plot shows all of it. So the plot
+fills up while one looks at something else, and what is not there yet is said to be so.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.apps.viewer.api import COLUMNS, Column, Series
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.tick_messages import Ticks
+from neurosnap.errors import InvalidValueError, RecordingError
+
+_BATCH = 64
+"""Ticks read at a time: others wait for as long."""
+_STARTS_WITH = 1024
+
+
+class Ledger:
+    """The columns of a run, as far as they have been read.
+
+    Reading is for one thread at a time and may go on while others look.
+
+    Args:
+        film: A film of its own: it is read from one end to the other.
+    """
+
+    def __init__(self, film: Film) -> None:
+        self._film = film
+        self.columns: tuple[Column, ...] = (*COLUMNS, *film.scene.columns)
+        self._first = film.first
+        self._filled = 0
+        self.ended = False
+        """Nobody reads on: there is no more, or it cannot be read."""
+        self._values = np.full((len(self.columns), _STARTS_WITH), np.nan, np.float32)
+
+    @property
+    def read_to(self) -> int:
+        """The last tick that was read; one before the first if none was."""
+        return self._first + self._filled - 1
+
+    def read_on(self) -> bool:
+        """Read some ticks more; return whether there were any.
+
+        Raises:
+            RecordingError: The recording cannot be read any more.
+        """
+        film = self._film
+        film.grow()
+        if not self._filled:
+            self._first = film.first
+        first = self.read_to + 1
+        last = min(film.last, first + _BATCH - 1)
+        if first > last:
+            return False
+        found = np.full((len(self.columns), last - first + 1), np.nan, np.float32)
+        self._read_states(first, last, found)
+        if "err" in self.columns:
+            self._read_errors(first, last, found)
+        needed = self._filled + found.shape[1]
+        if needed > self._values.shape[1]:
+            room = np.full((len(self.columns), 2 * needed), np.nan, np.float32)
+            room[:, : self._filled] = self._values[:, : self._filled]
+            self._values = room
+        self._values[:, self._filled : needed] = found
+        self._filled = needed  # last: whoever looks meanwhile sees whole ticks
+        return True
+
+    def series(self, column: str, first: int, last: int, points: int) -> Series:
+        """Return a column from one tick to another, thinned out.
+
+        Args:
+            column: One of `columns`.
+            first: From 1 up.
+            last: Not before `first`; beyond the last tick: up to that.
+            points: How many to return, at most, from 4 up.
+
+        Raises:
+            InvalidValueError: There is no such column.
+        """
+        known = next((name for name in self.columns if name == column), None)
+        if known is None:
+            rule = f"must be one of {', '.join(self.columns)}"
+            raise InvalidValueError("column", rule, column)
+        number = self.columns.index(known)
+        first = max(first, self._first)
+        last = min(last, self._film.last)
+        done = self.ended or last <= self.read_to
+        row = self._values[number, : self._filled]
+        values = row[first - self._first : max(0, last - self._first + 1)]
+        places = thinned(values, points)
+        return Series(
+            column=known,
+            ticks=(places + first).tolist(),
+            values=[_finite(value) for value in values[places].tolist()],
+            done=done,
+        )
+
+    def _read_states(self, first: int, last: int, found: NDArray[np.float32]) -> None:
+        film = self._film
+        try:
+            ticks = Ticks(film.reel, film.options, first, last, with_waves=False)
+        except RecordingError:
+            return  # a message is not what it should be: not known, all of it
+        for tick, state in ticks.states.items():
+            found[: len(COLUMNS), tick - first] = [
+                getattr(state, name) for name in COLUMNS
+            ]
+        if "distance" in self.columns:
+            row = self.columns.index("distance")
+            for tick in range(first, last + 1):
+                place = film.scene.place(ticks.literals(tick))
+                found[row, tick - first] = film.scene.distance(place)
+
+    def _read_errors(self, first: int, last: int, found: NDArray[np.float32]) -> None:
+        row, graph, error = self.columns.index("err"), None, math.nan
+        try:
+            for tick, snapshot in self._film.recall.walk(first, last):
+                if snapshot.poc_graph() is not graph:
+                    graph = snapshot.poc_graph()
+                    error = self._film.scene.errors(graph)
+                found[row, tick - first] = error
+        except RecordingError:
+            return  # an observation is missing: not known from there on
+
+
+def thinned(values: NDArray[np.float32], points: int) -> NDArray[np.int64]:
+    """Return which of many values to draw, so that least and most stay.
+
+    Args:
+        values: ``(n,)``; NaN where there is none.
+        points: How many to return, at most, from 4 up.
+
+    Returns:
+        Ascending places; all of them if they are few enough. Otherwise the values are
+        divided into runs as long as one another, and of each the first of the least and
+        the first of the largest is there.
+    """
+    count = len(values)
+    if count <= points:
+        return np.arange(count)
+    runs = points // 2
+    edges = np.linspace(0, count, runs + 1).astype(np.int64)
+    chosen = set()
+    for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        run = values[start:stop]
+        known = np.isfinite(run)
+        if not known.any():
+            chosen.add(start)
+            continue
+        chosen.add(start + int(np.where(known, run, np.inf).argmin()))
+        chosen.add(start + int(np.where(known, run, -np.inf).argmax()))
+    return np.array(sorted(chosen), np.int64)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

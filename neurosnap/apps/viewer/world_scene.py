@@ -1,0 +1,184 @@
+"""Where a run took place: its world, made again, if it is one whose truth is known.
+
+A recording holds what was sensed and not where that was. But a world of places says of
+every sensor where it is on, so a place follows from what is read there, wherever no two
+places read the same; and so does what there was to learn.
+
+Whoever wrote a recording may have named any module in it, and any size. Only
+environments under ``neurosnap/`` that are registered here are made, and none whose
+places and sensors would fill the memory.
+"""
+
+import math
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.apps.viewer.api import Column, Stage
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.order.fields import inclusions
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.sensorium import Sensorium
+from neurosnap.sources.distances import distances_to
+from neurosnap.sources.open import import_worlds
+
+_KINDS: dict[str, Literal["path", "cycle", "grid"]] = {
+    "neurosnap/Path-v0": "path",
+    "neurosnap/Cycle-v0": "cycle",
+    "neurosnap/Rail-v0": "cycle",
+    "neurosnap/Grid-v0": "grid",
+    "neurosnap/PuncturedGrid-v0": "grid",
+}
+_LARGEST = 2**26
+"""The most sensors times places."""
+
+
+class Scene:
+    """What is known of a run's world; nothing, if it is none of ours.
+
+    Args:
+        options: The run's.
+    """
+
+    def __init__(self, options: RunOptions) -> None:
+        self.stage: Stage | None = None
+        self._true: NDArray[np.bool_] | None = None
+        self._distances: NDArray[np.float64] | None = None
+        self._places: dict[bytes, int] = {}
+        self._count = 0
+        env = _make(options)
+        if env is not None:
+            try:
+                self._survey(env, options)
+            finally:
+                env.close()
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns that only those have whose world is known."""
+        err: tuple[Column, ...] = () if self._true is None else ("err",)
+        return err if self._distances is None else (*err, "distance")
+
+    def place(self, observed: NDArray[np.bool_]) -> int | None:
+        """Return where the sensors read so; None: nowhere, or that is not all known.
+
+        Args:
+            observed: ``(2N,)``, the literals of the sensors whose reading is known.
+        """
+        read, off = observed[: 2 * self._count : 2], observed[1 : 2 * self._count : 2]
+        return self._places.get(read.tobytes()) if (read | off).all() else None
+
+    def distance(self, place: int | None) -> float:
+        """Return the fewest actions from a place to the target; NaN: not known."""
+        if place is None or self._distances is None:
+            return math.nan
+        return float(self._distances[place])
+
+    def errors(self, graph: PocGraph) -> float:
+        """Return ``Err`` of what was learned ([GK] empirical:performance).
+
+        Ordered pairs of literals of different sensors, the world's own, that are an
+        edge of the derived graph and not of the true one, or the reverse; NaN where the
+        truth is not known. O(N²) time.
+        """
+        if self._true is None:
+            return math.nan
+        literals = len(self._true)
+        wrong = graph.edges[:literals, :literals] ^ self._true
+        return float(np.count_nonzero(wrong))
+
+    def _survey(self, env: gymnasium.Env[Any, Any], options: RunOptions) -> None:
+        fields = np.asarray(_attribute(env, "fields"), np.bool_)
+        self._count = len(fields)
+        names = tuple(_attribute(env, "sensors") or ())
+        if names != options.body.own or not 0 < self._count <= len(names):
+            return
+        self._true = _between_sensors(inclusions(fields))
+        columns = [column.tobytes() for column in fields.T]
+        if len(set(columns)) == len(columns):
+            self._places = {column: place for place, column in enumerate(columns)}
+            aims = _aims(env, options, fields)
+            self.stage = _stage(env, options, len(columns), aims)
+            if aims.any():
+                self._distances = distances_to(_attribute(env, "moves"), aims)
+
+
+def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
+    """Return the environment of a run, if it is a world that can be looked at."""
+    import_worlds()
+    known = options.source.startswith("neurosnap/")
+    if not known or options.source not in gymnasium.registry:
+        return None
+    sizes = (
+        value
+        for name, value in options.arguments.items()
+        if type(value) is int and name != "target"
+    )
+    if len(options.body.own) * math.prod(max(1, size) for size in sizes) > _LARGEST:
+        return None
+    given: dict[str, Any] = dict(options.arguments)
+    try:
+        env = gymnasium.make(options.source, disable_env_checker=True, **given)
+    except (InvalidValueError, gymnasium.error.Error, TypeError):
+        return None  # another version's, or made up
+    env.reset(seed=options.seed)  # some draw their fields, or the target, only then
+    if not env.has_wrapper_attr("fields"):
+        env.close()
+        return None
+    return env
+
+
+def _aims(
+    env: gymnasium.Env[Any, Any], options: RunOptions, fields: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which places are wanted: the world's target, or where a planner's is."""
+    target = _attribute(env, "target")
+    if target is not None:
+        there: NDArray[np.bool_] = np.arange(fields.shape[1]) == target
+        return there
+    sensorium = Sensorium(options.sensors)
+    wanted = [sensorium.literal(name) for name in options.target]
+    if not wanted or max(wanted) >= 2 * len(fields):
+        return np.zeros(fields.shape[1], np.bool_)
+    held = [fields[literal >> 1] ^ bool(literal & 1) for literal in wanted]
+    everywhere: NDArray[np.bool_] = np.all(held, axis=0)
+    return everywhere
+
+
+def _stage(
+    env: gymnasium.Env[Any, Any],
+    options: RunOptions,
+    places: int,
+    aims: NDArray[np.bool_],
+) -> Stage | None:
+    kind = _KINDS.get(options.source)
+    if kind is None:
+        return None
+    there = _attribute(env, "coordinates")
+    if there is None:
+        there = np.stack([np.arange(places), np.zeros(places, np.int64)], axis=1)
+    width, height = (np.max(there, axis=0) + 1).tolist()
+    return Stage(
+        kind=kind,
+        places=places,
+        coordinates=[(x, y) for x, y in np.asarray(there).tolist()],
+        width=width,
+        height=height,
+        target=int(aims.argmax()) if aims.sum() == 1 else None,
+    )
+
+
+def _between_sensors(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return edges without those between the two literals of one sensor."""
+    edges = edges.copy()
+    own = np.arange(len(edges))
+    edges[own, own] = edges[own, own ^ 1] = False
+    return edges
+
+
+def _attribute(env: gymnasium.Env[Any, Any], name: str) -> Any:  # noqa: ANN401
+    """Return what an environment or a wrapper around it says of itself; else None."""
+    return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None

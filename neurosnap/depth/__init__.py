@@ -1,0 +1,1 @@
+"""Propagation depth against the height of the order."""

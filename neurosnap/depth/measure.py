@@ -1,0 +1,271 @@
+"""Propagation depth against the height of the order: live, or from a recording.
+
+The claim to look at: with a cell a sensor, the time to propagate grows with the height
+of the order and not with the number of sensors.
+"""
+
+import asyncio
+import csv
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.depth.given_orders import check_layers
+from neurosnap.depth.probe import Measured, ProbePlan, be_probe
+from neurosnap.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    RecordingError,
+    naming,
+)
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.run_options import HostKind, WiringKind
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import options_of
+from neurosnap.runtime.launch import Plan, run_processes
+from neurosnap.system.distribution import must_have
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLUMNS = ("sensors", "wiring", "height", "depth", "longest", "pulses", "seconds")
+
+
+class Line(msgspec.Struct, frozen=True):
+    """A fitted line: seconds of a wave over its depth."""
+
+    slope: float
+    """Seconds a hop."""
+    intercept: float
+    """Seconds a wave takes without hops."""
+    r2: float
+    """The share of the variance it explains, in [0, 1]."""
+
+
+async def measure(
+    heights: Sequence[int],
+    wiring: WiringKind,
+    sensors: Sequence[int],
+    waves: int,
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None] = lambda _: None,
+    *,
+    cells: HostKind = "process",
+    workers: int = 2,
+    edges: int = 0,
+    seed: int = 0,
+) -> list[Measured]:
+    """Time waves through swarms wired to orders of given heights.
+
+    One swarm for each of `sensors`; in each the order has one height after the other,
+    and the wave starts at its bottom.
+
+    Args:
+        heights: Each at least 0.
+        wiring: Which edges carry the pulses.
+        sensors: Cells in each swarm; more than the largest height.
+        waves: Waves timed at each height.
+        stop: Ends it; what was measured by then is returned.
+        on_progress: Told how many waves are timed.
+        cells: Every cell is a process, or shares one with many.
+        workers: How many processes share the cells, where they do.
+        edges: 0: the order is a chain, on the first cells. Else a random one on all of
+            them, of so many covering edges, contrapositives counted.
+        seed: Draws random orders.
+
+    Raises:
+        InvalidValueError: A number is out of range.
+        SwarmError: A part failed.
+    """
+    _check(heights, sensors, waves)
+    if edges and wiring != "hasse":
+        raise InvalidValueError("wiring", 'must be "hasse" for a random order', wiring)
+    for count in sensors:
+        if cells == "worker":
+            shares(count, workers)
+        for height in heights if edges else ():
+            check_layers(count, height, edges)
+    rows: list[Measured] = []
+    for count in sensors:
+        if stop.is_set():
+            break
+        probe = ProbePlan(
+            count,
+            tuple(heights),
+            wiring,
+            waves,
+            workers=workers if cells == "worker" else 0,
+            edges=edges,
+            seed=seed,
+        )
+        plan = Plan(
+            cells=count,
+            workers=probe.workers,
+            conductor=be_probe,
+            conductor_arguments=(probe,),
+        )
+        ending = await run_processes(plan, stop, _from_there(on_progress, len(rows)))
+        rows += msgspec.json.decode(ending.result, type=list[Measured])
+    return rows
+
+
+def _from_there(on_progress: Callable[[int], None], done: int) -> Callable[[int], None]:
+    return lambda waves: on_progress(done + waves)
+
+
+def _check(heights: Sequence[int], sensors: Sequence[int], waves: int) -> None:
+    if not heights or min(heights) < 0:
+        rule = "must be one or more numbers, each at least 0"
+        raise InvalidValueError("heights", rule, list(heights))
+    if not sensors or min(sensors) <= max(heights):
+        rule = f"must be more than the largest height, {max(heights)}"
+        raise InvalidValueError("sensors", rule, list(sensors))
+    if waves < 1:
+        raise InvalidValueError("waves", "must be at least 1", waves)
+
+
+def from_recording(recording: Recording) -> list[Measured]:
+    """Return a row for every wave of a recorded run that has settled.
+
+    Its time is the coordinator's: from the wave's start to its result.
+
+    Raises:
+        RecordingError: The recording is not a run's, or lacks the start of a wave whose
+            result it holds, though it is not damaged.
+    """
+    options = options_of(recording)
+    damage = recording.damage
+    started: dict[int, int] = {}
+    rows = []
+    for recorded in recording.messages(("wave", "state", "reach")):
+        match recorded.message:
+            case wire.WaveStart(wave=wave):
+                started.setdefault(wave, recorded.sent)
+            case wire.State() | wire.Reached() as result:
+                if result.wave not in started:
+                    if damage:
+                        continue
+                    where = f"{recording.path}: wave {result.wave}"
+                    raise RecordingError(f"{where}: must have its start, got none")
+                rows.append(
+                    Measured(
+                        sensors=len(options.sensors),
+                        wiring=options.wiring,
+                        height=result.height,
+                        depth=result.depth,
+                        longest=result.longest,
+                        pulses=result.pulses,
+                        seconds=(recorded.sent - started.pop(result.wave)) / 1e9,
+                        kind="state" if isinstance(result, wire.State) else "signal",
+                    )
+                )
+            case _:
+                pass
+    return rows
+
+
+def fit(rows: Iterable[Measured]) -> Line | None:
+    """Fit seconds over depth by least squares; None for fewer than two depths.
+
+    State waves are left out: they fire in every cell at once, and what they take says
+    how many cells there are.
+    """
+    points = [(row.depth, row.seconds) for row in rows if row.kind == "signal"]
+    if len({depth for depth, _ in points}) < 2:
+        return None
+    x, y = np.array(points, dtype=np.float64).T
+    slope, intercept = np.polyfit(x, y, 1)
+    spread = float(((y - y.mean()) ** 2).sum())
+    left = float(((y - slope * x - intercept) ** 2).sum())
+    r2 = 1.0 - left / spread if spread > 0 else 1.0
+    return Line(float(slope), float(intercept), r2)
+
+
+def write_csv(rows: Iterable[Measured], path: Path) -> None:
+    """Write ``depth.csv``: one row a wave, whole or not at all."""
+    with _whole(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """Give a place to write, which becomes `path` if nothing goes wrong."""
+    draft = path.with_name(f"{path.name}.part")
+    try:
+        with naming(path):
+            yield draft
+            os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def draw(rows: Sequence[Measured], path: Path) -> None:
+    """Write ``depth.png``: depth over height, and time over depth with its line.
+
+    State waves are not drawn; see `fit`.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        rule = must_have("matplotlib", "plot")
+        raise MissingExtraError(f"depth.png: {rule}") from error
+    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    signals = [row for row in rows if row.kind == "signal"]
+    groups = sorted({(row.sensors, row.wiring) for row in signals})
+    for number, (sensors, wiring) in enumerate(groups):
+        chosen = [r for r in signals if (r.sensors, r.wiring) == (sensors, wiring)]
+        label, colour = f"{sensors} cells, {wiring}", f"C{number}"
+        _draw_depth(left, chosen, label, colour)
+        _draw_time(right, chosen, label, colour)
+    reach = max((max(row.height, row.depth) for row in rows), default=1)
+    left.plot([0, reach], [0, reach], color="0.6", lw=1, ls="--", label="y = x")
+    left.set(xlabel="height (edges on the longest chain)", ylabel="depth (hops)")
+    right.set(xlabel="depth (hops)", ylabel="time of a wave (ms)")
+    left.set_title("How deep waves travel")
+    right.set_title("How long they take")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        if axes.get_legend_handles_labels()[0]:  # a single depth makes no line
+            axes.legend(fontsize="small")
+    with _whole(path) as draft:
+        figure.savefig(draft, dpi=150, format="png")
+
+
+def _draw_depth(
+    axes: "Axes", rows: Sequence[Measured], label: str, colour: str
+) -> None:
+    """Draw how often each depth came at each height: larger dots, more waves."""
+    pairs = np.array([(row.height, row.depth) for row in rows])
+    places, counts = np.unique(pairs, axis=0, return_counts=True)
+    sizes = 12 + 60 * counts / counts.max()
+    heights, depths = places.T
+    axes.scatter(heights, depths, s=sizes, color=colour, alpha=0.6, label=label)
+
+
+def _draw_time(axes: "Axes", rows: Sequence[Measured], label: str, colour: str) -> None:
+    depths = np.array([row.depth for row in rows])
+    axes.scatter(
+        depths, [1e3 * row.seconds for row in rows], s=10, color=colour, alpha=0.5
+    )
+    line = fit(rows)
+    if line is None:
+        return
+    ends = np.array([depths.min(), depths.max()])
+    axes.plot(
+        ends,
+        1e3 * (line.intercept + line.slope * ends),
+        color=colour,
+        label=f"{label}: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}",
+    )

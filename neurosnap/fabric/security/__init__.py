@@ -1,0 +1,1 @@
+"""Who may connect and say what: roles, certificates, endpoints."""

@@ -1,0 +1,1 @@
+"""The fabric over Zenoh: sessions, the hub, discovery."""

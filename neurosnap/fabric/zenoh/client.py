@@ -1,0 +1,314 @@
+"""The fabric over Zenoh: one session a process, nothing found by chance.
+
+What keeps the promises of `neurosnap.fabric.protocol`: one session and one priority a
+process; no callback that blocks, so that no receiver ever stalls the hub; every put
+with BLOCK; callbacks run on Zenoh's own receiving thread (``indirect=False``), which
+keeps the order across several subscriptions. A running number and the sender's clock
+travel as the attachment.
+
+How a session is configured is in `neurosnap.fabric.zenoh.session`, what it connects to
+in `neurosnap.fabric.zenoh.hub`.
+"""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
+from types import TracebackType
+from typing import Any, ParamSpec, Self, TypeVar
+
+import zenoh
+
+from neurosnap import wire
+from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.inbox import Courier, Door, Inbox
+from neurosnap.fabric.protocol import (
+    Failure,
+    Handler,
+    PlaceHandler,
+    PresenceHandler,
+    check_polled,
+)
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import check_endpoint
+from neurosnap.fabric.security.roles import BRIEF, FLUSHED, PLACE
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
+from neurosnap.fabric.zenoh.polled import Poll
+from neurosnap.fabric.zenoh.session import connecting
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_BLOCK = zenoh.CongestionControl.BLOCK
+_FLUSH = 5.0  # seconds the hub may take to have taken everything
+_ANSWER = 10.0  # seconds others may take to answer
+_CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
+
+
+class ZenohFabric:
+    """One process's end of a swarm's network.
+
+    Args:
+        who: The part's name, as in `Message.sender`.
+        swarm: The run's id.
+        endpoint: Where the hub listens.
+        first: The number of the first message; more than 0 where a run is resumed.
+        patience: Seconds to go on trying until the hub answers.
+        swift: Handlers run on a thread of their own, not on the event loop: a third
+            off the time of a hop. For parts that share nothing with their loop.
+        credentials: The part's, where the hub has some.
+        insecure: May connect beyond this machine without credentials.
+        located: Says where it is when it shows as alive; for a swarm that is on
+            several machines.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
+    """
+
+    def __init__(
+        self,
+        who: str,
+        swarm: str,
+        endpoint: str,
+        *,
+        first: int = 0,
+        patience: float = 60.0,
+        swift: bool = False,
+        credentials: Credentials | None = None,
+        insecure: bool = False,
+        located: bool = False,
+    ) -> None:
+        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
+        self.who = who
+        self.sent = first
+        self._prefix = f"{wire.ROOT}/{swarm}/"
+        self._endpoint = endpoint
+        self._patience = patience
+        self._swift = swift
+        self._credentials = credentials
+        self._located = located
+        # A courier and the loop may publish at once; a number must not be used twice.
+        self._publishing = threading.Lock()
+        self._declared: list[Any] = []
+        self._doors: list[Door[Any]] = []
+        self._polls: list[Poll] = []
+
+    async def __aenter__(self) -> Self:
+        """Open the session.
+
+        Raises:
+            FabricError: The hub cannot be reached.
+        """
+        self._failure = Failure()
+        config = connecting(self._endpoint, self._patience, self._credentials)
+        try:
+            self._session = await self._off_loop(zenoh.open, config)
+        except zenoh.ZError as error:
+            raise FabricError(
+                f"{self.who}: must reach the hub at {self._endpoint}, got {error}"
+            ) from error
+        return self
+
+    async def _off_loop(
+        self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+    ) -> T:
+        """Make a call that blocks; aside, unless the loop has nothing else to do.
+
+        A thread to call from costs a process a millisecond to start, of the ten a cell
+        takes in all.
+        """
+        if self._swift:
+            return call(*args, **kwargs)
+        return await asyncio.to_thread(call, *args, **kwargs)
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop receiving, hand over what waits, deliver what was sent, close."""
+        # A stack runs backwards, and to its end: whatever a handler raises at the last
+        # moment, the session is closed.
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(self._off_loop, self._session.close)
+            stack.push_async_callback(self._off_loop, self._flush)
+            for door in self._doors:
+                stack.push_async_callback(self._off_loop, door.close)
+            for poll in self._polls:
+                stack.callback(poll.finish)
+            stack.push_async_callback(self._off_loop, self._undeclare)
+
+    def _undeclare(self) -> None:
+        for declared in reversed(self._declared):
+            declared.undeclare()
+        self._declared.clear()
+
+    def _flush(self) -> None:
+        """Return once the hub has taken all that was sent.
+
+        Closing a session loses the end now and then, where a large message waits
+        behind many small ones. A query travels behind them, as one of them, and the
+        hub answers this one itself.
+        """
+        replies = self._session.get(
+            f"{self._prefix}{FLUSHED}", congestion_control=_BLOCK, timeout=_FLUSH
+        )
+        for _ in replies:
+            pass
+
+    def publish(self, *messages: wire.Message) -> None:
+        """Send `messages`, each under its key; blocks while the hub is congested."""
+        # All are encoded first: puts without a pause between them leave in one frame.
+        ready = [(message.key, wire.encode(message)) for message in messages]
+        now = time.time_ns()
+        with self._publishing:
+            for key, payload in ready:
+                self._put(wire.Delivery(key, self.sent, now, payload))
+                self.sent += 1
+
+    def forward(self, delivery: wire.Delivery) -> None:
+        """Send what somebody else sent, as it was; blocks like `publish`."""
+        with self._publishing:
+            self._put(delivery)
+
+    def _put(self, delivery: wire.Delivery) -> None:
+        key = self._prefix + delivery.key
+        for payload, beside in pieces(delivery):
+            self._session.put(
+                key, payload, congestion_control=_BLOCK, attachment=beside
+            )
+
+    async def subscribe(
+        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+    ) -> None:
+        """Hand every message under `keys` to `handler`; see the protocol."""
+        cut = len(self._prefix)
+        if poll is not None:
+            check_polled(keys)
+            channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
+            (subscriber,) = await self._off_loop(self._declare, keys, channel)
+            channel = subscriber.handler
+            take = Assembly(cut).take
+            self._polls.append(Poll(channel, take, handler, poll, self._failure))
+            return
+        kind = Courier if self._swift else Inbox
+        door: Door[wire.Delivery] = kind(self.who, handler, self._failure.set)
+        self._doors.append(door)
+        take = Assembly(cut).take
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            delivery = take(sample)
+            if delivery is not None:
+                door.push(delivery)
+
+        callback = zenoh.handlers.Callback(hand_over, indirect=False)
+        await self._off_loop(self._declare, keys, callback)
+
+    def _declare(self, keys: Sequence[str], handler: Any) -> list[Any]:  # noqa: ANN401
+        """Declare all in one go: a thousand cells do this at once."""
+        subscribers = [
+            self._session.declare_subscriber(self._prefix + key, handler)
+            for key in keys
+        ]
+        self._declared.extend(subscribers)
+        return subscribers
+
+    async def announce(self) -> None:
+        """Declare the liveliness token ``alive/<who>``; its place before that."""
+        keys = [f"alive/{self.who}"]
+        if self._located:
+            keys.insert(0, f"{PLACE}/{self.who}/{Place.here().text}")
+        declare = self._session.liveliness().declare_token
+        for key in keys:
+            token = await self._off_loop(declare, self._prefix + key)
+            self._declared.append(token)
+
+    async def present(self) -> set[str]:
+        """Return the parts that are there now."""
+        prefix = f"{self._prefix}alive/"
+        get = self._session.liveliness().get
+
+        def look() -> set[str]:
+            found = (reply.ok for reply in get(f"{prefix}**", timeout=_ANSWER))
+            return {str(one.key_expr)[len(prefix) :] for one in found if one}
+
+        return await self._off_loop(look)
+
+    async def brief(self, content: bytes) -> None:
+        """Answer `content` to whoever asks what the run is. For coordinators.
+
+        Raises:
+            InvalidValueError: It is larger than any session takes in.
+        """
+        if len(content) >= LARGEST:
+            rule = f"must fit into a message of {LARGEST:,} bytes"
+            raise InvalidValueError("brief", rule, len(content))
+        key = f"{self._prefix}{BRIEF}"
+
+        def answer(query: zenoh.Query) -> None:
+            query.reply(key, content)
+
+        self._declared.append(
+            await self._off_loop(self._session.declare_queryable, key, answer)
+        )
+
+    async def ask(self) -> bytes | None:
+        """Return what the coordinator says the run is; None: it has gone."""
+
+        def get() -> bytes | None:
+            for reply in self._session.get(f"{self._prefix}{BRIEF}", timeout=_ANSWER):
+                if reply.ok is not None:
+                    return reply.ok.payload.to_bytes()
+            return None
+
+        return await self._off_loop(get)
+
+    async def watch(self, handler: PresenceHandler) -> None:
+        """Follow the liveliness tokens, those already there included."""
+        await self._follow("alive", handler)
+
+    async def locate(self, handler: PlaceHandler) -> None:
+        """Follow the tokens that say where parts are, those already there included."""
+
+        def take(name: str, alive: bool) -> None:
+            who, *rest = name.rsplit("/", 2)
+            place = Place.read("/".join(rest))
+            if alive and place is not None:
+                handler(who, place)
+
+        await self._follow(PLACE, take)
+
+    async def _follow(self, below: str, handler: PresenceHandler) -> None:
+        """Follow the liveliness tokens below a key."""
+        prefix = f"{self._prefix}{below}/"
+
+        def deliver(changes: list[tuple[str, bool]]) -> None:
+            for name, alive in changes:
+                handler(name, alive)
+
+        inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)
+        self._doors.append(inbox)
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            alive = sample.kind == zenoh.SampleKind.PUT
+            inbox.push((str(sample.key_expr)[len(prefix) :], alive))
+
+        self._declared.append(
+            await self._off_loop(
+                self._session.liveliness().declare_subscriber,
+                f"{prefix}**",
+                zenoh.handlers.Callback(hand_over, indirect=False),
+                history=True,
+            )
+        )
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Wait until `stop` is set; raise what a handler raised before that."""
+        await self._failure.wait(stop)
+
+    def fail(self, error: BaseException) -> None:
+        """Let `serve` raise `error`."""
+        self._failure.set(error)

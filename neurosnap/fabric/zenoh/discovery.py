@@ -1,0 +1,184 @@
+"""A lookout for the swarms of one id: which is there, when it has gone, what follows.
+
+A swarm whose parts died goes on as another: as the next incarnation of its id, under a
+prefix of its own, since the numbers of its waves begin anew. ``demo`` goes on as
+``demo-1``, ``demo-2`` and so on. A swarm is there while its coordinator is.
+"""
+
+import asyncio
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from neurosnap import wire
+from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.inbox import Inbox
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import check_endpoint
+from neurosnap.fabric.zenoh.reach import reach
+
+_ALIVE = "alive/coordinator"
+
+
+def incarnation(swarm: str, number: int) -> str:
+    """Return what the swarm of an id is called on the wire, after so many restarts.
+
+    Example:
+        >>> incarnation("demo", 0), incarnation("demo", 2)
+        ('demo', 'demo-2')
+    """
+    return f"{swarm}-{number}" if number else swarm
+
+
+def id_of(name: str) -> str:
+    """Return the id of the swarm that is called so on the wire.
+
+    Example:
+        >>> id_of("demo"), id_of("demo-2")
+        ('demo', 'demo')
+    """
+    return name.partition("-")[0]
+
+
+def is_of(name: str, swarm: str) -> bool:
+    """Tell whether `name` is what some incarnation of `swarm` is called.
+
+    Example:
+        >>> is_of("demo-2", "demo"), is_of("demo2", "demo"), is_of("demo-x", "demo")
+        (True, False, False)
+    """
+    base, dash, number = name.partition("-")
+    return base == swarm and number.isdecimal() == bool(dash)
+
+
+class Sighting:
+    """A swarm that came.
+
+    Attributes:
+        name: What it is called on the wire.
+        gone: Set once its coordinator has gone.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.gone = asyncio.Event()
+
+
+class Lookout:
+    """Looks out for the swarms of one id. Use as an async context manager.
+
+    Args:
+        swarm: The id.
+        endpoint: Where the hub listens.
+        stop: Ends the wait for the hub; then no swarm is seen. None: nothing does.
+        patience: Seconds to go on trying until the hub answers.
+        credentials: A watcher's, where the hub has some.
+        insecure: May connect beyond this machine without credentials.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
+    """
+
+    def __init__(
+        self,
+        swarm: str,
+        endpoint: str,
+        *,
+        stop: asyncio.Event | None = None,
+        patience: float = 60.0,
+        credentials: Credentials | None = None,
+        insecure: bool = False,
+    ) -> None:
+        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
+        self._swarm = swarm
+        self._endpoint = endpoint
+        self._stop = stop or asyncio.Event()
+        self._patience = patience
+        self._credentials = credentials
+        self._there: dict[str, Sighting] = {}  # by name, in the order they came
+        self._next: Sighting | None = None  # the last that came, until it was returned
+        self._came = asyncio.Event()
+
+    async def __aenter__(self) -> Self:
+        """Connect and look; say so where the hub is waited for.
+
+        Raises:
+            FabricError: The hub cannot be reached.
+        """
+        self._session = await reach(
+            "watcher", self._endpoint, self._stop, self._credentials, self._patience
+        )
+        if self._session is None:
+            return self
+        # Both ends of what this needs are here, so it cannot fail but by a bug.
+        self._inbox: Inbox[tuple[str, bool]] = Inbox("watcher", self._take, _raise)
+        try:
+            self._declared = await asyncio.to_thread(self._declare, self._session)
+        except BaseException:
+            await asyncio.to_thread(self._session.close)
+            raise
+        return self
+
+    def _declare(self, session: zenoh.Session) -> Any:  # noqa: ANN401
+        def hand_over(sample: zenoh.Sample) -> None:
+            name = str(sample.key_expr).split("/")[1]
+            self._inbox.push((name, sample.kind == zenoh.SampleKind.PUT))
+
+        return session.liveliness().declare_subscriber(
+            f"{wire.ROOT}/*/{_ALIVE}",
+            zenoh.handlers.Callback(hand_over, indirect=False),
+            history=True,
+        )
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Look no more."""
+        if self._session is None:
+            return
+        await asyncio.to_thread(self._declared.undeclare)
+        self._inbox.close()
+        await asyncio.to_thread(self._session.close)
+
+    def _take(self, changes: list[tuple[str, bool]]) -> None:
+        """Take in who came and went."""
+        for name, alive in changes:
+            if not is_of(name, self._swarm):
+                continue
+            if alive and name not in self._there:
+                self._next = self._there[name] = Sighting(name)
+                self._came.set()
+            elif not alive and name in self._there:
+                self._there.pop(name).gone.set()
+
+    async def next(
+        self, stop: asyncio.Event, patience: float | None = None
+    ) -> Sighting | None:
+        """Return the swarm that came last, one each time it came.
+
+        Args:
+            stop: Ends the wait.
+            patience: Seconds one may take to come; None: as long as it takes.
+
+        Returns:
+            The swarm, which is there now; None: `stop` was set.
+
+        Raises:
+            TimeoutError: None came.
+        """
+        async with asyncio.timeout(patience):
+            while not stop.is_set():
+                seen, self._next = self._next, None
+                if seen is not None and not seen.gone.is_set():
+                    return seen
+                self._came.clear()
+                await wait_any(self._came, stop)
+        return None
+
+
+def _raise(error: BaseException) -> None:
+    raise error

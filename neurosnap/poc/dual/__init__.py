@@ -1,0 +1,1 @@
+"""The dual of a poc set: its vertices, cubes, maps and topology."""

@@ -1,0 +1,182 @@
+"""Realisations: what sensors say at the points of a space that has finitely many.
+
+Every point shows one complete *-selection. Those that are coherent are the vertices
+of the model space that can be met with; the others exist only in the model, and
+leaving them out gives the punctured dual, which may have the holes of the space where
+the dual has none.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.dual.homology import CellComplex
+from neurosnap.poc.order.fields import as_fields, inclusions
+from neurosnap.poc.order.literals import Literals, as_literals
+from neurosnap.poc.order.pocset import PocSet
+from neurosnap.sensorium import Sensorium, complete
+
+
+class Realization:
+    """Fields of sensors over a finite set of points ([GK] realization).
+
+    Args:
+        rows: One field a sensor: ``(points,)`` bits, where it is on.
+        sensors: Their names; ``s0``, ``s1``, and so on without them.
+        points: A name for each point; without them points are called by number.
+
+    Raises:
+        ShapeError: Fields have unequal lengths, there is no point, or not one name a
+            field or a point.
+        InvalidValueError: An entry is not 0 or 1, or two points have one name.
+
+    Example:
+        >>> r = Realization([[1, 0, 0], [0, 0, 1]], ["a", "b"])
+        >>> r.poc_set(), len(r.vertices())
+        (PocSet.parse('a, b : a < b*'), 3)
+    """
+
+    def __init__(
+        self,
+        rows: Iterable[ArrayLike],
+        sensors: Iterable[str] | Sensorium | None = None,
+        points: Iterable[str] | None = None,
+    ) -> None:
+        self._fields, self._sensorium = as_fields(rows, sensors)
+        self._fields.flags.writeable = False
+        count = self._fields.shape[1]
+        names = map(str, range(count)) if points is None else points
+        self._points = tuple(names)
+        if len(self._points) != count:
+            rule = f"must be {count}, one a column"
+            raise ShapeError("points", rule, len(self._points))
+        if len(set(self._points)) != count:
+            raise InvalidValueError("points", "must have different names", self._points)
+
+    @property
+    def fields(self) -> NDArray[np.bool_]:
+        """``(N, points)`` bool, read-only: where each sensor is on."""
+        return self._fields
+
+    @property
+    def sensorium(self) -> Sensorium:
+        """The sensors' names."""
+        return self._sensorium
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """The points' names."""
+        return self._points
+
+    def poc_set(self) -> PocSet:
+        """Return the order of the fields by inclusion."""
+        return PocSet.of_realization(self._fields, self._sensorium)
+
+    def breaks(self, poc: PocSet) -> tuple[str, str] | None:
+        """Return a relation that the fields break, if this is no poc morphism.
+
+        Args:
+            poc: A poc set on the same sensors.
+
+        Returns:
+            Names of ``a <= b`` such that `a` is on at a point where `b` is off.
+
+        Raises:
+            InvalidValueError: `poc` has other sensors.
+        """
+        wrong = self._checked(poc).order & ~inclusions(self._fields)
+        if not wrong.any():
+            return None
+        a, b = np.argwhere(wrong)[0].tolist()
+        return poc.name(a), poc.name(b)
+
+    def vertex(self, point: int | str) -> NDArray[np.bool_]:
+        """Return what a point shows: ``(2N,)`` bool, a complete *-selection.
+
+        Raises:
+            InvalidValueError: There is no such point.
+        """
+        return complete(self._fields[:, self._number(point)])
+
+    def vertices(self, poc: PocSet | None = None) -> list[NDArray[np.bool_]]:
+        """Return the consistent vertices ([GK] defn:consistent vertices).
+
+        Args:
+            poc: Whose dual they are of; `poc_set` without it. What a point shows is
+                left out where that is not coherent, which happens only if the fields
+                break a relation.
+
+        Returns:
+            ``(2N,)`` bool each, in the order of their first points.
+        """
+        order = self._checked(self.poc_set() if poc is None else poc)
+        shown = np.unique(self._fields, axis=1, return_index=True)[1]
+        selections = [complete(self._fields[:, x]) for x in sorted(shown.tolist())]
+        return [u for u in selections if order.is_coherent(u)]
+
+    def witnesses(self, literals: Literals) -> NDArray[np.bool_]:
+        """Return the points at which all of some literals are on: ``(points,)`` bool.
+
+        With a vertex these are its witnesses, with the literals that the vertices of
+        a cube share those of the cube.
+        """
+        total = 2 * len(self._sensorium)
+        chosen = as_literals("literals", literals, total)
+        shown = self._fields[chosen[::2]].all(axis=0)
+        hidden = ~self._fields[chosen[1::2]].any(axis=0)
+        return np.asarray(shown & hidden, np.bool_)
+
+    def punctured(self, poc: PocSet | None = None) -> CellComplex:
+        """Return the punctured dual: the cubes all of whose vertices are consistent.
+
+        [GK] defn:punctured dual. Equal sensors are one direction.
+
+        Args:
+            poc: As for `vertices`.
+
+        Example:
+            >>> r = Realization([[1, 1, 0], [1, 0, 1]])
+            >>> r.punctured()
+            CellComplex(vertices=3, edges=2)
+        """
+        order = self.poc_set() if poc is None else poc
+        return CellComplex.cubical(corners(order, self.vertices(order)))
+
+    def __repr__(self) -> str:
+        sensors, points = self._fields.shape
+        return f"Realization({sensors} sensors over {points} points)"
+
+    def _checked(self, poc: PocSet) -> PocSet:
+        """Return `poc` if it is on the same sensors."""
+        if poc.sensorium != self._sensorium:
+            names = list(self._sensorium.names)
+            raise InvalidValueError("poc set", f"must be on {names}", str(poc))
+        return poc
+
+    def _number(self, point: int | str) -> int:
+        """Return the column of a point."""
+        if isinstance(point, str) and point in self._points:
+            return self._points.index(point)
+        whole = isinstance(point, int | np.integer) and not isinstance(point, bool)
+        if whole and 0 <= int(point) < len(self._points):
+            return int(point)
+        rule = f"must be one of {len(self._points)} points, by name or number"
+        raise InvalidValueError("point", rule, point)
+
+
+def corners(poc: PocSet, vertices: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Return vertices as corners of a cube with one direction for each proper element.
+
+    Args:
+        poc: The poc set.
+        vertices: ``(2N,)`` bool each.
+
+    Returns:
+        ``(vertices, n)`` bool, as `CellComplex.cubical` takes them: neighbours differ
+        in one place, however many sensors are equal.
+    """
+    own = [a for a in poc.heads.tolist() if not a & 1]
+    rows = [vertex[own] for vertex in vertices]
+    return np.array(rows, np.bool_).reshape(len(rows), len(own))

@@ -1,0 +1,1 @@
+"""Snapshots: weights learned from observations, and the poc graph they derive."""

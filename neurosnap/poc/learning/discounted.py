@@ -1,0 +1,132 @@
+"""Snapshots that forget, at a steady rate."""
+
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning import kernels
+from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.kernels_partial import discount_squares
+from neurosnap.poc.learning.pair_codes import excluded, rows_of
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.thresholds import saved_threshold
+from neurosnap.poc.learning.weights import Weights
+from neurosnap.sensorium import Sensorium
+
+_ROUNDING = 1e-9
+
+
+class DiscountedSnapshot(Snapshot):
+    """Weighs the present more than the past ([GK] defn:discounted update).
+
+    Each observation takes a share ``1 - decay`` of the weight; the graph is derived
+    from the new weights; then every square with an implication gives up the weight
+    against it ([GK] snapshot truncation), which leaves the derived graph as it is.
+    Starts with every weight at 1/4. Sensors that are alike tie all the time, so
+    smaller means by more than 1e-12, and zero means at most that. With unknown
+    readings, a pair forgets only when both its sensors are known.
+
+    Args:
+        sensors: A sensorium, or how many sensors there are.
+        threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4].
+        decay: What is kept of a weight each time, in [0, 1).
+
+    Raises:
+        ShapeError: `threshold` has another shape.
+        InvalidValueError: A threshold or the decay is out of range.
+
+    Example:
+        >>> d = DiscountedSnapshot(Sensorium(["door", "motion"]), 0.25, decay=0.5)
+        >>> for bits in [(0, 0), (0, 1), (1, 1)]:
+        ...     state = d.observe(bits)
+        >>> d.poc_graph().implications(d.sensorium)
+        [('door', 'motion')]
+        >>> d.weight(0, 2), d.weight(0, 3)
+        (0.5625, 0.0)
+    """
+
+    THRESHOLD: ClassVar[float] = 1 / 8000
+    """Where none is given."""
+    DECAY: ClassVar[float] = 1 - 2**-6
+    """Where none is given."""
+
+    def __init__(
+        self,
+        sensors: int | Sensorium,
+        threshold: ArrayLike = THRESHOLD,
+        decay: float = DECAY,
+    ) -> None:
+        super().__init__(sensors, threshold)
+        if isinstance(decay, bool) or not isinstance(decay, float | int | np.number):
+            raise InvalidValueError("decay", "must be a number", decay)
+        if not 0 <= decay < 1:
+            raise InvalidValueError("decay", "must be in [0, 1)", decay)
+        self._decay = float(decay)
+        self._weights = Weights.starting(
+            len(self.sensorium), np.float64(0.25), np.float64(0.5)
+        )
+
+    @property
+    def decay(self) -> float:
+        """What is kept of a weight each time."""
+        return self._decay
+
+    def _update(self) -> bool:
+        weights = self._weights
+        if weights.squares is not None:
+            return bool(
+                discount_squares(
+                    self._bits,
+                    self._known,
+                    weights.squares,
+                    self._decay,
+                    self._by_pair,
+                    self._codes,
+                    self._rows,
+                )
+            )
+        return bool(
+            kernels.learn_discounted(
+                self._bits,
+                weights.joints,
+                weights.marginals,
+                self._decay,
+                self._by_pair,
+                self._codes,
+                self._rows,
+            )
+        )
+
+    def _total(self) -> float:
+        return 1.0
+
+    def _whole(self, *_: float) -> float:
+        return 1.0
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        # Truncation rounds, and a difference at the very edge of the tolerance may
+        # fall on its other side: so the codes are kept and not derived again.
+        decay = np.array(self._decay)
+        return super().arrays() | {"decay": decay, "codes": self._codes}
+
+    @classmethod
+    def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
+        decay = entry(arrays, "decay", (), np.float64).item()
+        return cls(sensorium, saved_threshold(arrays, len(sensorium)), decay)
+
+    def _derive(self, arrays: Arrays) -> None:
+        squares, marginals = self._weights.all(1.0), self._weights.marginals
+        inside = (marginals >= 0) & (marginals <= 1)
+        # Rounding adds up over as many ticks as are remembered. NaN is out of range.
+        whole = abs(squares.sum(axis=0) - 1) <= _ROUNDING / (1 - self._decay)
+        if not (inside.all() and whole.all() and (squares >= -_ROUNDING).all()):
+            raise ValueError("weights: must be consistent")
+        codes = entry(arrays, "codes", self._codes.shape, np.uint8)
+        zero = excluded(codes, squares)
+        if not (zero <= _ROUNDING).all() or (not self._clock and codes.any()):
+            raise ValueError("codes: must go with the weights")
+        self._codes[:] = codes
+        self._rows[:] = rows_of(codes, len(self._sensorium))

@@ -1,0 +1,103 @@
+"""Snapshots that count, and forget nothing."""
+
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from neurosnap.poc.learning import kernels
+from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.kernels_partial import count_squares
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.thresholds import saved_threshold
+from neurosnap.poc.learning.weights import Weights
+from neurosnap.sensorium import Sensorium
+
+
+class EmpiricalSnapshot(Snapshot):
+    """Counts every pair of sensations, and forgets none ([GK] defn:empirical snapshot).
+
+    Its test is exact: weights are integers, compared with ``threshold * clock`` in
+    double precision. Counts are 32 bits wide, which the clock must not outgrow. With
+    unknown readings, the four weights of a pair add up to the observations in which
+    both its sensors were known, and these stand for the clock. A pair that was known
+    together in less than half of all observations is judged once it was so ``1 / tau``
+    times: of fewer, not one could speak against an implication without undoing it.
+
+    Args:
+        sensors: A sensorium, or how many sensors there are.
+        threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4].
+
+    Raises:
+        ShapeError: `threshold` has another shape.
+        InvalidValueError: A threshold is out of range or not symmetric.
+
+    Example:
+        >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
+        >>> for bits in [(0, 0), (0, 1), (1, 1)]:
+        ...     state = e.observe(bits)
+        >>> e.poc_graph().implications(e.sensorium)
+        [('door', 'motion')]
+        >>> e.weight(0, 2), e.weight(0, 3)
+        (1, 0)
+    """
+
+    THRESHOLD: ClassVar[float] = 0.01
+    """Where none is given."""
+
+    def __init__(
+        self, sensors: int | Sensorium, threshold: ArrayLike = THRESHOLD
+    ) -> None:
+        super().__init__(sensors, threshold)
+        self._weights = Weights.starting(
+            len(self.sensorium), np.uint32(0), np.uint32(0)
+        )
+
+    def _update(self) -> bool:
+        return self._count(self._clock + 1)
+
+    def _count(self, clock: int) -> bool:
+        """Count what is known of the bits at hand and derive the graph for `clock`."""
+        weights = self._weights
+        if weights.squares is not None:
+            return bool(
+                count_squares(
+                    self._bits,
+                    self._known,
+                    weights.squares,
+                    clock,
+                    self._by_pair,
+                    self._codes,
+                    self._rows,
+                )
+            )
+        return bool(
+            kernels.learn_counts(
+                self._bits,
+                weights.joints,
+                weights.marginals,
+                clock,
+                self._by_pair,
+                self._codes,
+                self._rows,
+            )
+        )
+
+    def _total(self) -> int:
+        return self._clock
+
+    def _whole(self, *square: float) -> float:
+        return sum(square)
+
+    @classmethod
+    def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
+        return cls(sensorium, saved_threshold(arrays, len(sensorium)))
+
+    def _derive(self, arrays: Arrays) -> None:
+        squares = self._weights.all(self._clock)
+        inside = (squares >= 0).all() and (squares.sum(axis=0) <= self._clock).all()
+        if not inside or (self._weights.marginals > self._clock).any():
+            raise ValueError("weights: must be consistent with the clock")
+        # Neither bit nor reading at hand: nothing is counted.
+        if self._clock:
+            self._count(self._clock)

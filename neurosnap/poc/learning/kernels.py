@@ -1,0 +1,257 @@
+"""The compiled loops: each equals a few plain lines, which its docstring gives.
+
+Pairs of sensors, and the code of each pair, are as in
+`neurosnap.poc.learning.pair_codes`. Nothing here is compiled with fast-math: results
+are the same bits on every run.
+
+The loops over a row have no branch, store to two arrays at most and cast every result
+of 32-bit arithmetic back (numba widens it): so the compiler makes vector instructions
+of them.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.order.literals import Words
+from neurosnap.system.compiled import njit
+
+SLACK = 1e-12
+"""By how much a discounted weight must be smaller to count as smaller."""
+
+_ONE = np.uint64(1)
+
+
+@njit()
+def learn_counts(
+    bits: NDArray[np.uint8],
+    joints: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    clock: int,
+    threshold: NDArray[np.float64],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> bool:
+    """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
+
+    ``n_i += x_i``, ``n_ij += x_i x_j``, then ``a -> b`` iff
+    ``w_ab* < min(tau clock, w_ab, w_a*b, w_a*b*)``, and ``a <-> b`` iff
+    ``w_ab* = w_a*b = 0``. With no bit on it only derives.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        joints: ``(N (N - 1) / 2,)``, updated.
+        marginals: ``(N,)``, updated.
+        clock: The number of observations, this one included; at least 1.
+        threshold: ``(1,)`` for all pairs, or one a pair.
+        codes: One a pair, updated.
+        rows: ``(2N, w)``, the derived graph, updated where codes change.
+
+    Returns:
+        Whether any code changed. O(N²/2) time.
+    """
+    count = bits.shape[0]
+    ticks = np.uint32(clock)
+    # For a whole w, w < x iff w < ceil(x): the product is rounded once, as a double,
+    # and the comparison is then exact.
+    limit = np.full(count, np.uint32(math.ceil(threshold[0] * clock)))
+    fresh = np.empty(count, np.uint8)
+    for j in range(count):
+        marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))
+    changed = False
+    for i in range(1, count):
+        start = i * (i - 1) // 2
+        joint = joints[start : start + i]
+        if bits[i]:
+            for j in range(i):
+                joint[j] = np.uint32(joint[j] + np.uint32(bits[j]))
+        if threshold.shape[0] > 1:
+            for j in range(i):
+                limit[j] = np.uint32(math.ceil(threshold[start + j] * clock))
+        mine = marginals[i]
+        rest = np.uint32(ticks - mine)
+        for j in range(i):
+            w11 = joint[j]
+            w10 = np.uint32(mine - w11)
+            w01 = np.uint32(marginals[j] - w11)
+            w00 = np.uint32(rest - w01)
+            mixed, like = min(w10, w01), min(w11, w00)
+            up = mixed < min(min(max(w10, w01), like), limit[j])
+            down = like < min(min(max(w11, w00), mixed), limit[j])
+            code = np.uint8(0)
+            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+            code = np.uint8(3) if (w10 | w01) == 0 else code
+            fresh[j] = np.uint8(12) if (w11 | w00) == 0 else code
+        changed |= rewire(i, fresh, codes[start : start + i], rows)
+    return changed
+
+
+@njit()
+def learn_discounted(
+    bits: NDArray[np.uint8],
+    joints: NDArray[np.float64],
+    marginals: NDArray[np.float64],
+    decay: float,
+    threshold: NDArray[np.float64],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> bool:
+    """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
+
+    ``n <- q n + (1 - q) x`` for marginals and joints; codes as in `learn_counts` for
+    clock 1, where ``<`` is smaller by more than `SLACK` and ``= 0`` at most `SLACK`;
+    then every square with an implication loses the weight against it ([GK] snapshot
+    truncation). Marginals keep.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        joints: ``(N (N - 1) / 2,)``, updated.
+        marginals: ``(N,)``, updated.
+        decay: ``q`` in [0, 1).
+        threshold: ``(1,)`` for all pairs, or one a pair.
+        codes: One a pair, updated.
+        rows: ``(2N, w)``, the derived graph, updated where codes change.
+
+    Returns:
+        Whether any code changed. O(N²/2) time.
+    """
+    count = bits.shape[0]
+    gain = np.empty(count, np.float64)
+    limit = np.full(count, threshold[0])
+    fresh = np.empty(count, np.uint8)
+    for j in range(count):
+        gain[j] = (1.0 - decay) * bits[j]
+        marginals[j] = decay * marginals[j] + gain[j]
+    changed = False
+    for i in range(1, count):
+        start = i * (i - 1) // 2
+        joint = joints[start : start + i]
+        on = float(bits[i])
+        if threshold.shape[0] > 1:
+            limit[:i] = threshold[start : start + i]
+        mine = marginals[i]
+        rest = 1.0 - mine
+        for j in range(i):
+            yours = marginals[j]
+            # The same products and sums as for the marginals: with x_i = x_i x_j, a
+            # joint that was equal to its marginal stays equal to it, bit for bit.
+            w11 = decay * joint[j] + on * gain[j]
+            w10 = mine - w11
+            w01 = yours - w11
+            w00 = rest - w01
+            mixed, like = min(w10, w01), min(w11, w00)
+            more, most = max(w10, w01), max(w11, w00)
+            # Rounding may take a weight below 0; an equivalence excludes the rest
+            # all the same.
+            equal, opposite = more <= SLACK, most <= SLACK
+            loose = not (equal | opposite)
+            up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
+            down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
+            code = np.uint8(0)
+            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+            code = np.uint8(3) if equal else code
+            fresh[j] = np.uint8(12) if opposite else code
+            # Taking all weight from w_ij* or w_i*j, whichever is smaller, is the
+            # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
+            w11 = min(mine, yours) if up else w11
+            joint[j] = max(0.0, mine + yours - 1.0) if down else w11
+        changed |= rewire(i, fresh, codes[start : start + i], rows)
+    return changed
+
+
+@njit()
+def rewire(
+    i: int, fresh: NDArray[np.uint8], codes: NDArray[np.uint8], rows: Words
+) -> bool:
+    """Bring one row of the codes, and the graph, up to date.
+
+    Args:
+        i: The row, a sensor.
+        fresh: ``(N,)``; the first `i` are what the codes are to be.
+        codes: ``(i,)``, of the pairs of `i` with those before it; updated.
+        rows: ``(2N, w)``, updated where codes change.
+
+    Returns:
+        Whether any code changed.
+    """
+    differ = np.uint8(0)
+    for j in range(codes.shape[0]):
+        differ |= fresh[j] ^ codes[j]
+    if differ == 0:
+        return False
+    for j in range(codes.shape[0]):
+        flips = fresh[j] ^ codes[j]
+        if flips:
+            codes[j] = fresh[j]
+            for bit in range(4):
+                if (flips >> bit) & 1:
+                    # Bits 1, 2, 4, 8: sources i, j, i, i*; targets j, i, j*, j.
+                    a = 2 * (j if bit == 1 else i) + (bit == 3)
+                    b = 2 * (i if bit == 1 else j) + (bit == 2)
+                    rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+                    a, b = b ^ 1, a ^ 1
+                    rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+    return True
+
+
+@njit()
+def spread(rows: Words, reached: Words) -> int:
+    """Grow `reached` by everything above it; return the hops the last of it took.
+
+    Breadth first: what hop ``k`` finds is what edges lead to from hop ``k - 1``.
+
+    Args:
+        rows: ``(n, w)``, the out-edges of every literal.
+        reached: ``(w,)``, updated.
+
+    Returns:
+        The number of hops; 0 if nothing is added. O(n w) time.
+    """
+    width = reached.shape[0]
+    frontier = reached.copy()
+    found = np.empty(width, np.uint64)
+    hops = 0
+    while True:
+        found[:] = 0
+        for word in range(width):
+            pending = frontier[word]
+            literal = 64 * word
+            while pending:
+                if pending & _ONE:
+                    for k in range(width):
+                        found[k] |= rows[literal, k]
+                pending >>= _ONE
+                literal += 1
+        more = False
+        for k in range(width):
+            frontier[k] = found[k] & ~reached[k]
+            reached[k] |= found[k]
+            more |= frontier[k] != 0
+        if not more:
+            return hops
+        hops += 1
+
+
+@njit()
+def project(bits: NDArray[np.uint8], rows: Words, state: NDArray[np.bool_]) -> None:
+    """Write the coherent projection of an observation ([GK] coherent projection).
+
+    ``state = up(O) - up(O)*``, ``O`` the complete *-selection of `bits`.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        rows: ``(2N, w)``, the out-edges of every literal.
+        state: ``(2N,)``, overwritten.
+    """
+    reached = np.zeros(rows.shape[1], np.uint64)
+    for i in range(bits.shape[0]):
+        literal = np.uint64(2 * i + 1 - bits[i])
+        reached[i >> 5] |= _ONE << (literal & np.uint64(63))
+    spread(rows, reached)
+    for i in range(bits.shape[0]):
+        pair = reached[i >> 5] >> np.uint64(2 * (i & 31))
+        state[2 * i] = (pair & np.uint64(3)) == 1
+        state[2 * i + 1] = (pair & np.uint64(3)) == 2

@@ -1,0 +1,184 @@
+"""The compiled loops for squares of their own: four weights stored for every pair.
+
+What `neurosnap.poc.learning.kernels` does with one joint weight a pair takes every
+reading at every tick. Here a reading may be unknown: the pairs it is in are not touched
+then, and so each pair has a total of its own. Pairs and codes are as in
+`neurosnap.poc.learning.pair_codes`; the squares are ``(4, N (N - 1) / 2)``: ``w_ij,
+w_ij*, w_i*j, w_i*j*`` of each pair.
+
+The loops over a row are written for vector instructions, as those in the other file.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.learning.kernels import SLACK, rewire
+from neurosnap.poc.order.literals import Words
+from neurosnap.system.compiled import njit
+
+# Halving goes on below the least normal number, where arithmetic is a hundred times
+# slower; what is as small as this is 0 to every comparison already.
+_TINY = 1e-300
+
+
+@njit()
+def count_squares(
+    bits: NDArray[np.uint8],
+    known: NDArray[np.uint8],
+    squares: NDArray[np.uint32],
+    clock: int,
+    threshold: NDArray[np.float64],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> bool:
+    """Count what is known of one observation and derive the graph anew.
+
+    ``w_ab += [a and b both on]`` where both sensors are known, then ``a -> b`` iff
+    ``w_ab* < min(tau t, w_ab, w_a*b, w_a*b*)`` and ``a <-> b`` iff ``w_ab* = w_a*b = 0
+    < t``, with ``t`` the sum of the four weights. With no bit known it only derives.
+
+    A pair is judged once ``t >= clock / 2`` or ``tau t >= 1``. A sensor that was read
+    once would otherwise be equivalent to one literal of each that was read with it, and
+    so make equivalent what is known to differ.
+
+    Args:
+        bits: ``(N,)``, 0 or 1; any where unknown.
+        known: ``(N,)``, 0 or 1.
+        squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to less than
+            ``2**32``.
+        clock: Observations so far, this one included.
+        threshold: ``(1,)`` for all pairs, or one a pair.
+        codes: One a pair, updated.
+        rows: ``(2N, w)``, the derived graph, updated where codes change.
+
+    Returns:
+        Whether any code changed. O(N²/2) time.
+    """
+    count = bits.shape[0]
+    on, off = bits & known, known & ~bits
+    share = np.full(count, threshold[0])
+    fresh = np.empty(count, np.uint8)
+    changed = False
+    for i in range(1, count):
+        start = i * (i - 1) // 2
+        stop = start + i
+        both, only_i = squares[0][start:stop], squares[1][start:stop]
+        only_j, neither = squares[2][start:stop], squares[3][start:stop]
+        if known[i]:
+            with_j, without_j = (both, only_i) if bits[i] else (only_j, neither)
+            for j in range(i):
+                with_j[j] = np.uint32(with_j[j] + np.uint32(on[j]))
+                without_j[j] = np.uint32(without_j[j] + np.uint32(off[j]))
+        if threshold.shape[0] > 1:
+            share[:i] = threshold[start:stop]
+        for j in range(i):
+            w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
+            mixed, like = min(w10, w01), min(w11, w00)
+            more, most = max(w10, w01), max(w11, w00)
+            total = np.uint32(np.uint32(w11 + w10) + np.uint32(w01 + w00))
+            # The product is rounded once; a whole number is compared exactly with it.
+            limit = share[j] * float(total)
+            up = (mixed < min(more, like)) & (float(mixed) < limit)
+            down = (like < min(most, mixed)) & (float(like) < limit)
+            code = np.uint8(0)
+            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+            code = np.uint8(3) if more == 0 else code
+            code = np.uint8(12) if most == 0 else code
+            judged = (2 * np.int64(total) >= clock) | (limit >= 1.0)
+            fresh[j] = code if judged & (total > 0) else np.uint8(0)
+        changed |= rewire(i, fresh, codes[start:stop], rows)
+    return changed
+
+
+@njit()
+def discount_squares(
+    bits: NDArray[np.uint8],
+    known: NDArray[np.uint8],
+    squares: NDArray[np.float64],
+    decay: float,
+    threshold: NDArray[np.float64],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> bool:
+    """Weigh in what is known of one observation, derive, truncate.
+
+    ``w_ab <- q w_ab + (1 - q) [a and b both on]`` where both sensors are known; codes
+    and truncation as in `neurosnap.poc.learning.kernels.learn_discounted`, for these
+    pairs alone: what is not touched keeps its code as well, which rounding might turn.
+
+    Args:
+        bits: ``(N,)``, 0 or 1; any where unknown.
+        known: ``(N,)``, 0 or 1.
+        squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to 1.
+        decay: ``q`` in [0, 1).
+        threshold: ``(1,)`` for all pairs, or one a pair.
+        codes: One a pair, updated.
+        rows: ``(2N, w)``, the derived graph, updated where codes change.
+
+    Returns:
+        Whether any code changed. O(N k) time for ``k`` known sensors.
+    """
+    count = bits.shape[0]
+    keep = np.where(known > 0, decay, 1.0)
+    on = (bits & known).astype(np.float64) * (1.0 - decay)
+    off = (known & ~bits).astype(np.float64) * (1.0 - decay)
+    nothing = np.zeros(count, np.float64)
+    limit = np.full(count, threshold[0])
+    shift = np.empty(count, np.float64)
+    fresh = np.empty(count, np.uint8)
+    changed = False
+    for i in range(1, count):
+        if not known[i]:
+            continue
+        start = i * (i - 1) // 2
+        stop = start + i
+        both, only_i = squares[0][start:stop], squares[1][start:stop]
+        only_j, neither = squares[2][start:stop], squares[3][start:stop]
+        now = codes[start:stop]
+        if threshold.shape[0] > 1:
+            limit[:i] = threshold[start:stop]
+        _fade(both, keep, on if bits[i] else nothing)
+        _fade(only_i, keep, off if bits[i] else nothing)
+        _fade(only_j, keep, nothing if bits[i] else on)
+        _fade(neither, keep, nothing if bits[i] else off)
+        for j in range(i):
+            w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
+            mixed, like = min(w10, w01), min(w11, w00)
+            more, most = max(w10, w01), max(w11, w00)
+            equal, opposite = more <= SLACK, most <= SLACK
+            loose = (known[j] > 0) & (not (equal | opposite))
+            up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
+            down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
+            code = np.uint8(0)
+            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+            code = np.uint8(3) if equal else code
+            code = np.uint8(12) if opposite else code
+            fresh[j] = code if known[j] else now[j]
+            # The weight against an implication is added to both of its sort's others
+            # and taken from both of its own: of which itself becomes 0, exactly.
+            shift[j] = mixed if up else (-like if down else 0.0)
+        for j in range(i):
+            both[j] += shift[j]
+            neither[j] += shift[j]
+        for j in range(i):
+            only_i[j] -= shift[j]
+            only_j[j] -= shift[j]
+        changed |= rewire(i, fresh, now, rows)
+    return changed
+
+
+@njit()
+def _fade(
+    weights: NDArray[np.float64],
+    keep: NDArray[np.float64],
+    gain: NDArray[np.float64],
+) -> None:
+    """Keep a share of each weight and add what is gained; the least become 0.
+
+    What is kept whole is not touched.
+    """
+    for j in range(weights.shape[0]):
+        weight = keep[j] * weights[j] + gain[j]
+        weights[j] = weight if (weight > _TINY) | (keep[j] == 1.0) else 0.0

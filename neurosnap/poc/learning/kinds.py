@@ -1,0 +1,8 @@
+"""The snapshots there are. Whoever reads a file of any kind must know all of them."""
+
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.evidence import Evidence
+from neurosnap.poc.learning.snapshot import Snapshot
+
+__all__ = ["DiscountedSnapshot", "EmpiricalSnapshot", "Evidence", "Snapshot"]

@@ -1,0 +1,332 @@
+"""What snapshots have in common: what a machine remembers, and the graph that follows.
+
+The derived graph always is the one of the current weights; the state is whatever was
+last adopted. How observations are weighed is up to each kind.
+"""
+
+import abc
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.learning import kernels
+from neurosnap.poc.learning.archive import Archived, Arrays, entry
+from neurosnap.poc.learning.edge_dates import date_changes
+from neurosnap.poc.learning.evidence import Evidence
+from neurosnap.poc.learning.pair_codes import rows_of, strict
+from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
+from neurosnap.poc.learning.weights import Weights, pair_of
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.literals import Words, as_literal
+from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
+
+_BITS = 32
+
+
+class Snapshot(Archived):
+    """Weights on pairs of literals, thresholds, and a state ([GK] defn:snapshot).
+
+    Use `EmpiricalSnapshot` or `DiscountedSnapshot`.
+
+    Readings may be unknown. Then the weights of the pairs they are in are not touched,
+    and each square is what those observations make of it in which both its sensors
+    were known. What is said of one square holds all the same: there is at most one
+    implication or equivalence in it, with its contrapositive, and truncation leaves it
+    as it is; so coherent projections are coherent and idempotent. And the edges among
+    sensors that were always known together are those of a snapshot of them alone. What
+    compares squares does not hold beyond that, for how often a sensor was on depends
+    on with which other it was known ([GK] defn:probabilistic snapshot, its consistency
+    and orientation constraints):
+
+    - the derived graph may have cycles: ``a -> b``, ``b -> c`` and ``c -> a``, each
+      from observations of its own, none of which says that two are equivalent;
+    - equivalence need not be transitive: ``a <-> b`` and ``b <-> c``, but ``a -> c``;
+    - a literal may be equivalent to its own complement: ``a <-> b``, ``b <-> c`` and
+      ``a <-> c*``. `PocGraph` says what becomes of it.
+
+    Args:
+        sensors: A sensorium, or how many sensors there are.
+        threshold: How small, as a share of the clock, the weight against an
+            implication must be; one number or a symmetric ``(N, N)`` array with one a
+            pair of sensors; each in (0, 1/4]. With unknown readings it is a share of
+            the observations in which both sensors were known.
+
+    Raises:
+        ShapeError: `threshold` has another shape.
+        InvalidValueError: A threshold is out of range or not symmetric.
+    """
+
+    _weights: Weights
+
+    def __init__(self, sensors: int | Sensorium, threshold: ArrayLike) -> None:
+        if not isinstance(sensors, Sensorium):
+            sensors = Sensorium.of(sensors)
+        count = len(sensors)
+        self._sensorium = sensors
+        self._threshold = checked_threshold(threshold, count)
+        self._by_pair = by_pair(self._threshold)
+        self._clock = 0
+        self._bits = np.zeros(count, np.uint8)
+        self._known = np.zeros(count, np.uint8)
+        self._codes = np.zeros(count * (count - 1) // 2, np.uint8)
+        self._noted = self._codes.copy()
+        self._since = np.zeros(self._codes.size, np.uint32)
+        self._rows: Words = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
+        self._state = np.zeros(2 * count, np.bool_)
+        self._graphs: dict[bool, PocGraph] = {}
+
+    @property
+    def sensorium(self) -> Sensorium:
+        """The names of the sensors."""
+        return self._sensorium
+
+    @property
+    def clock(self) -> int:
+        """The number of observations so far."""
+        return self._clock
+
+    @property
+    def threshold(self) -> float | NDArray[np.float64]:
+        """The threshold as it was given: a number, or a new ``(N, N)`` array."""
+        if self._threshold.ndim == 0:
+            return self._threshold.item()
+        return self._threshold.copy()
+
+    @property
+    def state(self) -> NDArray[np.bool_]:
+        """``(2N,)`` bool, a copy; a *-selection, coherent when it was adopted."""
+        return self._state.copy()
+
+    def weight(self, a: int, b: int) -> float:
+        """Return the weight of a proper pair of literals.
+
+        Returns:
+            An int for an empirical snapshot, a float for a discounted one.
+
+        Raises:
+            InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
+        """
+        return self._weights.of(*self._proper(a, b), self._total())
+
+    def evidence(self, a: int, b: int) -> Evidence:
+        """Return what speaks for and against ``a -> b``, and since when it is so.
+
+        Its contrapositive ``b* -> a*`` has the same, with ``w_ab`` and ``w_a*b*``
+        having changed places.
+
+        Raises:
+            InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
+
+        Example:
+            >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
+            >>> for bits in [(0, 0), (0, 1), (1, 1), (0, 1)]:
+            ...     state = e.observe(bits)
+            >>> found = e.evidence(0, 2)
+            >>> found.holds, found.since, found.both, found.against, found.total
+            (True, 3, 1, 0, 4)
+        """
+        a, b = self._proper(a, b)
+        pair, total = pair_of(a, b), self._total()
+        both, against = self._weights.of(a, b, total), self._weights.of(a, b ^ 1, total)
+        other = self._weights.of(a ^ 1, b, total)
+        neither = self._weights.of(a ^ 1, b ^ 1, total)
+        total = self._whole(both, against, other, neither)
+        share = self._by_pair[pair if self._threshold.ndim else 0].item()
+        return Evidence(
+            total=total,
+            both=both,
+            neither=neither,
+            other=other,
+            against=against,
+            limit=share * total,
+            holds=bool(self._rows[a, b >> 6] >> np.uint64(b & 63) & np.uint64(1)),
+            since=self._since[pair].item(),
+        )
+
+    def learn(self, bits: ArrayLike, known: ArrayLike | None = None) -> bool:
+        """Take in an observation: weights and graph follow, the state stays.
+
+        From the first observation with an unknown reading on, a snapshot takes four
+        times the room, and longer to learn.
+
+        Args:
+            bits: ``(N,)``, one bit a sensor.
+            known: ``(N,)`` bool, which of them are known; None: all. Of the others
+                the bits mean nothing. The clock counts an observation with none, too.
+
+        Returns:
+            Whether the derived graph changed. O(N²/2) time.
+
+        Raises:
+            ShapeError: Another number of bits.
+            InvalidValueError: An entry is not 0 or 1, `known` is not bool, or the
+                clock is at its end.
+        """
+        observation = self._sensorium.observation(bits)
+        mask = None if known is None else as_known(known, len(self._sensorium))
+        if self._clock + 1 >= 2**_BITS:
+            rule = f"must stay below 2**{_BITS}, which the counts have room for"
+            raise InvalidValueError("clock", rule, self._clock + 1)
+        self._bits[:] = observation
+        if mask is None:
+            self._known.fill(1)
+        else:
+            self._known[:] = mask
+            if self._weights.squares is None and not mask.all():
+                self._weights.widen(self._total())
+        changed = self._update()
+        self._clock += 1
+        if changed:
+            self._graphs.clear()
+            date_changes(self._codes, self._noted, self._since, self._clock)
+        return changed
+
+    def adopt(self, state: NDArray[np.bool_]) -> None:
+        """Set the state.
+
+        It should be coherent with respect to the current graph; what is checked is
+        that it is a *-selection, which takes no walk over the graph.
+
+        Args:
+            state: ``(2N,)`` bool.
+
+        Raises:
+            ShapeError: Another shape.
+            InvalidValueError: Not bool, or it holds a literal and its complement.
+        """
+        state = np.asarray(state)
+        if state.shape != self._state.shape:
+            raise ShapeError("state", f"must be ({len(self._state)},)", state.shape)
+        if state.dtype != np.bool_:
+            raise InvalidValueError("state", "must be bool", state.dtype)
+        both = state[::2] & state[1::2]
+        if both.any():
+            rule = "must not hold a literal and its complement"
+            name = self._sensorium.names[int(both.argmax())]
+            raise InvalidValueError("state", rule, name)
+        self._state[:] = state
+
+    def observe(
+        self, bits: ArrayLike, known: ArrayLike | None = None
+    ) -> NDArray[np.bool_]:
+        """Learn an observation and adopt its coherent projection as the state.
+
+        Only what is known is projected: an unknown sensor is in the state as what the
+        known ones imply of it, or not at all.
+
+        Args:
+            bits: ``(N,)``, one bit a sensor.
+            known: ``(N,)`` bool, which of them are known; None: all.
+
+        Returns:
+            The new state: ``(2N,)`` bool, a copy.
+
+        Raises:
+            ShapeError: Another number of bits.
+            InvalidValueError: An entry is not 0 or 1, `known` is not bool, or the
+                clock is at its end.
+
+        Example:
+            >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
+            >>> for bits in [(0, 0), (0, 1), (1, 1)]:
+            ...     state = e.observe(bits)
+            >>> e.observe([True, False], known=[True, False])
+            array([ True, False,  True, False])
+        """
+        self.learn(bits, known)
+        if known is None:
+            kernels.project(self._bits, self._rows, self._state)
+        else:
+            read = complete(self._bits.view(np.bool_)) & (self._known > 0).repeat(2)
+            self._state[:] = self.poc_graph().coherent_projection(read)
+        return self._state.copy()
+
+    def poc_graph(self, equivalences: bool = True) -> PocGraph:
+        """Return the derived graph ([GK] defn:poc graph with equivalences).
+
+        Args:
+            equivalences: Whether it has the edges of equivalent literals.
+
+        Returns:
+            The same object until the graph changes.
+        """
+        if equivalences not in self._graphs:
+            codes = self._codes if equivalences else strict(self._codes)
+            rows = (
+                self._rows.copy()
+                if equivalences
+                else rows_of(codes, len(self._sensorium))
+            )
+            self._graphs[equivalences] = PocGraph._derived(rows)  # noqa: SLF001
+        return self._graphs[equivalences]
+
+    @abc.abstractmethod
+    def _update(self) -> bool:
+        """Weigh in the known bits at hand; whether the graph changed."""
+
+    @abc.abstractmethod
+    def _total(self) -> float:
+        """Return what the four weights of a square add up to if all was known."""
+
+    @abc.abstractmethod
+    def _whole(self, *square: float) -> float:
+        """Return what four weights add up to, without the errors of rounding."""
+
+    @classmethod
+    @abc.abstractmethod
+    def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
+        """Return a new snapshot with the parameters of a saved one."""
+
+    @abc.abstractmethod
+    def _derive(self, arrays: Arrays) -> None:
+        """Set codes and rows to what goes with the weights just restored."""
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        return {
+            "names": np.array(self._sensorium.names, np.str_),
+            "clock": np.array(self._clock, np.int64),
+            "threshold": self._threshold,
+            **self._weights.arrays(),
+            "state": np.frombuffer(pack(self._state), np.uint8),
+            "since": self._since,
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Arrays) -> Self:
+        """Return the snapshot that has these arrays.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        count = arrays["names"].size if "names" in arrays else 0
+        names = entry(arrays, "names", (count,), np.str_).tolist()
+        snapshot = cls._blank(Sensorium(names), arrays)
+        snapshot._restore(arrays)  # noqa: SLF001 - its own class
+        return snapshot
+
+    def _restore(self, arrays: Arrays) -> None:
+        """Take over clock, weights, graph and state."""
+        self._clock = entry(arrays, "clock", (), np.int64).item()
+        if not 0 <= self._clock < 2**_BITS:
+            raise ValueError(f"clock: must be in [0, 2**{_BITS})")
+        self._weights.restore(arrays)
+        total = len(self._state)
+        octets = entry(arrays, "state", ((total + 7) // 8,), np.uint8)
+        self.adopt(unpack(octets.tobytes(), total))
+        self._derive(arrays)
+        self._noted[:] = self._codes
+        if "since" in arrays:  # earlier files lack it
+            self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
+            if (self._since > self._clock).any():
+                raise ValueError("since: must not be after the clock")
+
+    def _proper(self, a: int, b: int) -> tuple[int, int]:
+        """Return two literals that are of different sensors."""
+        first = as_literal("a", a, len(self._state))
+        second = as_literal("b", b, len(self._state))
+        if first >> 1 == second >> 1:
+            raise InvalidValueError("pair", "must be of two sensors", (a, b))
+        return first, second

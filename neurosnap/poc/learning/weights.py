@@ -1,0 +1,103 @@
+"""The weights of all pairs of sensors, narrow for as long as that will do.
+
+Where every reading is known, a square has one free number besides the marginals and
+the total, which all squares share: one joint weight a pair is all that is stored, the
+*narrow* form. Once a reading was unknown that is over: from then on the four weights
+of every pair are stored, the *wide* form, with four times the room.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.learning.archive import Arrays, entry
+
+
+class Weights:
+    """The weights of the pairs of `N` sensors, ``P = N (N - 1) / 2`` of them.
+
+    Pairs are in the order of `neurosnap.poc.learning.pair_codes`. What all weights of a
+    narrow square add up to is its caller's to know, and given as `total`.
+
+    Args:
+        joints: ``(P,)``: what ``w_ij`` is at first.
+        marginals: ``(N,)``: what ``w_i`` is at first; of the same type.
+
+    Attributes:
+        joints: ``(P,)``: ``w_ij``; empty when wide.
+        marginals: ``(N,)``: ``w_i``; empty when wide.
+        squares: ``(4, P)``: ``w_ij, w_ij*, w_i*j, w_i*j*``; None when narrow.
+    """
+
+    def __init__(self, joints: NDArray[Any], marginals: NDArray[Any]) -> None:
+        self.joints = joints
+        self.marginals = marginals
+        self.squares: NDArray[Any] | None = None
+
+    @classmethod
+    def starting(cls, count: int, joint: np.generic, marginal: np.generic) -> "Weights":
+        """Return the weights of `count` sensors that are all alike."""
+        joints = np.full(count * (count - 1) // 2, joint)
+        return cls(joints, np.full(count, marginal))
+
+    def widen(self, total: float) -> None:
+        """Store the four weights of each pair from now on; none changes."""
+        self.squares = self.all(total).astype(self.joints.dtype)
+        self.joints, self.marginals = self.joints[:0], self.marginals[:0]
+
+    def all(self, total: float) -> NDArray[Any]:
+        """Return ``(4, P)``: the four weights of each pair, int64 or float64."""
+        wide = np.int64 if self.joints.dtype.kind == "u" else np.float64
+        if self.squares is not None:
+            return self.squares.astype(wide)
+        i, j = np.tril_indices(len(self.marginals), -1)
+        both, mine = self.joints.astype(wide), self.marginals.astype(wide)
+        rest = total - mine[i] - mine[j] + both
+        return np.stack([both, mine[i] - both, mine[j] - both, rest])
+
+    def of(self, a: int, b: int, total: float) -> float:
+        """Return the weight of two literals of different sensors, int or float."""
+        high, low = max(a, b), min(a, b)
+        pair = pair_of(high, low)
+        if self.squares is not None:
+            return self.squares[2 * (high & 1) + (low & 1), pair].item()  # type: ignore[no-any-return]
+        joint = self.joints[pair].item()
+        mine = self.marginals[high >> 1].item()
+        yours = self.marginals[low >> 1].item()
+        match high & 1, low & 1:
+            case 0, 0:
+                return joint  # type: ignore[no-any-return]
+            case 0, 1:
+                return mine - joint  # type: ignore[no-any-return]
+            case 1, 0:
+                return yours - joint  # type: ignore[no-any-return]
+            case _:
+                return total - mine - yours + joint  # type: ignore[no-any-return]
+
+    def arrays(self) -> Arrays:
+        """Return what is stored, by name."""
+        if self.squares is not None:
+            return {"squares": self.squares}
+        return {"joints": self.joints, "marginals": self.marginals}
+
+    def restore(self, arrays: Arrays) -> None:
+        """Take over what was stored, in the form it was stored in.
+
+        Raises:
+            ValueError: An array is not there, or has another shape or type.
+        """
+        kind = self.joints.dtype
+        if "squares" in arrays:
+            shape = (4, self.joints.size)
+            self.squares = entry(arrays, "squares", shape, kind).copy()
+            self.joints, self.marginals = self.joints[:0], self.marginals[:0]
+            return
+        self.joints[:] = entry(arrays, "joints", self.joints.shape, kind)
+        self.marginals[:] = entry(arrays, "marginals", self.marginals.shape, kind)
+
+
+def pair_of(a: int, b: int) -> int:
+    """Return the number of the pair of the sensors of two literals."""
+    i, j = max(a, b) >> 1, min(a, b) >> 1
+    return i * (i - 1) // 2 + j

@@ -1,0 +1,1 @@
+"""Poc graphs and poc sets: literals in an order, and what follows from it."""

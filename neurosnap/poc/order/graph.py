@@ -1,0 +1,354 @@
+"""A relation on literals, closed under contraposition, and all that follows from it.
+
+``a <= b`` iff a directed path leads from ``a`` to ``b``; every edge ``a -> b`` comes
+with ``b* -> a*``. What costs something is computed when first asked for and kept: a
+graph never changes.
+"""
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Literal, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.learning import kernels
+from neurosnap.poc.order.closure import Order, order_of, wired
+from neurosnap.poc.order.literals import (
+    Literals,
+    Words,
+    as_literal,
+    as_literals,
+    from_words,
+    to_words,
+)
+from neurosnap.sensorium import Sensorium, complement
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+WiringKind: TypeAlias = Literal["hasse", "derived"]
+
+
+class PocGraph:
+    """A directed graph on the ``2N`` literals of ``N`` sensors ([GK] poc graph).
+
+    Sets of literals go in as a ``(2N,)`` bool array or as the literals, and come out
+    as new ``(2N,)`` bool arrays.
+
+    No literal may be equivalent to its own complement. In the graph of a snapshot none
+    is while all readings are known, since equivalent literals agree in the last
+    observation; only differences at the very edge of the tolerance of discounted
+    weights could add up to such a class. Where readings were unknown, pairs that were
+    known at different times can. Nothing breaks then: it has one representative, which
+    stands for the complement too, and coherent sets hold none of its literals; but it
+    generates no poc set, and `PocSet` refuses it.
+
+    Args:
+        edges: ``(2N, 2N)`` bool; ``edges[a, b]`` iff ``a -> b``. The diagonal is
+            ignored.
+
+    Raises:
+        ShapeError: `edges` is not square with an even side.
+        InvalidValueError: An edge lacks its contrapositive, or a literal is equivalent
+            to its own complement.
+
+    Example:
+        >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
+        >>> g.leq(0, 4), g.leq(5, 1), g.height()
+        (True, True, 2)
+    """
+
+    def __init__(self, edges: NDArray[np.bool_]) -> None:
+        edges = np.asarray(edges)
+        if edges.ndim != 2 or edges.shape[0] != edges.shape[1] or len(edges) % 2:
+            raise ShapeError("edges", "must be (2N, 2N)", edges.shape)
+        if edges.dtype != np.bool_:
+            raise InvalidValueError("edges", "must be bool", edges.dtype)
+        lone = edges & ~contraposed(edges)
+        if lone.any():
+            a, b = (int(k) for k in np.argwhere(lone)[0])
+            rule = f"must have its contrapositive {(b ^ 1, a ^ 1)}"
+            raise InvalidValueError("edge", rule, (a, b))
+        edges = edges.copy()
+        np.fill_diagonal(edges, False)
+        self._rows = to_words(edges)
+        self._refuse_contradiction()
+
+    @classmethod
+    def from_implications(
+        cls, sensors: int, implications: Iterable[tuple[int, int]]
+    ) -> "PocGraph":
+        """Return the graph of the given edges and their contrapositives.
+
+        Args:
+            sensors: ``N``.
+            implications: Pairs of literals ``(a, b)``, each meaning ``a -> b``.
+
+        Raises:
+            InvalidValueError: `sensors` is no whole number from 0 up, an entry is no
+                pair of literals, or a literal is equivalent to its own complement.
+
+        Example:
+            >>> PocGraph.from_implications(2, [(0, 2)]).edges.nonzero()
+            (array([0, 3]), array([2, 1]))
+        """
+        if isinstance(sensors, bool) or not isinstance(sensors, int | np.integer):
+            raise InvalidValueError("sensors", "must be a whole number", sensors)
+        if sensors < 0:
+            raise InvalidValueError("sensors", "must be 0 or more", sensors)
+        edges = np.zeros((2 * sensors, 2 * sensors), np.bool_)
+        for pair in implications:
+            try:
+                source, target = pair
+            except (TypeError, ValueError) as error:
+                rule = "must be a pair of literals"
+                raise InvalidValueError("implication", rule, pair) from error
+            a = as_literal("implication", source, 2 * sensors)
+            b = as_literal("implication", target, 2 * sensors)
+            edges[a, b] = edges[b ^ 1, a ^ 1] = True
+        return cls(edges)
+
+    @classmethod
+    def _derived(cls, rows: Words) -> "PocGraph":
+        """Return the graph of packed rows that are known to be one; takes them over."""
+        graph = cls.__new__(cls)
+        graph._rows = rows  # noqa: SLF001 - its own class
+        return graph
+
+    def __len__(self) -> int:
+        """Return the number of literals, ``2N``."""
+        return int(self._rows.shape[0])
+
+    @property
+    def sensors(self) -> int:
+        """The number of sensors, ``N``."""
+        return len(self) // 2
+
+    @cached_property
+    def edges(self) -> NDArray[np.bool_]:
+        """``(2N, 2N)`` bool, read-only; ``edges[a, b]`` iff ``a -> b``."""
+        return _frozen(from_words(self._rows, len(self)))
+
+    def up(self, literals: Literals) -> NDArray[np.bool_]:
+        """Return everything above the literals, themselves included. O(N²/64) time."""
+        reached = to_words(as_literals("literals", literals, len(self)))
+        kernels.spread(self._rows, reached)
+        return from_words(reached, len(self))
+
+    def down(self, literals: Literals) -> NDArray[np.bool_]:
+        """Return everything below the literals: ``down(A*) = (up A)*``."""
+        chosen = as_literals("literals", literals, len(self))
+        return complement(self.up(complement(chosen)))
+
+    def coherent_projection(self, literals: Literals) -> NDArray[np.bool_]:
+        """Return ``up(A) - up(A)*``, always coherent ([GK] coherent projection).
+
+        Example:
+            >>> g = PocGraph.from_implications(2, [(0, 2)])
+            >>> g.coherent_projection([0]).nonzero()[0]
+            array([0, 2])
+            >>> g.coherent_projection([0, 3]).any()
+            np.False_
+        """
+        above = self.up(literals)
+        return above & ~complement(above)
+
+    def propagate(self, load: Literals, signal: Literals) -> NDArray[np.bool_]:
+        """Return ``(up(B) + up(T)) - up(T)*`` ([GK] defn:propagation algorithm).
+
+        Args:
+            load: ``B``, coherent: what the graph is loaded with. Coherence is not
+                checked; the formula holds as it stands.
+            signal: ``T``, any set.
+        """
+        above = self.up(signal)
+        return (self.up(load) | above) & ~complement(above)
+
+    def is_coherent(self, literals: Literals) -> bool:
+        """Return whether no ``a, b`` in the set have ``a <= b*``."""
+        chosen = as_literals("literals", literals, len(self))
+        return not (self.up(chosen) & complement(chosen)).any()
+
+    def leq(self, a: int, b: int) -> bool:
+        """Return whether ``a <= b``. The first call works out the order."""
+        low = as_literal("a", a, len(self))
+        high = as_literal("b", b, len(self))
+        return bool(
+            self._order.closed[low, high >> 6] >> np.uint64(high & 63) & np.uint64(1)
+        )
+
+    def classes(self) -> list[tuple[int, ...]]:
+        """Return the classes of equivalent literals with two members or more, sorted.
+
+        Example:
+            >>> PocGraph.from_implications(2, [(0, 2), (2, 0)]).classes()
+            [(0, 2), (1, 3)]
+        """
+        members: dict[int, list[int]] = {}
+        for literal, head in enumerate(self.representative.tolist()):
+            members.setdefault(head, []).append(literal)
+        return sorted(tuple(group) for group in members.values() if len(group) > 1)
+
+    @property
+    def representative(self) -> NDArray[np.int64]:
+        """``(2N,)``, read-only: of each literal's class, the one of the first sensor.
+
+        Commutes with the complement: ``representative[a ^ 1] = representative[a] ^ 1``.
+        """
+        return self._order.representative
+
+    def heights(self) -> NDArray[np.int64]:
+        """Return the edges on the longest chain going up from each literal.
+
+        A chain has inequivalent literals, each below the next.
+
+        Returns:
+            ``(2N,)``, read-only.
+        """
+        return self._order.heights
+
+    def height(self) -> int:
+        """Return the edges on the longest chain; 0 without literals."""
+        return int(self.heights().max(initial=0))
+
+    def hasse(self) -> NDArray[np.bool_]:
+        """Return ``wiring("hasse")``: the fewest edges with the same paths."""
+        return self.wiring("hasse")
+
+    def wiring(self, kind: WiringKind = "hasse") -> NDArray[np.bool_]:
+        """Return the edges that signals travel along.
+
+        Both kinds have the reachability of `edges` and are closed under
+        contraposition. Between classes edges lead from representative to
+        representative: for ``"hasse"`` the covering relation, for ``"derived"`` all
+        edges of this graph. Inside a class they lead from the representative to each
+        member and back.
+
+        Nothing is more than ``height() + 2`` hops from where a signal starts: a member
+        other than the representative has edges to and from its representative alone,
+        so a path that repeats nothing passes such members at its ends only, one hop
+        each; in between it goes up a chain of representatives.
+
+        Args:
+            kind: ``"hasse"`` or ``"derived"``.
+
+        Returns:
+            ``(2N, 2N)`` bool, read-only.
+
+        Raises:
+            InvalidValueError: Another `kind`.
+
+        Example:
+            >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4), (0, 4)])
+            >>> int(g.edges.sum()), int(g.hasse().sum())
+            (6, 4)
+        """
+        return _frozen(from_words(self.wires(kind), len(self)))
+
+    def wires(self, kind: WiringKind = "hasse") -> Words:
+        """Return `wiring`, packed: a 64th of the work where few edges are looked at.
+
+        Args:
+            kind: ``"hasse"`` or ``"derived"``.
+
+        Returns:
+            ``(2N, w)``, read-only, as in `neurosnap.poc.order.literals`; the same array
+            every time. The first call takes O(N²/16) time, if the order is known.
+
+        Raises:
+            InvalidValueError: Another `kind`.
+        """
+        if kind not in ("hasse", "derived"):
+            raise InvalidValueError("kind", 'must be "hasse" or "derived"', kind)
+        if kind not in self._wires:
+            edges = self._order.covers if kind == "hasse" else self._rows
+            head = self.representative
+            wires = wired(edges, head)
+            if (head[1::2] != head[::2] ^ 1).any():
+                plain = from_words(wires, len(self))
+                wires = to_words(plain | contraposed(plain))
+            self._wires[kind] = _frozen(wires)
+        return self._wires[kind]
+
+    def wire_count(self, kind: WiringKind = "hasse") -> int:
+        """Return how many edges `wiring` has, contrapositives counted.
+
+        Raises:
+            InvalidValueError: Another `kind`.
+        """
+        return int(np.bitwise_count(self.wires(kind)).sum())
+
+    def depth(self, signal: Literals, kind: WiringKind = "hasse") -> int:
+        """Return the hops over a wiring until the last of ``up(signal)`` is reached.
+
+        Args:
+            signal: Any set; 0 hops from itself.
+            kind: ``"hasse"`` or ``"derived"``.
+
+        Returns:
+            At most ``height() + 2``.
+
+        Raises:
+            InvalidValueError: Another `kind`, or an entry that is no literal.
+
+        Example:
+            >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4), (0, 4)])
+            >>> g.depth([0]), g.depth([0], "derived")
+            (2, 1)
+        """
+        reached = to_words(as_literals("signal", signal, len(self)))
+        return int(kernels.spread(self.wires(kind), reached))
+
+    def implications(self, sensorium: Sensorium) -> list[tuple[str, str]]:
+        """Return the edges of `hasse` by name, one of each contrapositive pair.
+
+        Of ``a -> b`` and ``b* -> a*`` it is the one with the smaller source; they are
+        sorted by their literals.
+
+        Raises:
+            ShapeError: `sensorium` has another number of sensors.
+
+        Example:
+            >>> g = PocGraph.from_implications(2, [(0, 2)])
+            >>> g.implications(Sensorium(["door", "motion"]))
+            [('door', 'motion')]
+        """
+        if len(sensorium) != self.sensors:
+            rule = f"must have {self.sensors} sensors"
+            raise ShapeError("sensorium", rule, len(sensorium))
+        pairs = np.argwhere(self.hasse()).tolist()
+        return [(sensorium.name(a), sensorium.name(b)) for a, b in pairs if a <= b ^ 1]
+
+    @cached_property
+    def _order(self) -> Order:
+        """What follows from the edges."""
+        return order_of(self._rows)
+
+    @cached_property
+    def _wires(self) -> dict[str, Words]:
+        """The wirings asked for so far."""
+        return {}
+
+    def _refuse_contradiction(self) -> None:
+        """Raise if a literal and its complement are below each other."""
+        closed = from_words(self._order.closed, len(self))
+        literals = np.arange(len(self))
+        negligible = closed[literals, literals ^ 1]
+        both = (negligible[::2] & negligible[1::2]).nonzero()[0]
+        if both.size:
+            rule = "must not be equivalent to its own complement"
+            raise InvalidValueError("literal", rule, int(2 * both[0]))
+
+
+def contraposed(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the contrapositives of edges: ``result[a, b] = edges[b*, a*]``."""
+    sensors = len(edges) // 2
+    squares = edges.reshape(sensors, 2, sensors, 2)[:, ::-1, :, ::-1]
+    return squares.reshape(edges.shape).T
+
+
+def _frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
+    """Return the array, read-only from now on."""
+    array.flags.writeable = False
+    return array

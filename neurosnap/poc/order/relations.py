@@ -1,0 +1,204 @@
+"""Relations between literals, as text or as lists, and the graph they generate.
+
+A generated order must keep every literal apart from its own complement, and a strict
+relation must stay strict: what breaks that is refused with the chain of relations
+that does it, because a contradiction has no single culprit ([GK] example:generators
+and relations).
+"""
+
+import itertools
+import re
+from collections.abc import Iterable, Sequence
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.literals import as_literal
+from neurosnap.sensorium import Sensorium
+
+Sign: TypeAlias = Literal["<", "<=", "="]
+
+RelationLike: TypeAlias = (
+    tuple[int | str, int | str] | tuple[int | str, str, int | str] | str
+)
+"""``(a, b)`` for ``a <= b``, ``(a, sign, b)``, or text such as ``"a < b <= c*"``."""
+
+_SIGNS: dict[str, Sign] = {"<": "<", "<=": "<=", "≤": "<=", "=": "="}
+_SPLIT = re.compile(r"(<=|≤|<|=)")
+
+
+class Relation(NamedTuple):
+    """One relation between two literals.
+
+    Attributes:
+        low: The literal on the left.
+        sign: ``"<"`` (below, and not equal), ``"<="`` or ``"="``.
+        high: The literal on the right.
+    """
+
+    low: int
+    sign: Sign
+    high: int
+
+
+def split_text(text: object) -> tuple[Sensorium, list[str]]:
+    """Return the generators and the relations of ``"a, b : a < b"``, still as text.
+
+    Raises:
+        InvalidValueError: It is no text, or a generator is no name.
+
+    Example:
+        >>> split_text("a, b : a<b, b<=a")
+        (Sensorium(['a', 'b']), ['a<b', 'b<=a'])
+    """
+    if not isinstance(text, str):
+        rule = 'must be text such as "a, b : a < b"'
+        raise InvalidValueError("poc set", rule, text)
+    before, _, after = text.partition(":")
+    names = [name.strip() for name in before.split(",")] if before.strip() else []
+    for name in names:
+        if _SPLIT.search(name):
+            rule = "must hold no <, ≤ or =; relations follow a colon"
+            raise InvalidValueError("generator", rule, name)
+    return Sensorium(names), [part.strip() for part in after.split(",") if part.strip()]
+
+
+def read_relations(
+    sensorium: Sensorium, relations: Iterable[RelationLike]
+) -> list[Relation]:
+    """Return relations with their literals as numbers.
+
+    Args:
+        sensorium: Whose literals.
+        relations: Pairs ``(a, b)``, meaning ``a <= b``; triples ``(a, sign, b)``; or
+            text, in which chains such as ``"a < b < c"`` are one relation a sign.
+
+    Raises:
+        UnknownSensorError: A name or a literal is not in the sensorium.
+        InvalidValueError: An entry is none of these.
+
+    Example:
+        >>> read_relations(Sensorium(["a", "b"]), ["a < b*", (2, 0)])
+        [Relation(low=0, sign='<', high=3), Relation(low=2, sign='<=', high=0)]
+    """
+    if isinstance(relations, str):
+        rule = "must be several, not one text; PocSet.parse reads one"
+        raise InvalidValueError("relations", rule, relations)
+    found: list[Relation] = []
+    for entry in relations:
+        for low, sign, high in _parts(entry):
+            if sign not in _SIGNS:
+                raise InvalidValueError("relation sign", "must be <, <= or =", sign)
+            pair = element(sensorium, low), element(sensorium, high)
+            found.append(Relation(pair[0], _SIGNS[sign], pair[1]))
+    return found
+
+
+def element(sensorium: Sensorium, name: int | str) -> int:
+    """Return a literal that is given by its name or its number.
+
+    Raises:
+        UnknownSensorError: It is not in the sensorium.
+    """
+    if isinstance(name, str):
+        return sensorium.literal(name)
+    return as_literal("literal", name, 2 * len(sensorium))
+
+
+def generated(sensorium: Sensorium, relations: Sequence[Relation]) -> PocGraph:
+    """Return the graph of relations, once they are known to contradict nothing.
+
+    O(N³/16) time, for the closure.
+
+    Raises:
+        InvalidValueError: They make a literal equal to its complement, or a strict
+            relation part of a cycle; the chain that does it is named.
+
+    Example:
+        >>> names = Sensorium(["a", "b"])
+        >>> generated(names, read_relations(names, ["a < b < a"]))
+        Traceback (most recent call last):
+            ...
+        neurosnap.errors.InvalidValueError: relations: must have no cycle through a \
+strict one, got 'a < b < a'
+    """
+    signs: dict[tuple[int, int], Sign] = {}
+    for low, sign, high in relations:
+        pairs = [(low, high), (high ^ 1, low ^ 1)]
+        if sign == "=":
+            pairs += [(high, low), (low ^ 1, high ^ 1)]
+        for pair in pairs:
+            signs[pair] = "<" if sign == "<" else signs.get(pair, "<=")
+    try:
+        graph = PocGraph.from_implications(len(sensorium), signs)
+    except InvalidValueError as error:
+        if not isinstance(error.value, int | np.integer):
+            raise
+        a = int(error.value)
+        there, back = _path(signs, a, a ^ 1), _path(signs, a ^ 1, a)
+        rule = "must not make a literal equal to its complement"
+        chain = _shown(sensorium, signs, there + back[1:])
+        raise InvalidValueError("relations", rule, chain) from error
+    for low, sign, high in relations:
+        if sign == "<" and graph.leq(high, low):
+            chain = _shown(sensorium, signs, [low, *_path(signs, high, low)])
+            rule = "must have no cycle through a strict one"
+            raise InvalidValueError("relations", rule, chain)
+    return graph
+
+
+def _parts(entry: RelationLike) -> list[tuple[int | str, str, int | str]]:
+    """Return the relations of one entry as triples."""
+    if isinstance(entry, str):
+        pieces = [piece.strip() for piece in _SPLIT.split(entry)]
+        if len(pieces) < 3 or not all(pieces):
+            rule = "must be literals joined by <, <= or ="
+            raise InvalidValueError("relation", rule, entry)
+        return [
+            (pieces[k], pieces[k + 1], pieces[k + 2])
+            for k in range(0, len(pieces) - 2, 2)
+        ]
+    try:
+        given: tuple[int | str, ...] = tuple(entry)
+    except TypeError:
+        given = ()
+    if len(given) == 2:
+        return [(given[0], "<=", given[1])]
+    if len(given) == 3:
+        return [(given[0], str(given[1]), given[2])]
+    rule = "must be (a, b), (a, sign, b) or text"
+    raise InvalidValueError("relation", rule, entry)
+
+
+def _path(edges: Iterable[tuple[int, int]], start: int, goal: int) -> list[int]:
+    """Return the vertices of a shortest path, which there must be."""
+    after: dict[int, list[int]] = {}
+    for a, b in edges:
+        after.setdefault(a, []).append(b)
+    came: dict[int, int] = {start: start}
+    ring = [start]
+    while goal not in came:
+        ring = [b for a in ring for b in after.get(a, ()) if _first(came, b, a)]
+    path = [goal]
+    while path[-1] != start:
+        path.append(came[path[-1]])
+    return path[::-1]
+
+
+def _first(came: dict[int, int], vertex: int, via: int) -> bool:
+    """Note by what a vertex was reached; whether it had not been before."""
+    known = vertex in came
+    came.setdefault(vertex, via)
+    return not known
+
+
+def _shown(
+    sensorium: Sensorium, signs: dict[tuple[int, int], Sign], chain: Sequence[int]
+) -> str:
+    """Return a chain as text: ``"a < b <= a*"``."""
+    shown = sensorium.name(chain[0])
+    for a, b in itertools.pairwise(chain):
+        shown += f" {signs[a, b]} {sensorium.name(b)}"
+    return shown

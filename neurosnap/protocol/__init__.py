@@ -1,0 +1,1 @@
+"""The swarm protocol, pure: cells, workers, waves and the coordinator."""

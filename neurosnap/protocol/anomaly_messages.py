@@ -1,0 +1,114 @@
+"""What a coordinator says of an anomaly, and what people are told of that."""
+
+from collections.abc import Sequence
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+from neurosnap.protocol.anomaly import Anomaly
+from neurosnap.sensorium import Sensorium
+
+
+def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
+    """Return `anomaly` as it goes on the wire: by numbers.
+
+    Args:
+        anomaly: What a `Watcher` that had a snapshot found.
+        sensorium: The names it uses.
+    """
+    links = [
+        (number, link)
+        for number, broken in enumerate(anomaly.broken)
+        for link in broken.links
+    ]
+    weighed = [link.evidence for _, link in links]
+    return wire.Anomaly(
+        tick=anomaly.tick,
+        since=anomaly.since,
+        culprits=_sensors(anomaly.culprits, sensorium),
+        candidates=_sensors(anomaly.candidates, sensorium),
+        exact=anomaly.exact,
+        implications=len(anomaly.broken) + anomaly.more,
+        number=tuple(number for number, _ in links),
+        sources=tuple(sensorium.literal(link.source) for _, link in links),
+        targets=tuple(sensorium.literal(link.target) for _, link in links),
+        support=tuple(0.0 if each is None else float(each.both) for each in weighed),
+        against=tuple(0.0 if each is None else float(each.against) for each in weighed),
+        learned=tuple(0 if each is None else each.since for each in weighed),
+    )
+
+
+class Link(msgspec.Struct, frozen=True):
+    """One learned implication among those an observation breaks."""
+
+    implication: str
+    """``door -> motion*``."""
+    support: float
+    """What was learned of both at once: a count, or a share."""
+    against: float
+    """What was learned of the first without the second, in the same units."""
+    since: int
+    """The tick since which it is believed."""
+
+
+class Told(msgspec.Struct, frozen=True):
+    """An anomaly in words."""
+
+    tick: int
+    since: int
+    culprits: tuple[str, ...]
+    candidates: tuple[str, ...]
+    exact: bool
+    broken: tuple[Link, ...]
+    more: int
+    """Broken implications beyond those listed."""
+
+
+def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
+    """Return what people are told of an anomaly.
+
+    Args:
+        anomaly: As it came; what it says is checked by nobody before.
+        sensors: The names of the sensors.
+
+    Raises:
+        MessageError: It is no anomaly of such sensors.
+    """
+    columns = (
+        anomaly.number,
+        anomaly.sources,
+        anomaly.targets,
+        anomaly.support,
+        anomaly.against,
+        anomaly.learned,
+    )
+    if len({len(column) for column in columns}) > 1:
+        raise MessageError("anomaly: must have an entry a link in its last six fields")
+    literals = 2 * len(sensors)
+    named = (*anomaly.culprits, *anomaly.candidates)
+    if max((*anomaly.sources, *anomaly.targets), default=0) >= literals or (
+        2 * max(named, default=0) >= literals
+    ):
+        raise MessageError(f"anomaly: must be of {len(sensors)} sensors, got another")
+
+    def name(literal: int) -> str:
+        return sensors[literal >> 1] + "*" * (literal & 1)
+
+    rows = zip(*columns[1:], strict=True)
+    return Told(
+        tick=anomaly.tick,
+        since=anomaly.since,
+        culprits=tuple(sensors[each] for each in anomaly.culprits),
+        candidates=tuple(sensors[each] for each in anomaly.candidates),
+        exact=anomaly.exact,
+        broken=tuple(
+            Link(f"{name(source)} -> {name(target)}", support, against, since)
+            for source, target, support, against, since in rows
+        ),
+        more=max(0, anomaly.implications - len(set(anomaly.number))),
+    )
+
+
+def _sensors(names: tuple[str, ...], sensorium: Sensorium) -> tuple[int, ...]:
+    return tuple(sensorium.literal(name) >> 1 for name in names)

@@ -1,0 +1,383 @@
+"""A cell: one sensor, computing with its neighbours by pulses.
+
+`Cell` is a pure transition: a burst of messages in, messages out, no clock, no network.
+Its invariants:
+
+- A literal fires at most once a wave, on the first pulse for it or because it belongs
+  to the wave's signal; firing sends one pulse along every out-edge of the literal.
+- Whatever credit comes in goes out again in the same burst, in pulses and in a report.
+- Nothing of a wave is done before its fence has been seen: the last wave announced to
+  every cell, itself or one before (and, in a state wave, before the reading of its
+  tick). The coordinator sends wirings before the fence, so what fires is always the
+  wiring the wave was meant for; its report says which that was, so that one that got
+  lost is noticed.
+- A message that came before changes nothing when it comes again.
+- A message that cannot be right is a fault and changes nothing; what is kept of those
+  that may be right is bounded. What a stranger says just as the coordinator, the world
+  or a neighbour would say it cannot be told from the truth here.
+
+A process imports this file a thousand times over: neither numpy nor numba is needed.
+"""
+
+import asyncio
+from collections.abc import Iterable
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.protocol.credit import split_evenly
+from neurosnap.protocol.limits import (
+    Latch,
+    is_far,
+    wrong_number,
+    wrong_room,
+    wrong_start,
+)
+from neurosnap.protocol.wave import DEEPEST
+from neurosnap.runtime.parts.participant import decoded, wrong_readings
+
+_PULSES = 1 << 17  # a cell remembers of all waves together
+
+
+class _Wave:
+    """What a cell knows of one wave."""
+
+    __slots__ = (
+        "asked",
+        "credit",
+        "fence",
+        "fired",
+        "held",
+        "hops",
+        "literals",
+        "number",
+        "part",
+        "pulses",
+        "seen",
+        "start",
+    )
+
+    def __init__(self, number: int, fence: int) -> None:
+        self.number = number
+        self.fence = fence
+        self.start: wire.WaveStart | None = None
+        self.held: list[wire.Pulse] = []
+        self.seen: set[tuple[int, int]] = set()  # (source, target) of pulses that came
+        self.asked = False  # the signal's own literals have fired
+        self.fired: set[int] = set()
+        self.part = 0
+        # The next report, gathered over a burst.
+        self.literals: list[int] = []
+        self.hops: list[int] = []
+        self.credit: list[int] = []
+        self.pulses = 0
+
+
+class Cell:
+    """The sans-I/O core of one cell.
+
+    Args:
+        cell: Its sensor's number; its literals are ``2 * cell`` and ``2 * cell + 1``.
+    """
+
+    def __init__(self, cell: int) -> None:
+        self.cell = cell
+        self._who = f"cell/{cell}"
+        self._epoch = 0
+        self._wired = True
+        self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
+        # The literal that was on; none where the reading is unknown.
+        self._readings = Latch[tuple[int, ...]]()
+        self._bytes = 0  # in every observation; 0: none has come
+        self._waves: dict[int, _Wave] = {}
+        self._settled_below = 1
+        self._fence = 0  # the last wave announced to all that has come
+        self._remembered = 0  # pulses, in all waves
+
+    def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
+        """Take in `burst` and return what the cell sends for it, in order.
+
+        Pulses come before the report of their wave, because neighbours are waiting for
+        them. Cost: proportional to the burst and to the out-edges of what fires.
+        """
+        out: list[wire.Message] = []
+        touched: dict[int, _Wave] = {}  # waves that owe a report
+        for message in burst:
+            wrong = self._wrong(message)
+            if wrong is not None:
+                out.append(wire.Fault(self._who, wrong))
+                continue
+            match message:
+                case wire.Pulse():
+                    self._pulse(message, touched, out)
+                case wire.WaveStart():
+                    self._start(message, touched, out)
+                case wire.Observation():
+                    self._latch(message, touched, out)
+                case wire.Wiring():
+                    self._rewire(message, touched, out)
+        self._report(touched, out)
+        return out
+
+    # What cannot be right ------------------------------------------------------------
+
+    def _wrong(self, message: wire.Message) -> str | None:
+        """Return what is wrong with a message that cannot be right; None: it may be."""
+        match message:
+            case wire.Pulse():
+                if message.target not in self._targets:
+                    return f"pulse: must be for this cell, got {message.target}"
+                if (most := max(message.hops, message.credit)) > DEEPEST:
+                    return f"pulse: must have hops, credit up to {DEEPEST}, got {most}"
+                return self._wrong_wave("pulse", message)
+            case wire.WaveStart():
+                return self._wrong_start(message)
+            case wire.Observation():
+                return self._wrong_observation(message)
+            case wire.Wiring():
+                if message.cell != self.cell:
+                    return f"wiring: must be for this cell, got {message.cell}"
+                # A wave fences every wiring, so its numbers grow no faster.
+                most = max(len(message.add), len(message.add_complement))
+                if most > DEEPEST:
+                    return f"wiring: must have up to {DEEPEST} targets, got {most}"
+                return wrong_number("wiring: epoch", message.epoch, self._fence)
+            case _:
+                return f"{wire.topic(message.key)}: is not for a cell"
+
+    def _wrong_start(self, start: wire.WaveStart) -> str | None:
+        if start.cell not in (-1, self.cell):
+            return f"wave: must be for this cell, got {start.cell}"
+        return (
+            wrong_start(start)
+            or self._readings.wrong_tick("wave", start.tick)
+            or self._wrong_wave("wave", start)
+        )
+
+    def _wrong_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> str | None:
+        number = max(of.wave, of.fence)
+        if (far := wrong_number(f"{name}: wave", number, self._fence)) is not None:
+            return far
+        if of.wave < self._settled_below:
+            return None  # nothing will be kept of it
+        # The first fence makes room.
+        first = not self._fence and isinstance(of, wire.WaveStart) and of.cell < 0
+        if not first and (full := wrong_room(name, of.wave, self._waves)) is not None:
+            return full
+        if isinstance(of, wire.Pulse) and self._remembered >= _PULSES:
+            return f"{name}: must be one of {_PULSES} in flight, got one more"
+        return None
+
+    def _wrong_observation(self, observation: wire.Observation) -> str | None:
+        size = len(observation.bits)
+        if size <= self.cell // 8:
+            return f"observe: must hold sensor {self.cell}, got {size} bytes"
+        if self._bytes and size != self._bytes:
+            return f"observe: must hold {self._bytes} bytes as before, got {size}"
+        return wrong_readings(observation) or self._readings.wrong_tick(
+            "observe", observation.tick
+        )
+
+    # Waves -------------------------------------------------------------------------
+
+    def _pulse(
+        self,
+        pulse: wire.Pulse,
+        touched: dict[int, _Wave],
+        out: list[wire.Message],
+    ) -> None:
+        if pulse.wave < self._settled_below:
+            return
+        wave = self._wave(pulse.wave, pulse.fence)
+        way = (pulse.source, pulse.target)
+        if way in wave.seen:
+            return
+        wave.seen.add(way)
+        self._remembered += 1
+        if self._is_open(wave):
+            self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
+            touched[wave.number] = wave
+        else:
+            wave.held.append(pulse)
+
+    def _wave(self, number: int, fence: int) -> _Wave:
+        """Return what is known of a wave, which may be nothing yet."""
+        wave = self._waves.get(number)
+        if wave is None:
+            wave = self._waves[number] = _Wave(number, fence)
+        return wave
+
+    def _start(
+        self,
+        start: wire.WaveStart,
+        touched: dict[int, _Wave],
+        out: list[wire.Message],
+    ) -> None:
+        if start.settled_below > self._settled_below:
+            self._settled_below = start.settled_below
+            self._forget()
+        if start.wave >= self._settled_below:
+            wave = self._wave(start.wave, start.fence)
+            wave.start = wave.start or self._narrowed(start)
+            self._open(wave, touched, out)
+        if start.cell < 0 and start.wave > self._fence:
+            first, self._fence = not self._fence, start.wave
+            if first:
+                self._forget()
+            for wave in self._waves.values():
+                self._open(wave, touched, out)
+
+    def _forget(self) -> None:
+        """Forget the waves that have settled, and those that cannot come about."""
+        self._waves = {
+            number: wave
+            for number, wave in self._waves.items()
+            if number >= self._settled_below and not is_far(number, self._fence)
+        }
+        self._remembered = sum(len(wave.seen) for wave in self._waves.values())
+
+    def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
+        """Return `start` with no more of its signal than is kept: this cell's."""
+        if not start.signal:
+            return start
+        own = tuple(literal for literal in self._targets if literal in start.signal)
+        return msgspec.structs.replace(start, kind="signal", signal=own)
+
+    def _is_open(self, wave: _Wave) -> bool:
+        """Tell whether the cell may act: it has the fence, and the reading it needs."""
+        start = wave.start
+        return (
+            self._wired
+            and wave.fence <= self._fence
+            and (
+                start is None or start.kind == "signal" or start.tick in self._readings
+            )
+        )
+
+    def _open(
+        self, wave: _Wave, touched: dict[int, _Wave], out: list[wire.Message]
+    ) -> None:
+        """Fire what the signal asks of this cell, then the pulses that came early.
+
+        Does nothing when called again: a signal is asked for once, what was held is
+        gone.
+        """
+        if not self._is_open(wave):
+            return
+        start = wave.start
+        if start is not None and not wave.asked:
+            wave.asked = True
+            self._readings.join(start.tick)
+            for literal in self._asked(start):
+                self._reach(literal, 0, start.credit, wave, out)
+                touched[wave.number] = wave
+        held, wave.held = wave.held, []
+        for pulse in held:
+            self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
+            touched[wave.number] = wave
+
+    def _asked(self, start: wire.WaveStart) -> tuple[int, ...]:
+        """Return the literals of this cell that a wave's signal holds."""
+        if start.kind == "signal":
+            return start.signal
+        return self._readings[start.tick]
+
+    def _reach(
+        self, literal: int, hops: int, credit: int, wave: _Wave, out: list[wire.Message]
+    ) -> None:
+        """Fire `literal`, or give the credit back if it has fired in this wave."""
+        if literal in wave.fired:
+            wave.credit.append(credit)
+            return
+        targets = self._targets[literal]
+        shares = split_evenly(credit, len(targets) + 1)
+        out.extend(
+            wire.Pulse(wave.number, literal, target, hops + 1, share, wave.fence)
+            for target, share in zip(targets, shares[1:], strict=True)
+        )
+        wave.fired.add(literal)
+        wave.literals.append(literal)
+        wave.hops.append(hops)
+        wave.credit.append(shares[0])
+        wave.pulses += len(targets)
+
+    def _report(self, touched: dict[int, _Wave], out: list[wire.Message]) -> None:
+        """Report on the waves that owe it."""
+        for wave in touched.values():
+            report = wire.Settled(
+                wave=wave.number,
+                cell=self.cell,
+                part=wave.part,
+                literals=tuple(wave.literals),
+                hops=tuple(wave.hops),
+                credit=tuple(wave.credit),
+                pulses=wave.pulses,
+                epoch=self._epoch,
+            )
+            wave.part += 1
+            wave.literals, wave.hops, wave.credit, wave.pulses = [], [], [], 0
+            out.append(report)
+        touched.clear()
+
+    # What the coordinator and the world say ------------------------------------------
+
+    def _latch(
+        self,
+        observation: wire.Observation,
+        touched: dict[int, _Wave],
+        out: list[wire.Message],
+    ) -> None:
+        if observation.tick in self._readings:
+            return
+        self._bytes = len(observation.bits)
+        byte, bit = divmod(self.cell, 8)
+        off = not observation.bits[byte] >> bit & 1
+        known = not observation.known or observation.known[byte] >> bit & 1
+        self._readings.keep(observation.tick, (2 * self.cell + off,) if known else ())
+        for wave in list(self._waves.values()):
+            if wave.start is not None and wave.start.tick == observation.tick:
+                self._open(wave, touched, out)
+
+    def _rewire(
+        self,
+        wiring: wire.Wiring,
+        touched: dict[int, _Wave],
+        out: list[wire.Message],
+    ) -> None:
+        if wiring.epoch <= self._epoch:
+            return
+        if wiring.after not in (0, self._epoch):
+            # A change was lost. Taking part with the wrong edges would give a wrong
+            # state; staying silent makes the wave's deadline name this cell.
+            self._wired = False
+            missed = f"must build on epoch {self._epoch}, got {wiring.after}"
+            out.append(wire.Fault(self._who, f"wiring: {missed}"))
+            return
+        # What fired before it fired by the wiring before it, and says so.
+        self._report(touched, out)
+        own, complement = 2 * self.cell, 2 * self.cell + 1
+        for literal, add, drop in (
+            (own, wiring.add, wiring.drop),
+            (complement, wiring.add_complement, wiring.drop_complement),
+        ):
+            kept = set() if wiring.after == 0 else set(self._targets[literal])
+            self._targets[literal] = sorted((kept - set(drop)) | set(add))
+        self._epoch = wiring.epoch
+        self._wired = True
+
+
+async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
+    """Be the cell of sensor `cell` until `stop` is set.
+
+    Reads `wire.cell_keys`; publishes pulses, reports and faults.
+    Cancellation ends it at once; the fabric is the caller's to close.
+    """
+    core = Cell(cell)
+
+    def handle(deliveries: list[wire.Delivery]) -> None:
+        fabric.publish(*core.receive(decoded(fabric, deliveries)))
+
+    await fabric.subscribe(wire.cell_keys(cell), handle)
+    await fabric.announce()
+    await fabric.serve(stop)

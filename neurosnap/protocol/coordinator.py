@@ -1,0 +1,388 @@
+"""The coordinator: learns, keeps the cells wired, sends waves, decides.
+
+`Coordinator` is a pure core: every message it sends is a function of the messages it
+was given, in order. That is what makes a recording checkable: fed with the recorded
+observations and reports, the same core must say the same again, byte for byte.
+
+The state is what the cells reported. The snapshot only learns weights here; it is told
+the state (`Snapshot.adopt`) and never asked for one.
+
+Right after a key-frame all there is in here is a function of what that says, and of the
+run's options: nothing is under way, the policies remember nothing, and what was known
+of the cells' wiring is forgotten, so that the next goes to all of them, and whole.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Self
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.errors import MessageError, ShapeError
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.anomaly import Watcher
+from neurosnap.protocol.anomaly_messages import announcement
+from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.wave_control import Conductor
+from neurosnap.runtime.parts.participant import wrong_readings
+from neurosnap.sensorium import complement, pack
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from neurosnap.agent.policy import Policy
+    from neurosnap.poc.order.graph import PocGraph
+    from neurosnap.protocol.run_options import RunOptions, WiringKind
+    from neurosnap.protocol.wave import Wave
+
+_WHO = "coordinator"
+
+
+class Totals(msgspec.Struct, kw_only=True):
+    """What a run came to."""
+
+    ticks: int = 0
+    """Observations learned from, each with its state."""
+    waves: int = 0
+    """Waves started."""
+    pulses: int = 0
+    """Pulses sent in the waves that settled."""
+    depth: int = 0
+    """The deepest wave's hops."""
+    height: int = 0
+    """The height of the order at the end."""
+    edges: int = 0
+    """Edges of its Hasse wiring, an edge and its contrapositive counted as one."""
+    incoherent: int = 0
+    """Observations that contradicted what was learned."""
+    anomalies: int = 0
+    """Observations that contradicted what was believed before they were learned."""
+    faults: int = 0
+    """Messages dropped as bad or unexpected."""
+
+
+class Coordinator:
+    """The sans-I/O core.
+
+    Args:
+        snapshot: Learns; new, or as it was after the last tick of a resumed run.
+        policy: Decides.
+        wiring: Which edges carry the pulses.
+        ticks: Observations after which the run is over.
+        keyframe_every: Ticks between two whole snapshots on the wire.
+        repeats: How often a wave that does not settle is sent again.
+        workers: How many workers share the cells; 0: every cell is a part of its own.
+        hold: How long to go on judging observations by the order that the first of them
+            broke, in ticks; None: not to judge them.
+    """
+
+    def __init__(
+        self,
+        snapshot: Snapshot,
+        policy: Policy,
+        *,
+        wiring: WiringKind = "hasse",
+        ticks: int,
+        keyframe_every: int = 1000,
+        repeats: int = 2,
+        workers: int = 0,
+        hold: int | None = None,
+    ) -> None:
+        self.totals = Totals()
+        self.finished = False
+        self._snapshot = snapshot
+        self._policy = policy
+        self._wiring: WiringKind = wiring
+        self._ticks = ticks
+        self._keyframe_every = keyframe_every
+        self._conductor = Conductor(len(snapshot.sensorium), repeats, workers)
+        self._graph: PocGraph = snapshot.poc_graph()
+        self._tick = 0
+        self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
+        self._known = b""  # which readings of the last observation were known
+        self._hold = hold
+        self._watcher = self._new_watcher()
+        self._asked: dict[int, int] = {}  # planning wave -> which question it is
+        self._answers: list[NDArray[np.bool_]] = []
+        self._stopping = False
+        self._next_decision = wire.Decision(0, -1, "the run begins")
+
+    @classmethod
+    def of(cls, options: RunOptions, frame: wire.KeyFrame | None = None) -> Self:
+        """Return the core of a run.
+
+        Args:
+            options: The run's.
+            frame: One of its key-frames, for the core that has just said it; None: the
+                core has seen nothing yet.
+
+        Raises:
+            InvalidValueError: What the key-frame holds cannot be of such a run.
+        """
+        core = cls(
+            options.new_snapshot()
+            if frame is None
+            else Snapshot.from_bytes(frame.snapshot),
+            options.new_policy(),
+            wiring=options.wiring,
+            ticks=options.ticks,
+            keyframe_every=options.keyframe_every,
+            workers=options.sharing,
+            hold=options.hold if options.watch else None,
+        )
+        if frame is not None:
+            core._start_at(frame)
+        return core
+
+    def _start_at(self, frame: wire.KeyFrame) -> None:
+        self._conductor.start_at(frame.waves, frame.epochs)
+        self._tick, self._known = frame.tick, frame.known
+        self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
+        self.totals = Totals(
+            ticks=frame.tick,
+            waves=frame.waves,
+            pulses=frame.pulses,
+            depth=frame.depth,
+            height=self._graph.height(),
+            edges=(self._graph.wire_count() + 1) // 2,
+            incoherent=frame.incoherent,
+            anomalies=frame.anomalies,
+        )
+
+    @property
+    def tick(self) -> int:
+        """The last whole tick: its decision is taken."""
+        return self._tick
+
+    @property
+    def graph(self) -> PocGraph:
+        """The learned order the cells are wired by."""
+        return self._graph
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What has been learned."""
+        return self._snapshot
+
+    @property
+    def decision(self) -> wire.Decision:
+        """The last decision taken."""
+        return self._next_decision
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        """The numbers of the waves that have not settled."""
+        return self._conductor.in_flight
+
+    def begin(self) -> list[wire.Message]:
+        """Open the run, or go on with one from a key-frame: ask for an observation."""
+        first = [self._keyframe()] if self._tick else self._conductor.rewire_whole()
+        return [*first, self._next_decision]
+
+    def begin_rewired(self) -> list[wire.Message]:
+        """Go on as runs did before they could start from key-frames: rewire the cells.
+
+        For replays of their recordings.
+        """
+        self.recall()
+        return [*self._conductor.rewire_whole(), self._next_decision]
+
+    def recall(self) -> None:
+        """Know the wiring again that a key-frame made forget; for such replays."""
+        self._conductor.recall()
+
+    def go_on(self, ticks: int) -> None:
+        """Let a run that ended go on to `ticks`."""
+        self._ticks = ticks
+        self.finished = self._stopping = False
+
+    def receive(self, message: wire.Message) -> list[wire.Message]:
+        """Take in one message and return what is to be sent for it, in order.
+
+        Reads: observations, reports, faults. Publishes: wirings and a wave start for an
+        observation; for the report that settles a wave its result, then the planning
+        waves, and once all have settled key-frames and a decision.
+        """
+        match message:
+            case wire.Observation():
+                return self._observe(message)
+            case wire.Settled() | wire.Tally():
+                return self._settle(message)
+            case wire.Fault():  # anybody's: its own come back to it, too
+                self.totals.faults += 1
+                return []
+            case _:
+                return [
+                    _fault(f"{wire.topic(message.key)}: is not for the coordinator")
+                ]
+
+    def overdue(self, number: int) -> list[wire.Message]:
+        """Send wave `number` again, since it has not settled within its deadline.
+
+        Raises:
+            WaveLostError: It was sent often enough.
+        """
+        messages = self._conductor.repeat(number, self._signal)
+        if number in self._asked:
+            self._asked[self._conductor.waves] = self._asked.pop(number)
+        return messages
+
+    def stop(self) -> list[wire.Message]:
+        """End the run after the tick under way, if there is one."""
+        self._stopping = True
+        if self.finished or self._signal:
+            return []
+        return self._finish()
+
+    def _observe(self, observation: wire.Observation) -> list[wire.Message]:
+        if self.finished or self._stopping:
+            return []
+        expected = self._tick + 1
+        if observation.tick != expected or self._signal:
+            what = f"must be tick {expected}, once, got tick {observation.tick}"
+            return [_fault(f"observe: {what}")]
+        if (wrong := wrong_readings(observation)) is not None:
+            return [_fault(wrong)]
+        try:
+            bits, known = readings(observation, len(self._snapshot.sensorium))
+        except ShapeError as error:
+            return [_fault(f"observe: {error}")]
+        messages = self._judge(observation.tick, bits, known)
+        self._known = observation.known
+        changed = self._snapshot.learn(bits, known)
+        if changed:
+            self._graph = self._snapshot.poc_graph()
+        if changed or self._conductor.is_forgotten:
+            messages += self._conductor.rewire(self._graph.wires(self._wiring))
+        self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
+        start = self._conductor.start(
+            "state", observation.tick, seeds=len(self._signal)
+        )
+        return [*messages, *start]
+
+    def _new_watcher(self) -> Watcher | None:
+        if self._hold is None:
+            return None
+        return Watcher(self._snapshot.sensorium, self._hold)
+
+    def _judge(
+        self, tick: int, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
+    ) -> list[wire.Message]:
+        """Hold an observation against what is believed, before it is learned."""
+        if self._watcher is None:
+            return []
+        found = self._watcher.watch(tick, self._graph, bits, known, self._snapshot)
+        if found is None:
+            return []
+        self.totals.anomalies += 1
+        return [announcement(found, self._snapshot.sensorium)]
+
+    def _settle(self, report: wire.Settled | wire.Tally) -> list[wire.Message]:
+        try:
+            wave = self._conductor.report(report)
+        except MessageError as error:
+            return [_fault(str(error))]
+        if wave is None:
+            return []
+        reached = np.zeros(2 * len(self._snapshot.sensorium), dtype=np.bool_)
+        reached[list(wave.hops)] = True
+        self.totals.pulses += wave.pulses
+        self.totals.depth = max(self.totals.depth, wave.depth)
+        if wave.number in self._asked:
+            return self._answer(wave, reached)
+        return self._conclude(wave, reached)
+
+    def _conclude(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
+        """Turn a settled state wave into the tick's state; send the planning waves."""
+        state = reached & ~complement(reached)
+        self._snapshot.adopt(state)
+        report = self._state(wave, reached, state)
+        self._count(report)
+        questions = self._policy.ask(wave.tick, state)
+        self._answers = [reached] * len(questions)
+        starts: list[wire.Message] = []
+        for index, signal in enumerate(questions):
+            starts += self._conductor.start("signal", wave.tick, signal)
+            self._asked[self._conductor.waves] = index
+        return [report, *starts, *([] if starts else self._decide(wave.tick))]
+
+    def _answer(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
+        """Take in a settled planning wave; decide if it was the last."""
+        self._answers[self._asked.pop(wave.number)] = reached
+        result = wire.Reached(
+            tick=wave.tick,
+            wave=wave.number,
+            signal=wave.signal,
+            literals=pack(reached),
+            depth=wave.depth,
+            longest=self._longest(wave.signal),
+            height=self._graph.height(),
+            pulses=wave.pulses,
+        )
+        return [result, *([] if self._asked else self._decide(wave.tick))]
+
+    def _decide(self, tick: int) -> list[wire.Message]:
+        """Close the tick: a key-frame if one is due, and the decision."""
+        action, why = self._policy.decide(tick, self._snapshot.state, self._answers)
+        self._next_decision = wire.Decision(tick, action, why)
+        self._tick = tick
+        self._signal = ()
+        self.totals.ticks += 1
+        self.totals.waves = self._conductor.waves
+        if self._stopping or tick == self._ticks:
+            return self._finish()
+        if tick % self._keyframe_every == 0:
+            return [self._keyframe(), self._next_decision]
+        return [self._next_decision]
+
+    def _longest(self, signal: tuple[int, ...]) -> int:
+        return int(self._graph.heights()[list(signal)].max(initial=0))
+
+    def _state(
+        self, wave: Wave, reached: NDArray[np.bool_], state: NDArray[np.bool_]
+    ) -> wire.State:
+        return wire.State(
+            tick=wave.tick,
+            wave=wave.number,
+            literals=pack(state),
+            # What it implies is the state, unless that contradicts itself.
+            incoherent=not np.array_equal(reached, state),
+            depth=wave.depth,
+            longest=self._longest(self._signal),
+            height=self._graph.height(),
+            edges=(self._graph.wire_count() + 1) // 2,
+            pulses=wave.pulses,
+        )
+
+    def _count(self, state: wire.State) -> None:
+        self.totals.height = state.height
+        self.totals.edges = state.edges
+        self.totals.incoherent += state.incoherent
+
+    def _keyframe(self) -> wire.KeyFrame:
+        """Return what somebody else may go on from: nothing older matters then."""
+        self._watcher = self._new_watcher()
+        self._conductor.forget()
+        return wire.KeyFrame(
+            tick=self._tick,
+            snapshot=self._snapshot.to_bytes(),
+            waves=self._conductor.waves,
+            epochs=self._conductor.epochs,
+            known=self._known,
+            action=self._next_decision.action,
+            why=self._next_decision.why,
+            pulses=self.totals.pulses,
+            depth=self.totals.depth,
+            incoherent=self.totals.incoherent,
+            anomalies=self.totals.anomalies,
+        )
+
+    def _finish(self) -> list[wire.Message]:
+        self.finished = True
+        return [self._keyframe()] if self._tick else []
+
+
+def _fault(what: str) -> wire.Fault:
+    return wire.Fault(_WHO, what)

@@ -1,0 +1,43 @@
+"""What an observation says: the readings, and which of them are known."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.sensorium import complete, unpack
+
+
+def readings(
+    observation: wire.Observation, count: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
+    """Return what the sensors read, and of which of them that is known.
+
+    Args:
+        observation: Not one of `neurosnap.runtime.parts.participant.wrong_readings`.
+        count: How many sensors there are.
+
+    Returns:
+        ``(N,)`` each, the second None where all readings are known.
+
+    Raises:
+        ShapeError: It is of another number of sensors.
+    """
+    bits = unpack(observation.bits, count)
+    return bits, unpack(observation.known, count) if observation.known else None
+
+
+def selection(
+    bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
+) -> NDArray[np.bool_]:
+    """Return the literals observed, one of each sensor whose reading is known.
+
+    Args:
+        bits: ``(N,)``.
+        known: ``(N,)``; None: all.
+
+    Returns:
+        ``(2N,)``, a *-selection ([GK] "Observation Model for DBAs"), complete where all
+        are known.
+    """
+    literals = complete(bits)
+    return literals if known is None else literals & np.repeat(known, 2)

@@ -1,0 +1,214 @@
+"""What the coordinator keeps of the network: every cell's wiring, every wave in flight.
+
+Pure: edges and reports in, messages out. A wiring goes out as the change against what
+the cell was told before; a wave that is given up is repeated under a new number after
+every cell has got its whole wiring again, because a change that was lost must not live
+on.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, MessageError, WaveLostError
+from neurosnap.poc.order.literals import Words
+from neurosnap.protocol.cell_wiring import CellWires, Wires
+from neurosnap.protocol.wave import Wave
+from neurosnap.protocol.worker_wiring import WorkerWires
+
+_UNANNOUNCED = 64  # waves that only concern a few, before all cells hear of one again
+
+
+class Conductor:
+    """Wires the cells and counts the waves in.
+
+    Args:
+        sensors: How many cells there are.
+        repeats: How often a wave that does not settle is sent again.
+        workers: How many workers share the cells; 0: every cell is a part of its own.
+    """
+
+    def __init__(self, sensors: int, repeats: int = 2, workers: int = 0) -> None:
+        self._sensors = sensors
+        self._repeats = repeats
+        self._wires: Wires = (
+            WorkerWires(sensors, workers) if workers else CellWires(sensors)
+        )
+        self._fence = 0  # the last wave announced to all
+        self._stale = True  # a wiring went out since, or many waves
+        self._next = 1
+        self._flying: dict[int, Wave] = {}
+        self._tries: dict[int, int] = {}
+
+    @property
+    def waves(self) -> int:
+        """How many waves were started; the number of the newest."""
+        return self._next - 1
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        """The numbers of the waves that have not settled, oldest first."""
+        return tuple(self._flying)
+
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """The numbers of the last wirings."""
+        return self._wires.epochs
+
+    @property
+    def is_forgotten(self) -> bool:
+        """Whether the cells have to be wired anew, whatever they were told."""
+        return self._wires.is_forgotten
+
+    def forget(self) -> None:
+        """Let the next wiring go to everybody, and whole.
+
+        With nothing under way, `waves` and `epochs` are then all that matters here.
+        """
+        self._wires.forget()
+
+    def recall(self) -> None:
+        """Take `forget` back."""
+        self._wires.recall()
+
+    def start_at(self, waves: int, epochs: tuple[int, ...]) -> None:
+        """Be as whoever had started `waves`, had these `epochs`, and forgot.
+
+        Raises:
+            InvalidValueError: The epochs are of another number of workers.
+        """
+        self._next = waves + 1
+        self._wires.start_at(epochs)
+
+    def rewire(self, edges: Words) -> list[wire.Message]:
+        """Return the messages that turn the cells' wiring into `edges`.
+
+        Args:
+            edges: ``(2N, w)``, packed: bit ``b`` of row ``a`` iff ``a`` pulses ``b``.
+        """
+        return self._fenced(self._wires.rewire(edges))
+
+    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return the messages that turn the cells' wiring into `edges`.
+
+        Args:
+            edges: ``(e,)``, as in `Wires.rewire_to`: for orders of few edges.
+        """
+        return self._fenced(self._wires.rewire_to(edges))
+
+    def rewire_whole(self) -> list[wire.Message]:
+        """Return the whole wiring of every cell that has or had out-edges."""
+        self._stale = True
+        return self._wires.rewire_whole()
+
+    def _fenced(self, wirings: list[wire.Message]) -> list[wire.Message]:
+        """Let the next wave be a fence, if there are any wirings."""
+        self._stale = self._stale or bool(wirings)
+        return wirings
+
+    def start(
+        self,
+        kind: wire.WaveKind,
+        tick: int = 0,
+        signal: tuple[int, ...] = (),
+        repeats: int = 0,
+        *,
+        seeds: int = 0,
+    ) -> list[wire.Message]:
+        """Begin a wave; return the messages that start it.
+
+        A state wave is announced to every cell. A wave of a few literals goes to their
+        cells only, as long as the wirings in force were fenced by a wave announced to
+        all; its time then does not depend on how many cells there are.
+
+        Args:
+            kind: As in the message.
+            tick: Likewise.
+            signal: Likewise.
+            repeats: Likewise.
+            seeds: For a state wave without a signal, how many sensors' readings are
+                known: each starts it, and nobody else. 0: all are.
+
+        Raises:
+            InvalidValueError: A signal is empty, or names a literal twice: a wave of it
+                would not settle.
+        """
+        if kind == "signal" and not 0 < len(set(signal)) == len(signal):
+            rule = "must be one or more literals, each once"
+            raise InvalidValueError("signal", rule, signal)
+        seeds = len(signal) or seeds or self._sensors
+        number = self._next
+        self._next += 1
+        wave = Wave(number, tick, kind, seeds, signal, repeats)
+        self._flying[number] = wave
+        self._tries[number] = self._tries.pop(repeats, 0) + 1
+        below = min(self._flying)
+        cells = sorted({literal >> 1 for literal in signal})
+        # Cells learn from announcements alone which waves they may forget.
+        late = number - self._fence > _UNANNOUNCED
+        many = self._wires.all_hear or 2 * len(cells) > self._sensors
+        if kind == "state" or self._stale or late or many:
+            self._fence, self._stale = number, False
+            return [wave.start(below, number)]
+        return [wave.start(below, self._fence, cell) for cell in cells]
+
+    def report(self, report: wire.Settled | wire.Tally) -> Wave | None:
+        """Take in a report; return its wave if that has settled now.
+
+        A report on a wave that was given up is dropped. One by other edges than those
+        in force is refused with its credit, so that its wave will be late and repeated,
+        after whole wirings.
+
+        Raises:
+            MessageError: The report cannot be right, or is by a wiring not in force.
+        """
+        cells = self._wires.cells_of(report)
+        wave = self._flying.get(report.wave)
+        if wave is None:
+            if report.wave >= self._next:
+                rule = f"must be on a wave up to {self._next - 1}"
+                raise MessageError(
+                    f"{wire.topic(report.key)}: {rule}, got {report.wave}"
+                )
+            return None
+        self._wires.check_epoch(report, cells)
+        if isinstance(report, wire.Tally):
+            wave.tally(report, cells)
+        else:
+            wave.report(report)
+        if not wave.is_settled:
+            return None
+        del self._flying[wave.number]
+        del self._tries[wave.number]
+        return wave
+
+    def repeat(self, number: int, signal: tuple[int, ...]) -> list[wire.Message]:
+        """Give up wave `number` and send it again under a new number.
+
+        Args:
+            number: A wave in flight.
+            signal: For a state wave, the literals observed: a cell that missed the
+                observation still fires then.
+
+        Raises:
+            WaveLostError: It was sent often enough; the error names the credit that is
+                missing and the cells that are silent.
+        """
+        wave = self._flying[number]
+        signal = wave.signal or signal
+        if self._tries[number] > self._repeats:
+            raise WaveLostError(self._loss(wave, signal))
+        del self._flying[number]
+        whole = self.rewire_whole()
+        again = self.start(wave.kind, wave.tick, signal, number, seeds=wave.seeds)
+        return [*whole, *again]
+
+    def _loss(self, wave: Wave, signal: tuple[int, ...]) -> str:
+        silent = self._wires.named(wave.silent(signal, self._wires.targets))
+        named = ", ".join(silent[:10]) or "none"
+        more = f" and {len(silent) - 10} more" if len(silent) > 10 else ""
+        return (
+            f"wave {wave.number} (tick {wave.tick}): must settle within its deadline,"
+            f" got {self._tries[wave.number]} tries; missing credit"
+            f" {float(wave.missing):.6g}, silent cells: {named}{more}"
+        )

@@ -1,0 +1,331 @@
+"""A worker: many cells in one process, which it advances together.
+
+`Worker` is a pure transition, and what it says of a wave is what its cells would say:
+the invariants are those of `neurosnap.protocol.cell`, with a few differences in how.
+
+- Pulses between its own cells go from array to array. Those to another worker's leave
+  in one message a burst, and all its cells report in one.
+- Every wave is announced to every worker, so nothing of a wave is done before its
+  announcement, nor, in a state wave, before the reading of its tick.
+- Of the pulses in a burst, the one with the fewest hops makes a literal fire.
+- Wirings come in frames. One that was lost keeps all its cells silent until they are
+  wired anew.
+"""
+
+import asyncio
+from collections.abc import Iterable, Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.protocol.limits import (
+    AHEAD,
+    Latch,
+    wrong_number,
+    wrong_room,
+    wrong_start,
+)
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.worker_edges import Mesh
+from neurosnap.protocol.worker_kernels import (
+    Ints,
+    Pulses,
+    carried,
+    outgoing,
+    spread,
+    warm,
+)
+from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.participant import decoded, take_part, wrong_readings
+
+_HELD = 1 << 24  # pulses that may wait for what their waves take
+_BURSTS = 1 << 17  # a worker remembers of all waves together
+
+
+class _Wave:
+    """What a worker knows of one wave."""
+
+    __slots__ = (
+        "held",
+        "number",
+        "part",
+        "parts",
+        "reached",
+        "seen",
+        "start",
+        "waiting",
+    )
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.start: wire.WaveStart | None = None  # until its signal has fired
+        self.reached: Ints | None = None  # hops of what fired; None until it is open
+        self.seen: set[tuple[int, int]] = set()  # (worker, part) of bursts that came
+        self.waiting: list[Pulses] = []
+        self.held = 0  # pulses that came and wait
+        self.part = 0  # of the next report
+        self.parts: dict[int, int] = {}  # of the next burst to each worker
+
+
+class Worker:
+    """The sans-I/O core of one worker.
+
+    Args:
+        worker: Its number.
+        hosted: The cells of every worker, ascending, without a gap.
+    """
+
+    def __init__(self, worker: int, hosted: Sequence[range]) -> None:
+        self.worker = worker
+        self._who = f"worker/{worker}"
+        self._hosted = hosted
+        self._cells = hosted[worker]
+        self._mesh = Mesh(hosted, worker)
+        self._epoch = 0
+        self._wired = True
+        # The literals that were on, of the cells whose reading is known.
+        self._readings = Latch[Ints]()
+        self._waves: dict[int, _Wave] = {}
+        self._settled_below = 1
+        self._announced = 0  # the last wave that was
+        self._held = 0  # pulses that came and wait, in all waves
+        self._remembered = 0  # bursts, in all waves
+
+    def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
+        """Take in `burst` and return what the worker sends for it, in order.
+
+        All that came of a wave is worked on at once. Its pulses come before its report,
+        because others are waiting for them. Cost: proportional to the burst, to the
+        cells for each wave in it, and to the out-edges of what fires.
+        """
+        out: list[wire.Message] = []
+        for message in burst:
+            try:
+                self._take(message, out)
+            except MessageError as error:
+                out.append(wire.Fault(self._who, str(error)))
+        self._advance(out)
+        return out
+
+    def _take(self, message: wire.Message, out: list[wire.Message]) -> None:
+        """Take in one message; refuse one that cannot be right."""
+        match message:
+            case wire.Burst():
+                self._hold(message)
+            case wire.WaveStart():
+                self._check_start(message)
+                self._start(message)
+            case wire.Observation():
+                self._check_observation(message)
+                self._latch(message)
+            case wire.Loom():
+                # One far ahead would make the true ones all come too late.
+                _refuse(wrong_number("loom: epoch", message.epoch, self._epoch))
+                self._mesh.check(message)
+                # What came before it was meant for the wiring before it.
+                self._advance(out)
+                self._rewire(message)
+            case _:
+                raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
+
+    # Waves -------------------------------------------------------------------------
+
+    def _hold(self, burst: wire.Burst) -> None:
+        """Keep what another worker sent, once."""
+        pulses = self._mesh.pulses(burst)
+        _refuse(wrong_number("burst: wave", burst.wave, self._announced))
+        if burst.wave < self._settled_below:
+            return
+        if self._held + len(pulses.hops) > _HELD:
+            raise MessageError(f"burst: must leave up to {_HELD} pulses waiting")
+        if self._remembered >= _BURSTS:
+            rule = f"must be one of {_BURSTS} in flight"
+            raise MessageError(f"burst: {rule}, got one more")
+        _refuse(wrong_room("burst", burst.wave, self._waves))
+        wave = self._wave(burst.wave)
+        way = (burst.worker, burst.part)
+        if way not in wave.seen:
+            wave.seen.add(way)
+            wave.waiting.append(pulses)
+            wave.held += len(pulses.hops)
+            self._held += len(pulses.hops)
+            self._remembered += 1
+
+    def _wave(self, number: int) -> _Wave:
+        """Return what is known of a wave, which may be nothing yet."""
+        wave = self._waves.get(number)
+        if wave is None:
+            wave = self._waves[number] = _Wave(number)
+        return wave
+
+    def _check_start(self, start: wire.WaveStart) -> None:
+        if start.cell >= 0:
+            raise MessageError(f"wave: must be for all, got one for cell {start.cell}")
+        _refuse(wrong_start(start))
+        _refuse(wrong_number("wave: wave", start.wave, self._announced))
+        _refuse(self._readings.wrong_tick("wave", start.tick))
+        # What it settles makes room for it.
+        _refuse(wrong_room("wave", start.wave, self._left(start)))
+
+    def _left(self, start: wire.WaveStart) -> dict[int, _Wave]:
+        """Return the waves known that may still come about after `start`."""
+        below = max(self._settled_below, start.settled_below)
+        beyond = max(self._announced, start.wave) + AHEAD
+        return {n: w for n, w in self._waves.items() if below <= n <= beyond}
+
+    def _start(self, start: wire.WaveStart) -> None:
+        self._waves = self._left(start)
+        self._held = sum(wave.held for wave in self._waves.values())
+        self._remembered = sum(len(wave.seen) for wave in self._waves.values())
+        self._announced = max(self._announced, start.wave)
+        self._settled_below = max(self._settled_below, start.settled_below)
+        if start.wave >= self._settled_below:
+            wave = self._wave(start.wave)
+            if wave.reached is None:
+                wave.start = wave.start or self._narrowed(start)
+
+    def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
+        """Return `start` with no more of its signal than is kept: its own, once."""
+        if not start.signal:
+            return start
+        signal = np.array(start.signal, np.int32)
+        cells = signal >> 1
+        own = signal[(cells >= self._cells.start) & (cells < self._cells.stop)]
+        kept = tuple(dict.fromkeys(own.tolist()))
+        return msgspec.structs.replace(start, kind="signal", signal=kept)
+
+    def _advance(self, out: list[wire.Message]) -> None:
+        """Pass on all that can be; what cannot be yet waits with its wave."""
+        if not self._wired:
+            return
+        for wave in self._waves.values():
+            if wave.start is not None:
+                self._open(wave, wave.start)
+            if wave.reached is not None and wave.waiting:
+                self._spread(wave, wave.reached, out)
+
+    def _open(self, wave: _Wave, start: wire.WaveStart) -> None:
+        """Let the wave's signal fire, if all is there that it takes."""
+        if start.kind == "signal":
+            asked = np.array(start.signal, np.int32)
+        elif start.tick in self._readings:
+            asked = self._readings[start.tick]
+        else:
+            return
+        wave.start = None
+        wave.reached = np.full(2 * len(self._cells), -1, np.int32)
+        self._readings.join(start.tick)
+        if len(asked):
+            credit = np.full_like(asked, start.credit)
+            wave.waiting.append(Pulses(asked, asked, np.zeros_like(asked), credit))
+
+    def _spread(self, wave: _Wave, reached: Ints, out: list[wire.Message]) -> None:
+        """Pass on what waits in a wave, and report."""
+        net = self._mesh.net
+        _, targets, hops, credit = map(np.concatenate, zip(*wave.waiting, strict=True))
+        self._held -= wave.held
+        wave.waiting, wave.held = [], 0
+        order = np.argsort(hops, kind="stable")
+        fired = spread(net, reached, targets[order], hops[order], credit[order])
+        for to in range(len(self._hosted)):
+            if to == self.worker:
+                continue
+            leaving = outgoing(net, reached, fired, to)
+            if len(leaving.targets):
+                part = wave.parts.get(to, 0)
+                wave.parts[to] = part + 1
+                fields = (field.tobytes() for field in leaving)
+                out.append(wire.Burst(wave.number, self.worker, to, part, *fields))
+        out.append(
+            wire.Tally(
+                wave=wave.number,
+                worker=self.worker,
+                part=wave.part,
+                literals=fired.literals.tobytes(),
+                hops=reached[fired.literals - net.first].tobytes(),
+                credit=carried(fired.back, fired.least),
+                pulses=fired.pulses,
+                epoch=self._epoch,
+            )
+        )
+        wave.part += 1
+
+    # What the coordinator and the world say ------------------------------------------
+
+    def _check_observation(self, observation: wire.Observation) -> None:
+        size = (self._hosted[-1].stop + 7) // 8
+        if len(observation.bits) != size:
+            got = f"got {len(observation.bits)}"
+            raise MessageError(f"observe: must hold {size} bytes, {got}")
+        _refuse(wrong_readings(observation))
+        _refuse(self._readings.wrong_tick("observe", observation.tick))
+
+    def _latch(self, observation: wire.Observation) -> None:
+        if observation.tick in self._readings:
+            return
+        cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)
+        if observation.known:
+            cells = cells[_unpacked(observation.known)[cells] > 0]
+        bits = _unpacked(observation.bits)
+        self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
+
+    def _rewire(self, loom: wire.Loom) -> None:
+        if loom.epoch <= self._epoch:
+            return
+        if loom.after not in (0, self._epoch):
+            # A change was lost. Taking part with the wrong edges would give a wrong
+            # state; staying silent makes the wave's deadline name this worker.
+            self._wired = False
+            missed = f"must build on epoch {self._epoch}, got {loom.after}"
+            raise MessageError(f"loom: {missed}")
+        self._mesh.change(loom)
+        self._epoch = loom.epoch
+        self._wired = True
+
+
+def _refuse(wrong: str | None) -> None:
+    """Raise what is wrong, if anything is."""
+    if wrong is not None:
+        raise MessageError(wrong)
+
+
+def _unpacked(data: bytes) -> NDArray[np.uint8]:
+    """Return packed bits, and those that fill the last byte."""
+    return np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
+
+
+async def run_worker(
+    worker: int, hosted: Sequence[range], fabric: Fabric, stop: asyncio.Event
+) -> None:
+    """Be a worker until `stop` is set.
+
+    Reads `wire.worker_keys`; publishes bursts, tallies and faults.
+    Cancellation ends it at once; the fabric is the caller's to close.
+    """
+    core = Worker(worker, hosted)
+    warm()
+
+    def handle(deliveries: list[wire.Delivery]) -> None:
+        fabric.publish(*core.receive(decoded(fabric, deliveries)))
+
+    await fabric.subscribe(wire.worker_keys(worker), handle)
+    await fabric.announce()
+    await fabric.serve(stop)
+
+
+async def be_worker(
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    worker: int,
+    cells: int,
+    workers: int,
+) -> None:
+    """Be one worker of so many, for so many cells."""
+    async with seat.fabric(swift=True) as fabric:
+        hosted = shares(cells, workers)
+        await take_part(fabric, run_worker(worker, hosted, fabric, stop))

@@ -1,0 +1,1 @@
+"""Reading a recording: whole, split, growing or damaged."""

@@ -1,0 +1,384 @@
+"""What is in a recording, as data and as text in the layout of ``mcap info``.
+
+Of a finished recording everything is known from its frame and its totals, without
+unpacking a chunk. One that was cut short or is damaged is read through.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format import schemas
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import first_path, part_paths
+
+_SECOND = 10**9
+_CLOCKS_BEGIN = 946_684_800 * _SECOND
+"""The year 2000; times before it come from clocks that do not count from 1970."""
+
+
+class Channel(msgspec.Struct, frozen=True):
+    """One topic."""
+
+    id: int
+    """Its place in `wire.TOPICS`, from 1; the channel's number, as we write it."""
+    topic: str
+    schema: str
+    messages: int
+    rate: float
+    """Messages a second over the whole recording; 0 where that took no time."""
+
+
+class Packing(msgspec.Struct, frozen=True):
+    """What one way of compression came to."""
+
+    name: str
+    chunks: int
+    unpacked: int
+    """Bytes before."""
+    packed: int
+    """Bytes in the file."""
+
+
+class Info(msgspec.Struct, frozen=True):
+    """What is in a recording."""
+
+    path: str
+    size: int
+    library: str
+    profile: str
+    messages: int
+    start: int
+    """When the first message was recorded, nanoseconds since the epoch; 0: none."""
+    end: int
+    """When the last one was."""
+    duration: float
+    """Seconds from `start` to `end`."""
+    chunks: int
+    compression: tuple[Packing, ...]
+    channels: tuple[Channel, ...]
+    attachments: tuple[Attached, ...]
+    metadata: dict[str, str]
+    """What was written of the run at its start."""
+    totals: dict[str, str] | None
+    """What was written at its end, but for the balance; None if it had none."""
+    completeness: Completeness
+    """Whether anything is missing. Without totals only losses before the last message
+    of each sender are known."""
+    cut: Cut | None
+    """Where the file was cut short; None for a finished one."""
+    files: tuple[str, ...] = ()
+    """The files there are of the run, where there may be several."""
+    places: dict[str, str] = {}
+    """Where parts are, as in `Place.text`, of a swarm on several machines."""
+    in_force: dict[str, float] = {}
+    """The threshold, and of a discounted snapshot the decay, given or not."""
+    damage: tuple[str, ...] = ()
+    """What cannot be read; see `Recording.damage`."""
+    missing_ticks: tuple[tuple[int, int], ...] = ()
+    """The first and the last of ticks without a state, in a damaged recording."""
+    unproved: bool = False
+    """What is written of the run has no checksum and may be wrong, by the damage."""
+
+
+def describe(recording: Recording) -> Info:
+    """Return what is in a recording.
+
+    Raises:
+        RecordingError: It is not what a writer of ours writes.
+    """
+    layout = recording.layout
+    if layout.indexed and layout.channels and recording.totals is not None:
+        counts = _noted_counts(recording)
+        start = min((chunk.start for chunk in layout.chunks), default=0)
+        end = max((chunk.end for chunk in layout.chunks), default=0)
+        completeness = recording.noted().completeness
+    else:
+        counts, start, end, completeness = _read_through(recording)
+    damage = recording.damage
+    return Info(
+        path=str(recording.path),
+        size=layout.size,
+        library=layout.library,
+        profile=PROFILE,
+        messages=counts.total(),
+        start=start,
+        end=end,
+        duration=(end - start) / _SECOND,
+        chunks=len(layout.chunks),
+        compression=_packings(recording),
+        channels=_channels(counts, (end - start) / _SECOND),
+        attachments=tuple(layout.attachments.values()),
+        metadata=recording.metadata,
+        totals=_without_balance(recording.totals),
+        completeness=completeness,
+        cut=recording.cut,
+        files=_files(recording),
+        places={who: place.text for who, place in recording.places.items()},
+        in_force={} if (run := _options(recording.metadata)) is None else run.in_force,
+        damage=damage,
+        missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
+        unproved=recording.layout.doubts(RUN),
+    )
+
+
+def _options(metadata: dict[str, str]) -> RunOptions | None:
+    """Return what a run was made of; None: it says nothing of it, or nothing valid."""
+    try:
+        return msgspec.json.decode(metadata["options"], type=RunOptions)
+    except (KeyError, msgspec.MsgspecError):
+        return None
+
+
+def _run(info: Info) -> dict[str, str]:
+    """Return what is shown of a run: names once, and values as they were in force."""
+    run, texts = _options(info.metadata), dict(info.metadata)
+    if run is None:
+        return texts
+    del texts["options"]  # says all of the others again
+    body = msgspec.to_builtins(run.body)
+    del body["own"]  # the first of the sensors
+    if not any(run.body.orders):
+        del body["orders"]
+    texts["body"] = msgspec.json.encode(body).decode()
+    for name in ("threshold", "decay"):
+        if texts.get(name) == "null":
+            value = info.in_force.get(name)
+            texts[name] = "none" if value is None else f"{value:g} (the default)"
+    return texts
+
+
+def _missing_ticks(recording: Recording) -> Iterator[tuple[int, int]]:
+    """Yield the ticks without a state, up to the last that has one."""
+    there = {
+        recorded.message.tick
+        for recorded in recording.messages(("state",))
+        if isinstance(recorded.message, wire.State)
+    }
+    for before, after in pairwise([recording.begins, *sorted(there)]):
+        if after > before + 1:
+            yield before + 1, after - 1
+
+
+def _files(recording: Recording) -> tuple[str, ...]:
+    """Return the names of the files of a run, itself among them."""
+    if recording.part is None:
+        return ()
+    log = first_path(recording.path, recording.part)
+    return tuple(path.name for path in part_paths(log).values())
+
+
+def _noted_counts(recording: Recording) -> Counter[str]:
+    """Count the messages of each topic by the indexes behind the chunks."""
+    layout, counts = recording.layout, Counter[str]()
+    topics = {
+        id_: each.topic.removeprefix("/") for id_, each in layout.channels.items()
+    }
+    for chunk in layout.chunks:
+        for channel, count in chunk.counts.items():
+            if (topic := topics.get(channel)) not in wire.TOPICS:
+                rule = f"chunk {chunk.number}: an index must be of a topic"
+                raise damaged(recording.path, chunk.offset, rule, f"channel {channel}")
+            counts[topic] += count
+    return counts
+
+
+def _read_through(
+    recording: Recording,
+) -> tuple[Counter[str], int, int, Completeness]:
+    """Count the messages of each topic by reading them; also start, end, balance."""
+    counts: Counter[str] = Counter()
+    sequences = recording.blank_sequences()
+    start, end = 0, 0
+    for message, _, sequence, _, log_time in recording.messages():
+        counts[wire.topic(message.key)] += 1
+        sequences.receive(message.sender, sequence)
+        start = min(start or log_time, log_time)
+        end = max(end, log_time)
+    return counts, start, end, recording.balance(sequences)
+
+
+def _channels(counts: Counter[str], duration: float) -> tuple[Channel, ...]:
+    return tuple(
+        Channel(
+            id=number,
+            topic=f"/{topic}",
+            schema=schemas.name(message),
+            messages=counts[topic],
+            rate=counts[topic] / duration if duration > 0 else 0.0,
+        )
+        for number, (topic, message) in enumerate(wire.TOPICS.items(), start=1)
+    )
+
+
+def _packings(recording: Recording) -> tuple[Packing, ...]:
+    chunks = recording.layout.chunks
+    return tuple(
+        Packing(
+            name=name or "none",
+            chunks=sum(chunk.compression == name for chunk in chunks),
+            unpacked=sum(c.unpacked for c in chunks if c.compression == name),
+            packed=sum(c.packed for c in chunks if c.compression == name),
+        )
+        for name in sorted({chunk.compression for chunk in chunks})
+    )
+
+
+def _without_balance(totals: dict[str, str] | None) -> dict[str, str] | None:
+    if totals is None:
+        return None
+    return {
+        name: value
+        for name, value in totals.items()
+        if name not in ("completeness", "expected")
+    }
+
+
+def render(info: Info) -> str:
+    """Return `info` as text: first what ``mcap info`` shows, then the run."""
+    return "\n".join(_lines(info))
+
+
+def _lines(info: Info) -> Iterator[str]:
+    yield from _table(
+        (
+            ("library:", shown(info.library)),
+            ("profile:", info.profile),
+            ("messages:", str(info.messages)),
+            ("duration:", _duration(info.end - info.start)),
+            ("start:", _moment(info.start)),
+            ("end:", _moment(info.end)),
+        )
+    )
+    if info.compression:
+        yield "compression:"
+    for packing in info.compression:
+        yield "\t" + _packing(packing, info)
+    yield "channels:"
+    width = max(len(str(channel.messages)) for channel in info.channels)
+    yield from _table(
+        (
+            f"\t({channel.id})",
+            channel.topic,
+            f"{channel.messages:{width}} msgs ({channel.rate:.2f} Hz)",
+            f": {channel.schema} [{schemas.ENCODING}]",
+        )
+        for channel in info.channels
+    )
+    yield f"attachments: {len(info.attachments)}"
+    yield from _table(
+        (f"\t{shown(a.name)}", f"{_bytes(a.size)}", shown(a.media_type))
+        for a in info.attachments
+    )
+    written = (bool(info.metadata), bool(info.places), info.totals is not None)
+    yield f"metadata: {sum(written)}"
+    title = "run (may be wrong: it has no checksum):" if info.unproved else "run:"
+    yield from _texts(title, _run(info))
+    yield from _texts("places:", info.places)
+    yield from _texts("totals:", info.totals or {})
+    yield from _balance(info)
+
+
+def _balance(info: Info) -> Iterator[str]:
+    """Say whether it is all there."""
+    if info.files:
+        yield f"files: {len(info.files)}"
+        yield from _table((f"\t{shown(name)}",) for name in info.files)
+    if info.cut is not None:
+        yield (
+            f"cut short: after {info.cut.chunks} whole chunks,"
+            f" at byte {info.cut.offset} of {info.cut.size}"
+        )
+    yield from (f"damaged: {shown(line)}" for line in info.damage)
+    if info.missing_ticks:
+        yield f"missing ticks: {in_ranges(info.missing_ticks)}"
+    missing = info.completeness.missing
+    yield f"missing: {sum(missing.values())}"
+    yield from _table((f"\t{shown(who)}", str(n)) for who, n in missing.items())
+    yield f"duplicates: {info.completeness.duplicates} left out"
+    yield f"foreign: {info.completeness.foreign} left out"
+
+
+def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
+    """Return ranges of ticks as text: "3, 5..8"."""
+    return ", ".join(
+        f"{first}..{last}" if last > first else str(first) for first, last in ranges
+    )
+
+
+def _texts(title: str, texts: dict[str, str]) -> Iterator[str]:
+    if texts:
+        yield title
+    yield from _table((f"\t{shown(k)}:", shown(v)) for k, v in texts.items())
+
+
+def _packing(packing: Packing, info: Info) -> str:
+    saved = 100 * (1 - packing.packed / max(1, packing.unpacked))
+    text = (
+        f"{packing.name}: [{packing.chunks}/{info.chunks} chunks]"
+        f" [{_bytes(packing.unpacked)}/{_bytes(packing.packed)} ({saved:.2f}%)]"
+    )
+    if info.duration > 0:
+        text += f" [{_bytes(packing.packed / info.duration)}/sec]"
+    return text
+
+
+def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
+    """Lay out rows in columns as wide as their widest cell."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=True))
+        yield "  ".join(cells).rstrip()
+
+
+def shown(text: str) -> str:
+    """Return `text` as it may go to a terminal: a stranger's file may steer one."""
+    return text if text.isprintable() else repr(text)
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "KiB", "MiB"):
+        if count <= 1024:
+            return f"{count:.2f} {unit}"
+        count /= 1024
+    return f"{count:.2f} GiB"
+
+
+def _duration(nanoseconds: int) -> str:
+    """Return a duration as Go writes it: 1h2m3.5s, 7.25ms, 0s."""
+    for unit, name in ((1, "ns"), (10**3, "µs"), (10**6, "ms")):
+        if nanoseconds and nanoseconds < unit * 1000:
+            return f"{_decimal(nanoseconds, unit)}{name}"
+    minutes, rest = divmod(nanoseconds, 60 * _SECOND)
+    hours, minutes_left = divmod(minutes, 60)
+    before = f"{hours}h{minutes_left}m" if hours else f"{minutes}m" if minutes else ""
+    return f"{before}{_decimal(rest, _SECOND)}s"
+
+
+def _decimal(count: int, unit: int) -> str:
+    """Return `count` in units of a power of ten, exactly and without idle zeros."""
+    whole, rest = divmod(count, unit)
+    digits = f"{rest:0{len(str(unit)) - 1}}".rstrip("0") if rest else ""
+    return f"{whole}.{digits}" if digits else str(whole)
+
+
+def _moment(nanoseconds: int) -> str:
+    """Return a time as RFC 3339 in UTC and in seconds; the latter alone if early."""
+    seconds, rest = divmod(nanoseconds, _SECOND)
+    plain = f"{seconds}.{rest:09}"
+    if nanoseconds < _CLOCKS_BEGIN:
+        return plain
+    try:
+        day = datetime.fromtimestamp(seconds, UTC)
+    except (OverflowError, ValueError, OSError):  # beyond the year 9999
+        return plain
+    digits = f".{rest:09}".rstrip("0") if rest else ""
+    return f"{day:%Y-%m-%dT%H:%M:%S}{digits}Z ({plain})"

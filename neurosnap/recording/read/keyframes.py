@@ -1,0 +1,57 @@
+"""Where in a recording one can start: at its key-frames.
+
+What a key-frame says is all there is to know, so nothing before it has to be read. Of
+what was sent after it, something may have overtaken it on the way to the recorder.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from neurosnap import wire
+from neurosnap.recording.read.reader import Recording
+
+EARLY = 2 * 10**9
+"""Nanoseconds by which a message may overtake, or be behind, another one's; what takes
+the longest way passes two queues on one host, or on two."""
+
+
+class Start(NamedTuple):
+    """A key-frame one can start from."""
+
+    frame: wire.KeyFrame
+    sequence: int
+    """Its running number among the coordinator's."""
+    log_time: int
+    """When it was recorded, nanoseconds since the epoch."""
+
+    @property
+    def since(self) -> int:
+        """The time of recording before which there is nothing from after it."""
+        return max(0, self.log_time - EARLY)
+
+
+def starts(recording: Recording) -> Iterator[Start]:
+    """Yield the key-frames of a recording that one can start from, in order.
+
+    Of a finished recording only chunks that hold one are unpacked.
+
+    Raises:
+        RecordingError: While iterating: it is damaged.
+    """
+    for recorded in recording.messages(("keyframe",)):
+        frame = recorded.message
+        if isinstance(frame, wire.KeyFrame) and frame.waves:
+            yield Start(frame, recorded.sequence, recorded.log_time)
+
+
+def last_start(recording: Recording, tick: int) -> Start | None:
+    """Return the last of them that is not after `tick`.
+
+    Raises:
+        RecordingError: The recording is damaged.
+    """
+    last = None
+    for start in starts(recording):
+        if start.frame.tick <= tick:
+            last = start
+    return last

@@ -1,0 +1,96 @@
+"""What a run had learned at any tick: from the nearest key-frame on."""
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.observations import readings
+from neurosnap.recording.read.keyframes import Start
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.replay.verify import options_of
+
+
+def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:
+    """Return a tick and the snapshot after it; its state is left unset.
+
+    Cost: reading every state, beside `learned_by`.
+
+    Args:
+        recording: A run's.
+        tick: 0 for before the first; None for the last there is, or where messages are
+            missing, the last that can be known.
+
+    Raises:
+        InvalidValueError: There is no such tick.
+        RecordingError: The recording lacks an observation.
+    """
+    last = last_tick(recording)
+    wanted = last if tick is None else tick
+    if not 0 <= wanted <= last:
+        raise InvalidValueError("tick", f"must be in [0, {last}]", wanted)
+    if tick is None and not recording.whole:
+        wanted = _last_known(recording, last)
+    return wanted, learned_by(recording, wanted)
+
+
+def _last_known(recording: Recording, last: int) -> int:
+    """Return the last tick up to `last` that can be learned from what is there."""
+    frames, seen = set(), set()
+    for recorded in recording.messages(("observe", "keyframe")):
+        match recorded.message:
+            case wire.Observation(tick=tick):
+                seen.add(tick)
+            case wire.KeyFrame(tick=tick):
+                frames.add(tick)
+            case _:
+                pass
+    known = recording.begins
+    for tick in sorted(tick for tick in seen | frames if tick <= last):
+        if tick in frames or tick == known + 1:
+            known = tick
+    return known
+
+
+def learned_by(recording: Recording, tick: int) -> Snapshot:
+    """Return the snapshot after a tick; its state is left unset.
+
+    Cost: learning the ticks since the last key-frame before it, and reading key-frames
+    and, from there on, observations; what is in other chunks of a finished recording is
+    not unpacked.
+
+    Args:
+        recording: A run's.
+        tick: One that it holds the state of, or 0.
+
+    Raises:
+        RecordingError: The recording is damaged, or lacks an observation.
+    """
+    options = options_of(recording)
+    now, since, snapshot = 0, 0, options.new_snapshot()
+    if (last := _last_frame(recording, tick)) is not None:
+        now, since = last.frame.tick, last.since
+        snapshot = Snapshot.from_bytes(last.frame.snapshot)
+    observations = {
+        recorded.message.tick: recorded.message
+        for recorded in recording.messages(("observe",), start=since)
+        if isinstance(recorded.message, wire.Observation)
+        and now < recorded.message.tick <= tick
+    }
+    for following in range(now + 1, tick + 1):
+        if following not in observations:
+            rule = f"must hold the observation of tick {following}"
+            raise RecordingError(f"{recording.path}: {rule}, got none")
+        snapshot.learn(*readings(observations[following], len(options.sensors)))
+    return snapshot
+
+
+def _last_frame(recording: Recording, tick: int) -> Start | None:
+    """Return the last key-frame up to a tick, be it one to start from or not."""
+    last: Start | None = None
+    for message, _, sequence, _, log_time in recording.messages(("keyframe",)):
+        if (
+            isinstance(message, wire.KeyFrame)
+            and (0 if last is None else last.frame.tick) <= message.tick <= tick
+        ):
+            last = Start(message, sequence, log_time)
+    return last

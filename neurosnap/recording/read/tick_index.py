@@ -1,0 +1,280 @@
+"""The messages of a recording, by tick, from anywhere in it.
+
+The ticks of a recording grow from chunk to chunk. So the chunk with a tick is found by
+halving, and nothing in between is unpacked. What was unpacked is kept for a while: who
+looks at one tick mostly looks at the next.
+"""
+
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+from mcap.records import Channel
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.recording.format.channels import channels_in
+from neurosnap.recording.format.chunk_index import Sieve, sieve
+from neurosnap.recording.format.chunks import unpack
+from neurosnap.recording.format.records import Chunk, damaged, opened
+from neurosnap.recording.read.growing_files import File, Files
+
+M = TypeVar("M")
+
+ROOM = 48 * 2**20
+"""Bytes of unpacked chunks that are kept, at most; the last one in any case."""
+_OBSERVATIONS = 100_000
+"""Observations that are kept beyond that: learning takes nothing else of a chunk."""
+
+
+class Strip:
+    """One chunk, unpacked; messages are decoded when they are first asked for.
+
+    Args:
+        found: Its messages.
+        topics: For each channel, the topic.
+        place: How to say that something in it is not what it should be.
+    """
+
+    def __init__(self, found: Sieve, topics: dict[int, str], place: str) -> None:
+        self.size = len(found.data)
+        self._found = found
+        self._channels = {topic: channel for channel, topic in topics.items()}
+        self._place = place
+        self._kept: dict[str, list[wire.Message]] = {}
+
+    def all(self, topic: str, kind: type[M]) -> list[M]:
+        """Return the messages of a topic, which are all of one kind.
+
+        Raises:
+            RecordingError: One of them is not of this kind.
+        """
+        if topic not in self._kept:
+            decode = msgspec.json.Decoder(wire.TOPICS[topic]).decode
+            try:
+                self._kept[topic] = [
+                    decode(self._found.payload(k)) for k in self._of(topic)
+                ]
+            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+                rule = f"{self._place}: /{topic} must hold its own messages"
+                raise RecordingError(f"{rule}, got {error}") from error
+        return [message for message in self._kept[topic] if isinstance(message, kind)]
+
+    def sequences(self, topic: str) -> list[int]:
+        """Return the running numbers of the messages of a topic."""
+        return [self._found.sequence(k) for k in self._of(topic)]
+
+    def _of(self, topic: str) -> list[int]:
+        """Return which messages are of a topic."""
+        channel = self._channels.get(topic, -1)
+        places: list[int] = np.flatnonzero(self._found.channels == channel).tolist()
+        return places
+
+
+class Reel:
+    """A recording's chunks, by tick. To be used by one thread at a time.
+
+    Args:
+        files: What it is in.
+    """
+
+    def __init__(self, files: Files) -> None:
+        self.damage: dict[int, str] = {}
+        """For each chunk that cannot be read, why."""
+        self.files = files
+        self._topics: dict[File, dict[int, str]] = {}
+        self._first_ticks: dict[int, int] = {}
+        self._kept: OrderedDict[int, Strip] = OrderedDict()
+        self._observed: OrderedDict[int, list[wire.Observation]] = OrderedDict()
+        self._observations = 0
+
+    def __len__(self) -> int:
+        """Return the number of chunks."""
+        return len(self.files)
+
+    def grow(self) -> bool:
+        """Look at what the files have gained; return whether that is anything.
+
+        Raises:
+            RecordingError: A file cannot be read.
+        """
+        grown, moved = self.files.grow()
+        if moved:
+            for kept in (self._first_ticks, self._kept, self._observed, self.damage):
+                kept.clear()
+            self._observations = 0
+        elif grown:
+            # What was behind the last tick may be in front of a next one now.
+            self._first_ticks = {k: v for k, v in self._first_ticks.items() if v}
+        return grown
+
+    def strip(self, number: int) -> Strip:
+        """Return the chunk of a number, counted from 0.
+
+        Raises:
+            RecordingError: It is damaged.
+        """
+        if number in self._kept:
+            self._kept.move_to_end(number)
+            return self._kept[number]
+        try:
+            strip = self._read(number)
+        except RecordingError as error:
+            self.damage.setdefault(number, str(error))
+            raise
+        self._kept[number] = strip
+        total = sum(kept.size for kept in self._kept.values())
+        while total > ROOM and len(self._kept) > 1:
+            total -= self._kept.popitem(last=False)[1].size
+        return strip
+
+    def readable(self, start: int, stop: int) -> Iterator[tuple[int, Strip]]:
+        """Yield the chunks from `start` up to `stop` that can be read."""
+        for number in range(max(0, start), min(stop, len(self))):
+            try:
+                yield number, self.strip(number)
+            except RecordingError:  # noted in `damage`
+                continue
+
+    def readable_back(self, most: int) -> Iterator[tuple[int, Strip]]:
+        """Yield the last chunks, `most` of them, the last one first."""
+        for number in range(len(self) - 1, max(-1, len(self) - 1 - most), -1):
+            yield from self.readable(number, number + 1)
+
+    def observed(self, number: int) -> list[wire.Observation]:
+        """Return the observations in a chunk; none if it cannot be read."""
+        if number in self._observed:
+            self._observed.move_to_end(number)
+            return self._observed[number]
+        found = [
+            observation
+            for _, strip in self.readable(number, number + 1)
+            for observation in strip.all("observe", wire.Observation)
+        ]
+        self._observed[number] = found
+        self._observations += len(found)
+        while self._observations > _OBSERVATIONS and len(self._observed) > 1:
+            self._observations -= len(self._observed.popitem(last=False)[1])
+        return found
+
+    def chunk_of(self, tick: int) -> int:
+        """Return the chunk in which a tick was observed, or would have been.
+
+        O(log(chunks)) chunks are unpacked.
+        """
+        return max(0, bisect_right(range(len(self)), tick, key=self._first_tick) - 1)
+
+    def chunk_after(self, tick: int) -> int:
+        """Return the chunk in which the tick after one was observed; else the last."""
+        for number in range(self.chunk_of(tick), len(self)):
+            if any(seen.tick > tick for seen in self.observed(number)):
+                return number
+        return max(0, len(self) - 1)
+
+    def last_tick(self) -> int:
+        """Return the last tick whose state was recorded; 0: there is none."""
+        for _, strip in self.readable_back(len(self)):
+            ticks = [state.tick for state in strip.all("state", wire.State)]
+            if ticks:
+                return max(ticks)
+        return 0
+
+    def keyframe(self, tick: int) -> wire.KeyFrame | None:
+        """Return the last key-frame at a tick or before; None: there is none.
+
+        Only chunks that are said to have one are unpacked.
+        """
+        for number in reversed(range(min(self.chunk_after(tick) + 2, len(self)))):
+            found = self._keyframes(number)
+            before = [frame for frame in found if frame.tick <= tick]
+            if before:
+                return max(before, key=lambda frame: frame.tick)
+        return None
+
+    def keyframe_after(self, tick: int) -> int:
+        """Return the tick of the first key-frame after one; very large: none."""
+        for number in range(max(0, self.chunk_of(tick) - 1), len(self)):
+            after = [f.tick for f in self._keyframes(number) if f.tick > tick]
+            if after:
+                return min(after)
+        return 1 << 62
+
+    def keyframes(self, most: int) -> Iterator[wire.KeyFrame]:
+        """Yield key-frames, by tick; where there are more than `most`, some of them."""
+        chunks = [k for k in range(len(self)) if self._has_keyframe(k)]
+        for number in chunks[:: -(-len(chunks) // most) if chunks else 1]:
+            yield from self._keyframes(number)[:1]
+
+    def _keyframes(self, number: int) -> list[wire.KeyFrame]:
+        if not self._has_keyframe(number):
+            return []
+        return [
+            frame
+            for _, strip in self.readable(number, number + 1)
+            for frame in strip.all("keyframe", wire.KeyFrame)
+        ]
+
+    def _has_keyframe(self, number: int) -> bool:
+        """Return whether a chunk is said to have a key-frame.
+
+        In a recording that was cut short that is not certain. Without a key-frame one
+        has to begin further back, and comes to the same.
+        """
+        file, chunk = self.files.place(number)
+        topics = self._topics_of(file)
+        return any(topics.get(channel) == "keyframe" for channel in chunk.counts)
+
+    def _first_tick(self, number: int) -> int:
+        """Return the first tick observed in a chunk or after it; very large: none."""
+        passed = []
+        found = 0
+        while number < len(self):
+            if number in self._first_ticks:
+                found = self._first_ticks[number]
+                break
+            passed.append(number)
+            found = min((seen.tick for seen in self.observed(number)), default=0)
+            if found:
+                break
+            number += 1
+        for before in passed:
+            self._first_ticks[before] = found
+        return found or 1 << 62
+
+    def _read(self, number: int) -> Strip:
+        """Return a chunk, unpacked and verified."""
+        file, chunk = self.files.place(number)
+        found = _unpacked(file, chunk)
+        topics = _named(found.registered.values()) or self._topics_of(file)
+        place = f"{file.path}: at byte {chunk.offset}: chunk {chunk.number}"
+        return Strip(found, topics, place)
+
+    def _topics_of(self, file: File) -> dict[int, str]:
+        """Return for each channel of a file its topic; see `Layout.channels`."""
+        if file not in self._topics:
+            said = file.seen.layout.channels
+            if not said and file.chunks:
+                with opened(file.path) as stream:
+                    said = channels_in(file.path, stream, file.chunks)
+            self._topics[file] = _named(said.values())
+        return self._topics[file]
+
+
+def _unpacked(file: File, chunk: Chunk) -> Sieve:
+    """Return the messages of a chunk, verified."""
+    with opened(file.path) as stream:
+        data = unpack(file.path, stream, chunk)
+    try:
+        return sieve(data)
+    except ValueError as error:
+        rule = f"chunk {chunk.number} must hold messages"
+        raise damaged(file.path, chunk.offset, rule, error) from error
+
+
+def _named(channels: Iterable[Channel]) -> dict[int, str]:
+    """Return for each channel its topic."""
+    topics = {channel.id: channel.topic.removeprefix("/") for channel in channels}
+    return {channel: name for channel, name in topics.items() if name in wire.TOPICS}

@@ -1,0 +1,1 @@
+"""Deriving a recorded run again: verify, resume, play back."""

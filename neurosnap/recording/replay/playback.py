@@ -1,0 +1,179 @@
+"""Play a recording back over Zenoh, message by message as it was on the wire.
+
+Whoever watches ``neurosnap/<swarm>/**`` sees the run again, at any speed or step by
+step. Nothing is derived here, and nothing but the recording decides what is sent.
+"""
+
+import asyncio
+import itertools
+import time
+from collections.abc import Awaitable, Callable, Iterator
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import nearest
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.recording.read.learned_at import learned_by
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.stretches import last_tick
+
+_NS = 1e9
+_WATCHERS = 1000
+_BURST = 256  # messages sent before other tasks get their turn
+
+
+class Played(msgspec.Struct):
+    """What was played."""
+
+    ticks: int = 0
+    messages: int = 0
+    seconds: float = 0.0
+
+
+async def play_on(
+    recording: Recording,
+    endpoint: str,
+    stop: asyncio.Event,
+    *,
+    rate: float = 1.0,
+    start: int = 1,
+    step: Callable[[int], Awaitable[bool]] | None = None,
+    on_begin: Callable[[], None] = lambda: None,
+    on_progress: Callable[[int], None] = lambda _: None,
+    credentials: Credentials | None = None,
+    insecure: bool = False,
+) -> Played:
+    """Open a hub on `endpoint` and play to whoever connects; see `play`.
+
+    With `credentials`, the hub's, whoever connects needs some of the same authority;
+    without, the endpoint must be on this machine unless `insecure` says otherwise.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
+        FabricError: The endpoint is in use, or cannot be listened on.
+    """
+    hub = await asyncio.to_thread(
+        open_hub, [endpoint], _WATCHERS, credentials=credentials, insecure=insecure
+    )
+    try:
+        async with ZenohFabric(
+            "player",
+            recording.swarm,
+            nearest(endpoint),
+            credentials=credentials,
+            insecure=insecure,
+        ) as fabric:
+            return await play(
+                recording,
+                fabric,
+                stop,
+                rate=rate,
+                start=start,
+                step=step,
+                on_begin=on_begin,
+                on_progress=on_progress,
+            )
+    finally:
+        await asyncio.to_thread(hub.close)
+
+
+async def play(
+    recording: Recording,
+    fabric: ZenohFabric,
+    stop: asyncio.Event,
+    *,
+    rate: float = 1.0,
+    start: int = 1,
+    step: Callable[[int], Awaitable[bool]] | None = None,
+    on_begin: Callable[[], None] = lambda: None,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Played:
+    """Publish what was recorded, from tick `start` to the end or until `stop`.
+
+    Before a start further on, the snapshot of the tick before goes out as a key-frame,
+    so that whoever watches knows what had been learned.
+
+    Args:
+        recording: What to play.
+        fabric: Entered by the caller, with the recorded run's swarm id.
+        stop: Ends it.
+        rate: How many times as fast as it was; ignored with `step`.
+        start: The first tick.
+        step: Awaited before each tick with its number; false ends it.
+        on_begin: Called once before the first message, when nothing is wrong.
+        on_progress: Told each tick.
+
+    Raises:
+        InvalidValueError: There is no tick `start`, or `rate` is no speed.
+        RecordingError: The recording is damaged.
+    """
+    if not 0 < rate < float("inf"):
+        raise InvalidValueError("rate", "must be positive and finite", rate)
+    last = last_tick(recording)
+    if not 1 <= start <= max(last, 1):
+        raise InvalidValueError("start", f"must be in [1, {last}]", start)
+    on_begin()
+    played, began = Played(), time.perf_counter()
+    if start > 1:
+        snapshot = learned_by(recording, start - 1)
+        fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
+    pace = _Pace(rate)
+    for count, recorded in enumerate(_from(recording, start)):
+        message = recorded.message
+        if isinstance(message, wire.Observation):
+            if step is not None and not await step(message.tick):
+                break
+            played.ticks += 1
+            on_progress(message.tick)
+        if step is None:
+            await pace.wait(recorded.log_time, stop)
+        elif count % _BURST == 0:
+            await asyncio.sleep(0)
+        if stop.is_set():
+            break
+        if not wire.is_part(
+            message.sender
+        ):  # a stranger's, recorded once: it has no key
+            continue
+        fabric.forward(recorded.delivery)
+        played.messages += 1
+    played.seconds = time.perf_counter() - began
+    return played
+
+
+def _from(recording: Recording, start: int) -> Iterator[Recorded]:
+    """Yield what was recorded from the observation of tick `start` on."""
+
+    def before(recorded: Recorded) -> bool:
+        message = recorded.message
+        return not (isinstance(message, wire.Observation) and message.tick >= start)
+
+    messages = recording.messages()
+    return messages if start == 1 else itertools.dropwhile(before, messages)
+
+
+class _Pace:
+    """Waits until it is a message's turn."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._first: int | None = None
+        self._began = 0.0
+        self._count = 0
+
+    async def wait(self, log_time: int, stop: asyncio.Event) -> None:
+        """Return when the message recorded at `log_time` is due, or `stop` is set."""
+        if self._first is None:
+            self._first, self._began = log_time, time.perf_counter()
+        due = self._began + (log_time - self._first) / _NS / self._rate
+        delay = due - time.perf_counter()
+        self._count += 1
+        if delay > 0:
+            await wait_at_most(stop, delay)
+        elif self._count % _BURST == 0:
+            await asyncio.sleep(0)

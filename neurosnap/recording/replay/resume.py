@@ -1,0 +1,361 @@
+"""Go on with a recorded run from its last whole tick.
+
+The new recording starts as a copy of the old one up to that tick and goes on from
+there, so it is whole by itself: it replays, and resumes, like any other. What the old
+one holds beyond the last whole tick is left out, and so are last words. Of a run that
+is recorded in several files that goes for the last one only.
+
+What has to be derived again begins at a key-frame: it takes the same time however long
+the run was.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.keyframes import Start, starts
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import first_path, part_path, part_paths
+from neurosnap.recording.read.stretches import stretches
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.replay.verify import (
+    DifferenceError,
+    Replay,
+    options_of,
+    resumed_at,
+    start_of,
+)
+from neurosnap.sensorium import pack
+
+_DATED = wire.Pulse | wire.Settled | wire.Burst | wire.Tally | wire.State | wire.Reached
+
+
+class _Point(NamedTuple):
+    """How far a recording can be derived."""
+
+    tick: int
+    """The last whole tick."""
+    waves: int
+    """Waves started by then."""
+    state: bytes
+    """The state after it, packed."""
+
+
+def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
+    """Find out where a recorded run can go on.
+
+    Derives the run again on the way, from its last key-frame but one: what is resumed
+    is known to be right since then.
+
+    Args:
+        log: Its recording; of several files the first, or the last.
+        most: Go on from no tick after this one. Whoever goes on with a run as it was
+            has to leave its last tick to be done: its end is a part of that.
+
+    Raises:
+        RecordingError: There is no whole tick in it, it lacks messages before the last
+            one, or it is not the run it says it is.
+    """
+    why: RecordingError | None = None
+    for recording, stretch in _backwards(log, most):
+        try:
+            return _look_back(recording, stretch, most)
+        except RecordingError as error:
+            why = why or error
+    raise why or RecordingError(
+        f"{log}: must hold a whole tick to go on from, got none"
+    )
+
+
+def _backwards(log: Path, most: int | None) -> Iterator[tuple[Recording, Recording]]:
+    """Yield where a run may go on, the furthest first: a file, and a stretch of it.
+
+    What lies behind damage may lack a key-frame to begin with, or the actions on the
+    way there; then it is what lies before.
+    """
+    files = _files(log, most)
+    while files:
+        last = files.pop()
+        for stretch in reversed(stretches(last)):
+            yield last, stretch
+        if not any(file.damage for file in (*files, last)):
+            return
+
+
+def _look_back(
+    recording: Recording, stretch: Recording, most: int | None
+) -> tuple[RunOptions, Past]:
+    """Find out where a run can go on in one stretch of its last file."""
+    options = options_of(recording)
+    tick, waves, state = _derive(stretch, most)
+    return options, Past(
+        log=str(recording.path),
+        tick=tick,
+        actions=_actions(recording, options, tick),
+        state=state,
+        counts=_counts(recording, stretch, tick, waves),
+        resumed=(*(t for t in resumed_at(recording) if t < tick), tick),
+        part=recording.part or 0,
+        begins=recording.begins,
+    )
+
+
+def past_of(log: Path, options: RunOptions) -> Past:
+    """Return where a run that is described again goes on with its recording.
+
+    Args:
+        log: As in `look_back`.
+        options: The run's; it may have more ticks by now, and other deadlines or syncs.
+
+    Raises:
+        InvalidValueError: It is another run, or has no more ticks than there are.
+        RecordingError: As from `look_back`.
+    """
+    recorded, past = look_back(log)
+    same = {name: getattr(options, name) for name in ("ticks", "deadline", "sync")}
+    if msgspec.structs.replace(recorded, **same) != options:
+        rule = "must be a recording of the run that is described"
+        raise InvalidValueError("resume", rule, str(log))
+    if options.ticks <= past.tick:
+        rule = f"must be more than the {past.tick} there are"
+        raise InvalidValueError("ticks", rule, options.ticks)
+    return past
+
+
+def past_at(log: Path, there: Past) -> Past:
+    """Return where a run goes on by another copy of its recording.
+
+    Args:
+        log: The copy.
+        there: By the original.
+
+    Raises:
+        InvalidValueError: It is no such copy.
+        RecordingError: As from `look_back`.
+    """
+    _, here = look_back(log, there.tick)
+    if msgspec.structs.replace(here, log=there.log) != there:
+        rule = f"must be the recording that the run goes on from at tick {there.tick}"
+        raise InvalidValueError("resume", rule, str(log))
+    return here
+
+
+def whole_ticks(log: Path) -> int:
+    """Return how far a recorded run can go on, in ticks; 0: it cannot.
+
+    Args:
+        log: As in `look_back`.
+    """
+    with suppress(RecordingError):
+        for recording, stretch in _backwards(log, None):
+            with suppress(RecordingError):
+                tick, waves, _ = _derive(stretch, None)
+                _counts(recording, stretch, tick, waves)
+                return tick
+    return 0
+
+
+def _files(log: Path, most: int | None) -> list[Recording]:
+    """Open the files there are of a run, up to the one to go on from.
+
+    It is the last of which the one before is finished: that may lack what a later one
+    is based on otherwise. Where it does lack something, the one before it is.
+    """
+    files: list[Recording] = []
+    for path in part_paths(log).values():
+        try:
+            recording = Recording.open(path)
+        except RecordingError:
+            if files and _is_blank(path):
+                break
+            raise
+        if path == log and recording.part != 0:
+            return [recording]
+        if most is not None and files and recording.begins > most:
+            break
+        files.append(recording)
+        if not recording.finished:
+            break
+    if len(files) > 1 and files[-1].share is None:
+        del files[-1]  # its beginning did not reach the disk, its name did
+    if len(files) > 1 and not files[-2].noted().completeness.whole:
+        del files[-1]
+    return files or [Recording.open(log)]  # which says why not
+
+
+def _is_blank(path: Path) -> bool:
+    """Tell whether a file has a name and no content, as a power cut leaves one."""
+    return not path.read_bytes().strip(b"\0")
+
+
+def _derive(recording: Recording, most: int | None) -> _Point:
+    """Find the last whole tick."""
+    replay = Replay(recording, _start(recording, most))
+    core, point = replay.core, None
+    if replay.first and replay.first == recording.begins:
+        point = _Point(core.tick, core.totals.waves, pack(core.snapshot.state))
+    for tick in _ticks(replay, most):
+        # Here and not behind the last one: the core has gone on by then.
+        point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
+    if point is None and replay.first:
+        # Nothing shows that all before the key-frame is there: so that is derived, too.
+        return _derive(recording, replay.first)
+    if point is None:
+        rule = "must hold a whole tick to go on from"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    return point
+
+
+def _ticks(replay: Replay, most: int | None) -> Iterator[int]:
+    """Yield the ticks of a replay up to tick `most`."""
+    try:
+        yield from islice(replay.ticks(), None if most is None else most - replay.first)
+    except DifferenceError as error:
+        raise RecordingError(f"{replay.path}: must be a true run: {error}") from error
+
+
+def _start(recording: Recording, most: int | None) -> Start | None:
+    """Return the last key-frame but one; None: the run is to be derived from its start.
+
+    Behind the last one there may be too little to tell whether all that came before it
+    is there. The one that a file begins with has that in another file.
+    """
+    last: Start | None = None
+    before: Start | None = None
+    first = recording.begins
+    for start in starts(recording):
+        if most is not None and start.frame.tick > most:
+            break
+        if last is None and first:
+            before = last = start
+        elif last is None or start.frame.tick > last.frame.tick:
+            before, last = last, start
+    if before is None and first:
+        rule = f"must hold the key-frame of tick {first}"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    return before
+
+
+def _actions(recording: Recording, options: RunOptions, tick: int) -> tuple[int, ...]:
+    """Return the actions decided on at ticks 1 to `tick` - 1."""
+    if not options.body.actions:
+        return (-1,) * (tick - 1)
+    taken = {
+        decision.tick: decision.action
+        for decision in _decisions(recording)
+        if decision.tick < tick
+    }
+    actions = tuple(taken[before] for before in range(1, tick) if before in taken)
+    if len(actions) < tick - 1:
+        rule = f"must have its decisions of ticks 1 to {tick - 1}, to do them again"
+        raise RecordingError(f"{recording.path}: {rule}, got {len(actions)}")
+    return actions
+
+
+def _decisions(recording: Recording) -> Iterator[wire.Decision]:
+    """Yield the decisions in a file, and in those before it."""
+    number = recording.part or 0
+    log = first_path(recording.path, number) if number else recording.path
+    before = [path for part, path in part_paths(log).items() if part < number]
+    for each in (*map(Recording.open, before), recording):
+        for recorded in each.messages(("decide",)):
+            if isinstance(recorded.message, wire.Decision):
+                yield recorded.message
+
+
+def _counts(
+    recording: Recording, stretch: Recording, tick: int, waves: int
+) -> dict[str, int]:
+    """Return how many messages of each part belong to the ticks up to `tick`.
+
+    Every part's messages of one tick come before those of the next, so each keeps a
+    beginning of its running numbers.
+
+    Args:
+        recording: A file of a run.
+        stretch: Of it: nothing may be missing from where this begins.
+        tick: One of its whole ticks.
+        waves: The waves started by then.
+
+    Raises:
+        RecordingError: One of them is missing.
+    """
+    if (share := recording.share) is None:
+        rule = "must say what numbers it begins with"
+        raise RecordingError(f"{recording.path}: {rule}, was cut before")
+    counts, kept = dict(share), recording.blank_sequences()
+    for recorded in recording.messages():
+        sender = recorded.message.sender
+        kept.receive(sender, recorded.sequence)
+        if _belongs(recorded.message, tick, waves):
+            counts[sender] = max(counts.get(sender, 0), recorded.sequence + 1)
+    if stretch is not recording:
+        kept = stretch.sequences()
+    gaps = kept.gaps(_begun_after(recording))
+    for sender, ranges in gaps.items():
+        if stretch.begins and ranges[0][0] == kept.first.get(sender, 0):
+            # That may be from before the file. Its numbers are not given again, so that
+            # they stay missing.
+            counts[sender] = max(counts.get(sender, 0), ranges.pop(0)[1])
+    lacking = {
+        sender: count
+        for sender, ranges in gaps.items()
+        if (count := _below(ranges, counts.get(sender, 0)))
+    }
+    if lacking:
+        raise RecordingError(
+            f"{recording.path}: must be whole up to tick {tick}, lacks {lacking}"
+        )
+    return counts
+
+
+def _belongs(message: wire.Message, tick: int, waves: int) -> bool:
+    """Tell whether a message shows that it is of a tick, or of one before."""
+    if isinstance(message, wire.Observation):
+        return message.tick <= tick
+    return isinstance(message, _DATED) and message.wave <= waves
+
+
+def _begun_after(recording: Recording) -> dict[str, int]:
+    """Return the numbers that shares of the next file begin with, if there is one.
+
+    They show what is missing at the end of a file behind which nothing counts.
+    """
+    if (number := recording.part) is None:
+        return {}
+    log = first_path(recording.path, number) if number else recording.path
+    try:
+        return Recording.open(part_path(log, number + 1)).share or {}
+    except RecordingError:  # there is none, or it was cut at its very beginning
+        return {}
+
+
+def _below(ranges: list[tuple[int, int]], end: int) -> int:
+    """Return how many numbers there are in half-open ranges that are below `end`."""
+    return sum(max(0, min(stop, end) - start) for start, stop in ranges)
+
+
+def restore(past: Past, ticks: int) -> Coordinator:
+    """Return the coordinator's core as it was after the last whole tick.
+
+    Args:
+        past: From `look_back`.
+        ticks: How many ticks the run is to have in all; more than there are.
+    """
+    several = stretches(Recording.open(Path(past.log)))
+    stretch = [one for one in several if one.begins <= past.tick][-1]
+    # All from there on was derived when it was looked back.
+    before = max(past.tick - 1, stretch.begins)
+    replay = Replay(stretch, start_of(stretch, before))
+    for _ in _ticks(replay, past.tick):
+        pass
+    replay.core.go_on(ticks)
+    return replay.core

@@ -1,0 +1,124 @@
+"""Files are given to the disk on a thread of its own, as they grow and at their end.
+
+Waiting for the disk may take long, and the recorder must not. One file that has its end
+is saved at a time: a run that writes faster than the disk takes it waits there, so that
+no heap of files grows that a power cut would take. Of a file that grows nobody waits
+for the last sync; the next one begins after it.
+
+A sync that failed is raised once, and what was written is given up: the system may have
+dropped it, so that a second sync would succeed and say nothing.
+"""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+from neurosnap.errors import RecordingError
+from neurosnap.recording.write.writer import Writer
+from neurosnap.system.durable import sync_folder
+
+
+class Saving:
+    """Saves files one after the other. To be used from one thread."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, "record/saving")
+        self._under_way: Future[None] | None = None
+        self._syncing: Future[None] | None = None
+        self._named: set[Path] = set()  # whose names the disk has; the thread's own
+
+    def sync(self, files: Sequence[Writer]) -> bool:
+        """Let what files were given so far be written to the disk; do not wait for it.
+
+        Does nothing while the last sync is under way.
+
+        Args:
+            files: They are open.
+
+        Returns:
+            It begins: what the last one was to write is on the disk.
+
+        Raises:
+            RecordingError: As `check`.
+        """
+        self.check()
+        if self._syncing is not None:
+            return False
+        opened = [(file.duplicate(), file.path) for file in files]
+        self._syncing = self._thread.submit(self._sync, opened)
+        return True
+
+    def _sync(self, opened: Sequence[tuple[int, Path]]) -> None:
+        try:
+            for descriptor, path in opened:
+                try:
+                    os.fsync(descriptor)
+                    if path not in self._named:
+                        sync_folder(path.parent)
+                        self._named.add(path)
+                except FileNotFoundError:
+                    pass  # the folder was moved; whoever flushes notices
+                except OSError as error:
+                    rule = "must reach the disk"
+                    got = f"{error.strerror} for {str(path)!r}"
+                    raise RecordingError(f"log: {rule}, got {got}") from error
+        finally:
+            for descriptor, _ in opened:
+                os.close(descriptor)
+
+    def save(self, file: Writer, unwanted: Sequence[Path]) -> None:
+        """Let a file be saved; wait first until the one before is.
+
+        Args:
+            file: It has its end.
+            unwanted: What to delete, once it is saved.
+
+        Raises:
+            RecordingError: As `wait`.
+        """
+        self.wait()
+        self._under_way = self._thread.submit(_save, file, unwanted)
+
+    def check(self) -> None:
+        """Raise what `wait` and `close` would, as far as that is known."""
+        if self._under_way is not None and self._under_way.done():
+            self.wait()
+        if self._syncing is not None and self._syncing.done():
+            self._wait_for_sync()
+
+    def _wait_for_sync(self) -> None:
+        synced, self._syncing = self._syncing, None
+        if synced is not None:
+            synced.result()
+
+    def wait(self) -> None:
+        """Wait until the last file is saved.
+
+        Raises:
+            RecordingError: It cannot be, or others cannot be deleted. It is said once.
+        """
+        saved, self._under_way = self._under_way, None
+        if saved is not None:
+            saved.result()
+
+    def close(self) -> None:
+        """End the thread, once it has saved what there is; may be called twice.
+
+        Raises:
+            RecordingError: As `wait`; or a file that grew did not reach the disk.
+        """
+        self._thread.shutdown()
+        self.wait()
+        self._wait_for_sync()
+
+
+def _save(file: Writer, unwanted: Sequence[Path]) -> None:
+    file.save()
+    for path in unwanted:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            rule = "files that are not kept must be deletable"
+            got = f"{error.strerror} for {str(path)!r}"
+            raise RecordingError(f"keep: {rule}, got {got}") from error

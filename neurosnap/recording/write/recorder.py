@@ -1,0 +1,219 @@
+"""The recorder's part of a swarm: it hears everything and writes it down.
+
+It is the last to leave: every other part says `wire.Leave` as its last word, and once
+that has come from all of them, with no number missing before it, the recording is known
+to be whole.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+
+from neurosnap import wire
+from neurosnap.errors import NeurosnapError
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.write.rotation import Parts
+from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.sources.live.journal import cut as cut_journal
+from neurosnap.sources.live.journal import journal_of
+
+_POLL = 0.02  # seconds messages may wait before they are written into a chunk
+_LAST_WORD = 0.5  # seconds a last word may arrive after its part has gone
+_FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
+
+
+async def run_recorder(
+    writer: Parts,
+    fabric: Fabric,
+    stop: asyncio.Event,
+    *,
+    parts: Collection[str],
+    grace: float = 5.0,
+    journal: Path | None = None,
+) -> Completeness:
+    """Record all traffic until every one of `parts` has left; finish the recording.
+
+    Reads everything, and the presence of `parts`, since one that was killed has no
+    last word, and where they are; publishes a ``fault`` for what cannot be recorded.
+
+    Args:
+        writer: Entered by the caller, who also leaves it in case of an error.
+        fabric: Entered by the caller.
+        stop: Once set, those who have not left get `grace` seconds to do so.
+        parts: Whose last word is awaited.
+        grace: Seconds.
+        journal: Where outside readings are kept until they are recorded.
+
+    Returns:
+        What the recording holds of what was sent; a part that never said its last word
+        lacks at least that.
+
+    Raises:
+        RecordingError: The disk does not take it; what was flushed stays readable.
+    """
+    listener = _Listener(writer, parts, fabric)
+    await fabric.subscribe(("**",), listener.handle, poll=_POLL)
+    await fabric.locate(listener.locate)
+    await fabric.watch(listener.change)
+    await fabric.announce()
+    flushing = asyncio.create_task(
+        _flush(writer, fabric, lambda: listener.framed, journal), name="recorder/flush"
+    )
+    serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
+    stopping = asyncio.create_task(stop.wait(), name="recorder/stop")
+    try:
+        await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
+        if not serving.done():
+            await asyncio.wait((serving,), timeout=grace)
+        if serving.done():
+            await serving
+    finally:
+        for task in (flushing, serving, stopping):
+            task.cancel()
+    listener.closed = True
+    return writer.finish(listener.totals(), listener.expected())
+
+
+async def _flush(
+    writer: Parts,
+    fabric: Fabric,
+    framed: Callable[[], int] = lambda: 0,
+    journal: Path | None = None,
+) -> None:
+    """Bound what a crash may cost, and a power cut if the run wants that.
+
+    What is safe, the journal need not keep: it is cut off up to the tick that `framed`
+    returned before.
+    """
+    synced = time.monotonic()
+    safe = syncing = cut = 0  # ticks
+    while True:
+        await asyncio.sleep(_FLUSH)
+        frame = framed()
+        try:
+            writer.flush(time.time_ns())
+            if not writer.sync_every:
+                safe = frame
+            elif writer.sync_every <= time.monotonic() - synced:
+                synced = time.monotonic()
+                if writer.sync():  # the one before is over
+                    safe, syncing = syncing, frame
+            if journal is not None and safe > cut:
+                await asyncio.to_thread(cut_journal, journal, safe)
+                cut = safe
+        except NeurosnapError as error:
+            fabric.fail(error)
+            return
+
+
+class _Listener:
+    """Writes each delivery, and keeps count of who has left and what it came to."""
+
+    def __init__(self, writer: Parts, parts: Collection[str], fabric: Fabric) -> None:
+        self._fabric = fabric
+        self.all_left = asyncio.Event()
+        self.closed = False
+        self._writer = writer
+        self._parts = frozenset(parts)
+        self._left: dict[str, int] = {}
+        self._going: dict[str, asyncio.TimerHandle] = {}
+        self._gone: set[str] = set()
+        self._awaited = set(parts)  # who has not come yet
+        self._places: dict[str, Place] = {}
+        self._ticks = 0
+        self._frame = 0  # the tick of the last key-frame
+        self.framed = 0
+        """The tick of the last key-frame but one: nobody goes on from before it."""
+
+    def handle(self, deliveries: list[wire.Delivery]) -> None:
+        """Write a burst down; what comes after the end shows as missing."""
+        if self.closed:
+            return
+        is_first = False
+        for delivery in deliveries:
+            match self._writer.add(delivery, time.time_ns()):
+                case None:
+                    # Whom it was for says what is wrong; it may be for nobody.
+                    rule = "must hold a message that can be recorded"
+                    what = f"{delivery.key:.100}: {rule}"
+                    self._fabric.publish(wire.Fault(self._fabric.who, what))
+                case wire.State(tick=tick):
+                    is_first, self._ticks = not self._ticks, tick
+                case wire.KeyFrame(tick=tick) if tick > self._frame:
+                    self.framed, self._frame = self._frame, tick
+                case wire.Leave(who=who):
+                    self._left[who] = delivery.sequence + 1
+                case _:
+                    pass
+        if is_first:
+            # There is something to go on from, and be it the only tick.
+            self._writer.flush(time.time_ns())
+        self._find_all_left()
+
+    def locate(self, who: str, place: Place) -> None:
+        """Take in where a part is, before it is said to be there."""
+        if who in self._parts:
+            self._places[who] = place
+
+    def change(self, who: str, alive: bool) -> None:
+        """Take in that a part came or went; once all are there, note where they are."""
+        if self.closed:
+            return
+        if alive:
+            self._note_place(who)
+            self._gone.discard(who)
+            if (timer := self._going.pop(who, None)) is not None:
+                timer.cancel()
+        else:
+            # Its last word travels apart from its presence, and may be on the way.
+            loop = asyncio.get_running_loop()
+            self._going[who] = loop.call_later(_LAST_WORD, self._give_up, who)
+
+    def _note_place(self, who: str) -> None:
+        """Take in that a part is there; once all are, note where they are."""
+        if who in self._awaited:
+            self._awaited.remove(who)
+            if not self._awaited:
+                self._writer.note_places(self._places)
+
+    def _give_up(self, who: str) -> None:
+        self._going.pop(who, None)
+        self._gone.add(who)
+        self._find_all_left()
+
+    def _find_all_left(self) -> None:
+        if self._parts <= self._left.keys() | self._gone:
+            self.all_left.set()
+
+    def expected(self) -> Mapping[str, int]:
+        """Return how many messages each part must have sent."""
+        return {
+            who: self._left.get(who, self._writer.upcoming(who) + 1)
+            for who in self._parts
+        }
+
+    def totals(self) -> Mapping[str, str]:
+        """Return what the run came to, as far as the recorder can tell."""
+        return {"ticks": str(self._ticks)}
+
+
+async def be_recorder(
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    path: str,
+    metadata: dict[str, str],
+    past: Past | None,
+    parts: tuple[str, ...],
+) -> None:
+    """Record everything, after what there is of a resumed run."""
+    with Parts(path, metadata, past) as writer:
+        async with seat.fabric() as fabric:
+            balance = await run_recorder(
+                writer, fabric, stop, parts=parts, journal=journal_of(Path(path))
+            )
+    reporter.done(balance)

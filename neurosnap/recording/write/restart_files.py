@@ -1,0 +1,285 @@
+"""The files of a run that goes on after a death: what goes, and what is kept beside.
+
+No file that holds ticks is deleted or written over, unless each of its ticks was read
+back from other files, which nobody writes to any more and which the disk has. What
+cannot be read to its end is never deleted: nobody knows what is in it.
+
+A run that goes on copies the last file that it can go on from. That file is called
+``NAME.broken`` meanwhile, and goes once the new one holds its ticks. What cannot be
+gone on from is kept as ``NAME.damaged-1.mcap``, or the next number that is free. Every
+step is a rename or a deletion, so that whoever is killed between two of them leaves all
+ticks in files with one of these names, or in the recording itself.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeAlias
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_path, part_paths
+from neurosnap.recording.replay.resume import look_back, whole_ticks
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.system.durable import sync_file, sync_folder
+
+_Tick: TypeAlias = tuple[int, bytes, bytes, bool]
+_LEAST = len(MAGIC) + HEAD.size + CHUNK_HEAD.size
+"""Bytes without which there is no chunk."""
+# A chunk of less than 4 GiB: its length, times, size, checksum, compression, and bytes.
+_CHUNK = re.compile(
+    rb"(?=\x06(.{4})\0{4}.{28}(\x04\0{3}zstd|\0{4})(.{4})\0{4})", re.DOTALL
+)
+
+
+class Lives:
+    """The files of one run, from one life of its swarm to the next.
+
+    Args:
+        log: The recording; of several files the first.
+    """
+
+    def __init__(self, log: Path) -> None:
+        self._log = log
+        self._broken = log.with_name(f"{log.name}.broken")
+        self.kept: list[Path] = []
+        """What could not be gone on from, and is not known to be in the recording."""
+        self.unread: list[Path] = []
+        """Files of the recording that are damaged, and that it goes on without."""
+
+    def check_free(self) -> None:
+        """Refuse to record where a run left something that was cut short.
+
+        Raises:
+            InvalidValueError: Its launcher was killed; the text says how to go on.
+        """
+        if self._broken.exists():
+            rule = (
+                "must be taken away first: a run left it that was cut short; go on"
+                " from it, or from its recording if that got further, with `neurosnap"
+                " replay FILE --resume --out NEW`"
+            )
+            raise InvalidValueError("log", rule, str(self._broken))
+
+    @property
+    def recorded(self) -> bool:
+        """There is a file of the recording."""
+        return bool(part_paths(self._log))
+
+    def furthest(self, options: RunOptions) -> Past | None:
+        """Return where the recorded run can go on; None: it has no whole tick.
+
+        Of several files, one that is damaged may be skipped: then the last is taken
+        that can be gone on from alone.
+
+        Args:
+            options: The run's. It goes on from no later tick than the one before its
+                last: with that done again, it ends as it should.
+        """
+        paths = part_paths(self._log)
+        later = [path for number, path in paths.items() if number]
+        for path in (self._log, *reversed(later)):
+            try:
+                recorded, found = look_back(path, options.ticks - 1)
+            except RecordingError:
+                continue
+            if recorded != options:
+                continue  # a cut file has no checksum for what it says of its run
+            before = [each for number, each in paths.items() if number < found.part]
+            self.unread = [each for each in before if not _is_sound(each)]
+            return found
+        self.unread = []
+        return None
+
+    def go_on(
+        self, found: Past | None, before: Past | None
+    ) -> tuple[bool, Past | None]:
+        """Make room for the recording of the next life.
+
+        Args:
+            found: From `furthest`.
+            before: Where the life that ended had gone on from.
+
+        Returns:
+            Whether the run got further than it had, and where it goes on.
+
+        Raises:
+            OSError: A file cannot be moved, or the disk does not take it.
+        """
+        if found is None or (before is not None and found.tick <= before.tick):
+            first = 0 if before is None else before.part
+            self._clear(first, [] if before is None else [Path(before.log)])
+            return False, before
+        base = Path(found.log)
+        self._clear(found.part + 1, [base])
+        if self._broken.exists():
+            self._discard(self._broken, self._files(_number(self._broken)))
+        sync_file(base)
+        base.rename(self._broken)
+        sync_folder(base.parent)
+        return True, msgspec.structs.replace(found, log=str(self._broken))
+
+    def have_left(self, tick: int) -> bool:
+        """Tell whether a file of an earlier life holds a tick, as it was observed.
+
+        Args:
+            tick: Where it was cut off, so that the next life does it again.
+        """
+        left = [self._broken] if self._broken.exists() else []
+        with suppress(RecordingError):
+            return any(one[0] == tick for one in _ticks([*left, *self.kept]))
+        return False
+
+    def settle(self) -> None:
+        """Delete what the recording holds all of, once it has its end.
+
+        Raises:
+            OSError: A file cannot be moved or deleted.
+        """
+        if not part_paths(self._log):
+            return  # somebody took it away
+        if self._broken.exists():
+            self._discard(self._broken, self._files(_number(self._broken)))
+        for path in list(self.kept):
+            if _deleted(path, self._files(_number(path))):
+                self.kept.remove(path)
+
+    def keep_furthest(self) -> None:
+        """Let the recording be the one of two that has more whole ticks.
+
+        Of a run in several files, ``NAME.broken`` is one of them, and goes back to its
+        place. Blocks for as long as it takes to derive the last ticks of both again.
+        Where there is no such file, nothing is done.
+        """
+        if not self._broken.exists():
+            return
+        number = _number(self._broken)
+        after, before = whole_ticks(self._log), whole_ticks(self._broken)
+        if after and after >= before:
+            self._discard(self._broken, self._files(number))
+            return
+        self._clear(number, [self._broken])
+        self._broken.rename(part_path(self._log, number))
+
+    def _files(self, first: int) -> list[Path]:
+        """Return the files of the recording from number `first` on."""
+        paths = part_paths(self._log).items()
+        return [path for number, path in paths if number >= first]
+
+    def _clear(self, first: int, held_by: Sequence[Path]) -> None:
+        """Move the files of the recording from number `first` on out of the way."""
+        for path in self._files(first):
+            self._discard(path, held_by)
+
+    def _discard(self, path: Path, held_by: Sequence[Path]) -> None:
+        """Delete a file if others hold its ticks; otherwise keep it beside."""
+        if _deleted(path, held_by):
+            return
+        kept = self._free_name()
+        path.rename(kept)
+        sync_folder(kept.parent)
+        self.kept.append(kept)
+
+    def _free_name(self) -> Path:
+        number = 1
+        while (path := damaged_path(self._log, number)).exists():
+            number += 1
+        return path
+
+
+def damaged_path(log: Path, number: int) -> Path:
+    """Return where something is kept that cannot be gone on from.
+
+    Example:
+        >>> damaged_path(Path("run.mcap"), 1).name
+        'run.damaged-1.mcap'
+    """
+    return log.with_name(f"{log.stem}.damaged-{number}{log.suffix}")
+
+
+def _deleted(path: Path, held_by: Sequence[Path]) -> bool:
+    """Delete a file if others hold all of its ticks; tell whether they do."""
+    try:
+        if path.stat().st_size > _LEAST and not _hold(held_by, path):
+            return False
+    except RecordingError:  # it cannot be read, or they cannot
+        return False
+    for other in held_by:
+        sync_file(other)
+    path.unlink()
+    return True
+
+
+def _hold(files: Sequence[Path], path: Path) -> bool:
+    """Tell whether files hold every whole tick of another one, as it was observed.
+
+    Raises:
+        RecordingError: One of them cannot be read.
+    """
+    held = _ticks(files)
+    return _is_sound(path) and all(tick in held for tick in _ticks([path]))  # in order
+
+
+def _is_sound(path: Path) -> bool:
+    """Tell whether a file can be read to its end, or to where it was cut."""
+    try:
+        recording = Recording.open(path)
+        cut = recording.cut
+        if recording.damage:
+            return False
+        return cut is None or not _has_chunk(path, cut.offset)
+    except RecordingError:
+        return False
+
+
+def _ticks(files: Sequence[Path]) -> Iterator[_Tick]:
+    """Yield the ticks that have an observation and a state, in order.
+
+    One of both may overtake the other on the way to the recorder.
+    """
+    observed: dict[int, wire.Observation] = {}
+    stated: set[int] = set()
+    for path in files:
+        for recorded in Recording.open(path).messages(("observe", "state")):
+            match recorded.message:
+                case wire.Observation(tick=tick) as message:
+                    observed[tick] = message
+                case wire.State(tick=tick):
+                    stated.add(tick)
+                case _:
+                    continue
+            if tick in observed and tick in stated:
+                stated.remove(tick)
+                seen = observed.pop(tick)
+                yield tick, seen.bits, seen.known, seen.begins
+
+
+def _has_chunk(path: Path, offset: int) -> bool:
+    """Tell whether there is a chunk behind the place where a file seems to be cut.
+
+    Then it is no cut: a length before it is damaged. What is cut ends within a record.
+    """
+    with path.open("rb") as file:
+        file.seek(offset)
+        rest = file.read()
+    for match in _CHUNK.finditer(rest):
+        length, packed = (int.from_bytes(match[n], "little") for n in (1, 3))
+        is_one = length == 32 + len(match[2]) - 4 + 8 + packed
+        # The record that is cut is one that fits; behind it there must be none.
+        if is_one == (match.start() > 0):
+            return True
+    return False
+
+
+def _number(log: Path) -> int:
+    """Return which of the files of its run one is; 0 where it does not say."""
+    try:
+        return Recording.open(log).part or 0
+    except RecordingError:
+        return 0

@@ -1,0 +1,411 @@
+"""A recording in as many files as its size takes; each can be replayed by itself.
+
+When a file is over the size, the next key-frame begins another. A key-frame is said
+when nothing is under way, so all that belongs before it was sent before it, by whoever
+it was; but not all of that has come by then, since senders overtake each other. So the
+file before stays open for a while, and each sender's messages go there until its first
+of a later wave or tick: what a sender says comes in order, so nothing of before can
+follow that. (A wave that was given up may still make its cells talk; but a cell acts on
+no later one before it has heard which are over.) What has neither wave nor tick, a
+fault or a last word, goes where its sender's last message went. That makes every file's
+share of a sender's running numbers one range, and the file is whole if nothing is
+missing in it.
+
+Others overtake the key-frame instead. So what answers a word of the coordinator that
+has not come yet, the start of its wave or the decision before its tick, waits for that.
+
+A sender that says nothing for `LATE` after the key-frame is taken to have had nothing
+left to say; if it had, that goes to the newer file. If all ends before that, the file
+before gets no end, unless that sender has said a last word. What is missing between the
+last message of a sender in the one file and the first in the other, the older lacks.
+
+The decision of a file's last tick follows the key-frame, so it is in the next file. The
+key-frame says it, too, and it is noted among the totals of the file before, which can
+be verified to its end alone.
+
+A file that is over is finished at once, so that it survives the end of this process;
+what waits for the disk is `neurosnap.recording.write.fsync_thread`.
+"""
+
+import contextlib
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import Annotated, NamedTuple, Self
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.recording.format.completeness import Completeness, added_up
+from neurosnap.recording.format.records import CLOSING, SMALLEST
+from neurosnap.recording.read.split_files import part_path, part_paths
+from neurosnap.recording.replay.resume_point import Past, begin_recording, facts_of
+from neurosnap.recording.write.causal_order import Causes, Heard, is_beyond
+from neurosnap.recording.write.fsync_thread import Saving
+from neurosnap.recording.write.writer import Writer
+
+_log = logging.getLogger(__name__)
+
+LATE = 2 * 10**9
+"""Nanoseconds that a file stays open for what was sent before the next one began, and
+that a message waits for the word it answers."""
+
+
+class Split(msgspec.Struct, frozen=True):
+    """How a recording is spread over files."""
+
+    size: Annotated[int, msgspec.Meta(ge=SMALLEST)]
+    """Bytes after which the next key-frame begins another file. It has more than that
+    by what is recorded from one key-frame to the next."""
+    keep: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """How many of them are kept, the newest; 0: all."""
+
+
+def split_of(metadata: Mapping[str, str]) -> Split | None:
+    """Return how a run wants to be recorded, by what is written of it; None: whole.
+
+    Raises:
+        RecordingError: What is written there is not valid.
+    """
+    try:
+        size = int(metadata.get("split", "0"))
+        keep = int(metadata.get("keep", "0"))
+        return msgspec.convert({"size": size, "keep": keep}, Split) if size else None
+    except ValueError as error:
+        raise RecordingError(f"split: must be sizes, got {error}") from error
+
+
+def sync_of(metadata: Mapping[str, str]) -> float:
+    """Return how often a run wants its recording synced, in seconds; 0: at the end.
+
+    Raises:
+        RecordingError: What is written there is not valid.
+    """
+    try:
+        return float(metadata.get("sync", "0"))
+    except ValueError as error:
+        raise RecordingError(f"sync: must be seconds, got {error}") from error
+
+
+class _Boundary(NamedTuple):
+    """Where the newest file begins."""
+
+    decision: wire.Decision
+    """That of the key-frame's tick."""
+    wave: int
+    closes: int
+    """The time of recording after which nothing of before is waited for."""
+
+
+class Parts:
+    """Writes a recording, in one file or in several; see `Writer`.
+
+    Args:
+        log: Where to write; the further files are called after it.
+        metadata: What to write of the run into each of them. It says how to spread
+            them, as `split_of` reads it.
+        past: What the recording takes over, for a run that is resumed.
+        split: How to spread them; None: as is written of the run.
+        new_writer: Makes a file.
+
+    Raises:
+        RecordingError: A file exists already, or cannot be made.
+    """
+
+    def __init__(
+        self,
+        log: Path | str,
+        metadata: Mapping[str, str],
+        past: Past | None = None,
+        *,
+        split: Split | None = None,
+        new_writer: Callable[[Path], Writer] = Writer,
+    ) -> None:
+        self._log = Path(log)
+        self._split = split or split_of(metadata)
+        self.sync_every = sync_of(metadata)
+        """Seconds between two calls of `sync` that the run wants; 0: none."""
+        self._make = new_writer
+        self._number = 0 if past is None else past.part
+        self._begins = 0 if past is None else past.begins
+        self._metadata = facts_of(metadata, past)
+        self._check_free()
+        self._older: Writer | None = None
+        self._boundary = _Boundary(wire.Decision(0, -1, ""), 0, 0)
+        self._causes = Causes(LATE)
+        self._passed: set[str] = set()  # whose messages go to the newest file
+        self._closed: list[Completeness] = []
+        self._saving = Saving()
+        self._warned = False
+        self._places: Mapping[str, Place] = {}
+        self._vanished: list[str] = []
+        self._newest = self._new_writer()
+        try:
+            begin_recording(self._newest, self._facts(), past)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def _check_free(self) -> None:
+        """Refuse to write where a later file would be in the way."""
+        for number, path in part_paths(self._log).items():
+            if self._split is not None and number > self._number:
+                rule = "must not exist yet"
+                raise RecordingError(f"log: {rule}, got {str(path)!r}")
+
+    def _new_writer(self) -> Writer:
+        return self._make(part_path(self._log, self._number))
+
+    def _facts(self) -> dict[str, str]:
+        """Return what is written of the run at the start of the newest file."""
+        if self._split is None:
+            return self._metadata
+        part = {"part": str(self._number), "begins": str(self._begins)}
+        return {**self._metadata, **part}
+
+    def note_places(self, places: Mapping[str, Place]) -> None:
+        """Write down where parts are, in each file from now on.
+
+        Raises:
+            RecordingError: See `Writer.note_places`.
+        """
+        self._places = dict(places)
+        if places:
+            self._newest.note_places(places)
+
+    def upcoming(self, sender: str) -> int:
+        """Return the number after the highest that came from `sender`."""
+        known = [
+            self._newest.sequences.upcoming(sender),
+            self._causes.upcoming(sender),
+        ]
+        if self._older is not None and sender not in self._passed:
+            known.append(self._older.sequences.upcoming(sender))
+        return max(known)
+
+    def add(self, delivery: wire.Delivery, log_time: int) -> wire.Message | None:
+        """Write one message into the file it belongs to; see `Writer.add`.
+
+        Returns:
+            The message; None: it is foreign, and left out.
+
+        Raises:
+            RecordingError: The disk does not take what it is given, or a file exists
+                already where the next one has to be.
+        """
+        message = self._newest.read(delivery)
+        if message is not None and self._split is None:
+            self._newest.put(message, delivery, log_time)
+        elif message is not None:
+            self._write_all(self._causes.take(Heard(message, delivery, log_time)))
+        return message
+
+    def _write_all(self, several: Iterable[Heard]) -> None:
+        for heard in several:
+            self._write(*heard)
+
+    def _write(
+        self, message: wire.Message, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        """Write one message into the file it belongs to."""
+        if isinstance(message, wire.KeyFrame) and self._is_full(message, delivery):
+            self._begin(message, delivery, log_time)
+        if self._older is not None:
+            if log_time > self._boundary.closes:
+                self._close()
+            elif self._belongs_before(message, delivery.sequence, self._older):
+                self._older.put(message, delivery, log_time)
+                return
+        self._newest.put(message, delivery, log_time)
+
+    def _is_full(self, frame: wire.KeyFrame, delivery: wire.Delivery) -> bool:
+        """Tell whether a key-frame is to begin another file.
+
+        Not if it came before; or the newest begins with it, since that of a run which
+        goes on from there is still to get it; or its tick's decision is in a file
+        already, as when the world has ended and nothing is to follow.
+        """
+        return (
+            self._split is not None
+            and self._newest.size > self._split.size
+            and frame.waves > 0
+            and frame.tick > self._begins
+            and frame.tick >= self._causes.asked
+            and delivery.sequence >= self.upcoming(frame.sender)
+        )
+
+    def _begin(
+        self, frame: wire.KeyFrame, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        """Let a key-frame begin the next file."""
+        self._close()
+        self._older = self._newest
+        self._warn_of_size(self._older)
+        self._older.note_frame(frame, delivery.sent, log_time)
+        self._number += 1
+        self._begins = frame.tick
+        self._newest = self._new_writer()
+        self._newest.start(self._facts())
+        self.note_places(self._places)
+        decision = wire.Decision(frame.tick, frame.action, frame.why)
+        self._boundary = _Boundary(decision, frame.waves, log_time + LATE)
+        self._passed = set()
+        self._pass(frame.sender, delivery.sequence, self._older)
+
+    def _warn_of_size(self, older: Writer) -> None:
+        """Say once that files are much larger than asked."""
+        if self._split is None or self._warned or older.size <= 2 * self._split.size:
+            return
+        self._warned = True
+        _log.warning(
+            "files have some %d bytes, not %d: so much comes between two key-frames",
+            older.size,
+            self._split.size,
+        )
+
+    def _belongs_before(
+        self, message: wire.Message, sequence: int, older: Writer
+    ) -> bool:
+        """Tell whether a message belongs into the older file; let its sender pass."""
+        sender = message.sender
+        if sender in self._passed:
+            return False
+        if not is_beyond(message, self._boundary.decision.tick, self._boundary.wave):
+            return True
+        self._pass(sender, sequence, older)
+        if self._passed >= older.sequences.first.keys():
+            self._close()
+        return False
+
+    def _pass(self, sender: str, sequence: int, older: Writer) -> None:
+        """From here on a sender's messages go to the newest file.
+
+        What is lost between its last in the older file and this one is missing there:
+        it may be what that ends with, and nobody looks back from the newest.
+        """
+        self._passed.add(sender)
+        first = max(sequence, older.sequences.upcoming(sender))
+        self._newest.sequences.begin(sender, first)
+
+    def _close(self, expected: Mapping[str, int] = MappingProxyType({})) -> None:
+        """Finish the older file, if one is open, and let it be saved.
+
+        Args:
+            expected: How many messages senders must have sent in all. Who has not said
+                anything since the newer file began may lack some in this one: then it
+                gets no end, and nobody goes on from the newer.
+        """
+        if self._older is None:
+            return
+        self._saving.wait()  # what is in here cannot be lost by an error yet
+        older, self._older = self._older, None
+        self._watch(older)
+        begun = self._newest.sequences.first
+        ends = {
+            sender: begun.get(sender, older.sequences.upcoming(sender))
+            for sender in older.sequences.first.keys() | self._passed
+        }
+        silent = ends.keys() - self._passed
+        is_whole = all(expected.get(sender, 0) <= ends[sender] for sender in silent)
+        for sender, end in ends.items():
+            self._newest.sequences.begin(sender, end)
+        # First of all: who goes on from the newest file has to know.
+        self._newest.note_share()
+        if not is_whole:
+            older.abandon()
+            self._closed.append(
+                older.sequences.completeness(ends, foreign=older.foreign)
+            )
+            return
+        closing = self._boundary.decision
+        totals = {
+            "ticks": str(closing.tick),
+            CLOSING: wire.encode(closing).decode(),
+        }
+        self._closed.append(older.end(totals, ends))
+        self._saving.save(older, self._unwanted())
+
+    def _unwanted(self) -> list[Path]:
+        """Return the files that are not kept."""
+        if self._split is None or not self._split.keep:
+            return []
+        last = self._number - self._split.keep
+        return [path for n, path in part_paths(self._log).items() if n <= last]
+
+    def flush(self, now: int) -> None:
+        """Give what there is to the operating system; see `Writer.flush`.
+
+        Args:
+            now: By the clock of `add`; what waits for longer than `LATE` goes along.
+
+        Raises:
+            RecordingError: Also where a file that was closed before cannot be saved.
+        """
+        self._saving.check()
+        self._write_all(self._causes.due(now))
+        for file in self._files():
+            file.flush()
+            self._watch(file)
+
+    def _files(self) -> list[Writer]:
+        """Return the files that are written to."""
+        return [file for file in (self._older, self._newest) if file is not None]
+
+    def _watch(self, file: Writer) -> None:
+        """Say once of a file that it is not where it was."""
+        path = str(file.path)
+        if not file.in_place and path not in self._vanished:
+            self._vanished.append(path)
+            rule = "must stay where it is while it is written"
+            _log.error("log: %s, got deleted, moved or replaced %r", rule, path)
+
+    def sync(self) -> bool:
+        """Let what was flushed be written to the disk, on a thread.
+
+        Returns:
+            It begins. Otherwise the last time is not over.
+
+        Raises:
+            RecordingError: Now or before the disk did not take it.
+        """
+        return self._saving.sync(self._files())
+
+    def finish(
+        self, totals: Mapping[str, str], expected: Mapping[str, int]
+    ) -> Completeness:
+        """Finish all files; see `Writer.finish`.
+
+        Returns:
+            What they hold of what was sent, added up.
+        """
+        self._write_all(self._causes.rest())
+        self._close(expected)
+        self._saving.close()
+        self._watch(self._newest)
+        balances = [*self._closed, self._newest.finish(totals, expected)]
+        vanished = tuple(self._vanished)
+        return msgspec.structs.replace(added_up(balances), vanished=vanished)
+
+    def abandon(self) -> None:
+        """Close without totals and index; see `Writer.abandon`."""
+        files = [file for file in (self._newest, self._older) if file is not None]
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._saving.close)
+            for file in files:
+                stack.callback(file.abandon)
+            if all(file.is_open for file in files):
+                self._write_all(self._causes.rest())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.abandon()

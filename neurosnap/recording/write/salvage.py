@@ -1,0 +1,108 @@
+"""A damaged recording written anew: all that can be proved, and what is missing.
+
+The new file is whole as a file. Where the old one lacks messages it has a note between
+its chunks, so that whoever reads it derives nothing across, and says what is missing.
+"""
+
+from collections.abc import Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.recording.format.completeness import Completeness, Sequences
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import Whole, open_whole
+from neurosnap.recording.read.stretches import lost_behind
+from neurosnap.recording.replay.resume_point import copy_into
+from neurosnap.recording.write.writer import Writer
+
+SALVAGED = "salvaged"
+"""Among what is written of a run: the recording it was salvaged from."""
+_OF_ITS_FILE = ("part", "begins", "split", "keep")
+_BALANCE = ("completeness", "expected")
+
+
+class Salvaged(msgspec.Struct, frozen=True):
+    """What was written, and what could not be."""
+
+    path: str
+    completeness: Completeness
+    """Of the new recording."""
+    lost: tuple[str, ...]
+    """What of the old one cannot be read, a line each; empty: it is whole."""
+
+
+def salvage(log: Path, out: Path) -> Salvaged:
+    """Write what can be proved of a recording into a new file.
+
+    Every message of every chunk whose checksum is right is in it, and nothing else. Of
+    a run in several files it is all of them in one. Time: that of reading twice and
+    writing once.
+
+    Args:
+        log: A recording, or the first of its files for all of them.
+        out: Must not exist yet; taken away again where it cannot be written.
+
+    Raises:
+        RecordingError: `log` is no recording of ours, or what it says of its run cannot
+            be proved; or `out` cannot be written.
+    """
+    recording = open_whole(log)
+    recording.demand_facts()
+    parts = recording.parts if isinstance(recording, Whole) else (recording,)
+    with Writer(out) as writer:
+        try:
+            writer.start(_facts(recording))
+            _begin(writer, parts[0])
+            lost = _copy(writer, parts)
+            if isinstance(recording, Whole):
+                lost = "; ".join((lost, *recording.unread)).strip("; ")
+            if lost:
+                writer.note_gap(lost)
+            noted = recording.noted()
+            totals = recording.totals or {}
+            kept = {k: v for k, v in totals.items() if k not in _BALANCE}
+            completeness = writer.finish(kept, noted.expected)
+        except BaseException:
+            out.unlink(missing_ok=True)
+            raise
+    return Salvaged(str(out), completeness, _lost(recording))
+
+
+def _begin(writer: Writer, first: Recording) -> None:
+    """Let the senders' shares begin as in the first file there is."""
+    if (share := first.share) is None:
+        writer.sequences = Sequences(anywhere=True)
+        return
+    for sender, number in share.items():
+        writer.sequences.begin(sender, number)
+    if first.part:
+        writer.note_share()
+
+
+def _copy(writer: Writer, parts: Sequence[Recording]) -> str:
+    """Write the messages of all files; return why some are missing behind the last."""
+    lost = ""
+    for part, after in zip_longest(parts, parts[1:]):
+        copy_into(writer, part, lost=lost)
+        lost = lost_behind(part, after)
+    return lost
+
+
+def _lost(recording: Recording) -> tuple[str, ...]:
+    cut = recording.cut
+    if cut is None or isinstance(recording, Whole):
+        return recording.damage
+    where = f"byte {cut.offset} of {cut.size}"
+    return (*recording.damage, f"{recording.path}: cut short at {where}")
+
+
+def _facts(recording: Recording) -> dict[str, str]:
+    """Return what is written of the run."""
+    facts = dict(recording.metadata)
+    if not recording.begins:
+        for name in _OF_ITS_FILE:
+            facts.pop(name, None)
+    facts[SALVAGED] = recording.path.name
+    return facts

@@ -1,0 +1,470 @@
+"""Recording: every message as it was on the wire, into one MCAP file.
+
+What is in the file can be read back: a payload goes in only if it decodes, under its
+own key, and only once. Whatever happens after a chunk was flushed (a crash, a full
+disk), that chunk stays readable; `finish` adds the index, the totals and the final
+snapshot.
+
+Every payload is decoded in full before it goes in. Reading just the sender out of it
+would save a third of a microsecond of five, and would let through what no reader could
+decode afterwards.
+"""
+
+import logging
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self, TypeAlias
+
+import msgspec
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, MessageError, RecordingError
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.recording.format import schemas
+from neurosnap.recording.format.completeness import Completeness, Sequences
+from neurosnap.recording.format.facts import sealed_facts
+from neurosnap.recording.format.records import (
+    GAP,
+    LIMIT,
+    PLACES,
+    PROFILE,
+    RUN,
+    SHARE,
+    SNAPSHOT,
+    TOTALS,
+)
+from neurosnap.recording.write.vanished import in_place, rescued
+from neurosnap.system.distribution import version
+from neurosnap.system.durable import sync_folder
+
+_log = logging.getLogger(__name__)
+
+Compression: TypeAlias = Literal["zstd", "none"]
+
+_COMPRESSION = {"zstd": CompressionType.ZSTD, "none": CompressionType.NONE}
+_LARGEST_CHUNK = LIMIT // 4
+_LARGEST_PAYLOAD = LIMIT // 2
+"""A chunk is closed once it is full, so it holds at most one payload beyond its size;
+both together stay well below what the reader takes."""
+_APART = 1 << 13  # bytes; no block of a disk has the start and what is behind it
+_SEQUENCES = 1 << 32
+_TIMES = 1 << 64
+
+
+class Writer:
+    """Writes one recording; to be used from one thread.
+
+    A `Writer` left by `with` or `abandon` before `finish` leaves a recording without
+    totals and index, readable to its last message. After an error from the file system
+    the writer is closed, and the file readable to its last whole chunk.
+
+    Args:
+        path: Where to write; must not exist yet. Only the owner may read it.
+        compression: How chunks are packed.
+        chunk: Bytes (before packing) after which a chunk is closed, in [1, 64 MiB].
+
+    Raises:
+        RecordingError: The file exists already, or cannot be made.
+        InvalidValueError: An option is outside its range.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        compression: Compression = "zstd",
+        chunk: int = 1 << 20,
+    ) -> None:
+        if compression not in _COMPRESSION:
+            raise InvalidValueError("compression", "must be zstd or none", compression)
+        if not 1 <= chunk <= _LARGEST_CHUNK:
+            raise InvalidValueError("chunk", f"must be in [1, {_LARGEST_CHUNK}]", chunk)
+        self.path = Path(path)
+        self.sequences = Sequences()
+        self.foreign = 0
+        self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
+        self._started = False
+        self._again: dict[str, str] = {}  # of the run, still to be written once more
+        self._stream = os.fdopen(_create(self.path), "wb")
+        self._open = True
+        # The checksum of the whole data section is the only one that covers metadata,
+        # attachments and message indexes.
+        self._mcap = McapWriter(
+            self._stream,
+            chunk_size=chunk,
+            compression=_COMPRESSION[compression],
+            enable_data_crcs=True,
+        )
+        self._mcap.start(PROFILE, f"neurosnap {version()}")
+        self._channels = self._register()
+
+    def _register(self) -> dict[str, int]:
+        """Register a channel a topic; return the channel of each."""
+        types = dict.fromkeys(wire.TOPICS.values())
+        ids = {
+            message: self._mcap.register_schema(
+                schemas.name(message), schemas.ENCODING, schemas.encoded(message)
+            )
+            for message in types
+        }
+        return {
+            topic: self._mcap.register_channel(f"/{topic}", "json", ids[message])
+            for topic, message in wire.TOPICS.items()
+        }
+
+    @property
+    def is_open(self) -> bool:
+        """More can be written; not after its end, or an error from the file system."""
+        return self._open
+
+    @property
+    def size(self) -> int:
+        """Bytes given to the file, the chunk in progress not among them."""
+        return self._stream.tell()
+
+    def start(self, metadata: Mapping[str, str]) -> None:
+        """Write what the run is, before its first message.
+
+        Args:
+            metadata: Anything worth keeping; the schema number is added.
+
+        Raises:
+            RecordingError: It was started or closed already, or cannot be written.
+            InvalidValueError: A text cannot be written as UTF-8.
+        """
+        self._demand(self._open and not self._started, "must be started once")
+        facts = {**_plain(metadata), "schema": str(wire.SCHEMA)}
+        self._started = True
+        self._again = facts
+        try:
+            self._mcap.add_metadata(RUN, sealed_facts(RUN, facts))
+            self._stream.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def add(self, delivery: wire.Delivery, log_time: int) -> None:
+        """Write one message, unless it is foreign or came before.
+
+        Foreign is what does not decode, came under another key than its own, carries
+        a number or a time that no sender of ours sends, or is larger than 128 MiB. It
+        is counted in `foreign` and touches no sender's running number.
+
+        Args:
+            delivery: As it arrived.
+            log_time: When it arrived, nanoseconds since the epoch.
+
+        Raises:
+            RecordingError: The recording is not open, or the disk does not take what it
+                is given.
+            InvalidValueError: `log_time` is no time.
+        """
+        message = self.read(delivery)
+        if message is not None:
+            self.put(message, delivery, log_time)
+
+    def read(self, delivery: wire.Delivery) -> wire.Message | None:
+        """Return what was delivered; None: it is foreign, and counted as that."""
+        key, sequence, sent, payload = delivery
+        try:
+            message = wire.decode(key, payload)
+        except MessageError:
+            message = None
+        if (
+            message is None
+            or not 0 <= sequence < _SEQUENCES
+            or not 0 <= sent < _TIMES
+            or len(payload) > _LARGEST_PAYLOAD
+        ):
+            self.foreign += 1
+            return None
+        return message
+
+    def put(
+        self, message: wire.Message, delivery: wire.Delivery, log_time: int
+    ) -> None:
+        """Write one message that was read already, unless it came before.
+
+        Args:
+            message: From `read`, or from another recording.
+            delivery: As it arrived.
+            log_time: When it arrived, nanoseconds since the epoch.
+
+        Raises:
+            RecordingError: As `add`.
+            InvalidValueError: Likewise.
+        """
+        if not (self._started and self._open):
+            self._demand(False, "must be started and open")
+        key, sequence, sent, payload = delivery
+        # The library counts a message before it packs it, and leaves half a record
+        # behind if a number does not fit: nothing may fail in there.
+        if not 0 <= log_time < _TIMES:
+            raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
+        if not self.sequences.receive(message.sender, sequence):
+            return
+        if type(message) is wire.KeyFrame:
+            self.note_frame(message, sent, log_time)
+        channel = self._channels[wire.topic(key)]
+        try:
+            self._mcap.add_message(channel, log_time, payload, sent, sequence)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def note_frame(self, frame: wire.KeyFrame, sent: int, log_time: int) -> None:
+        """Take note of the key-frame that may be the last.
+
+        Args:
+            frame: In this file, or the first of the next.
+            sent: The sender's clock, nanoseconds since the epoch.
+            log_time: When it arrived, likewise.
+        """
+        self._keyframe = (frame, sent, log_time)
+
+    def note_share(self) -> None:
+        """Write down what numbers the senders' shares of this file begin with.
+
+        Raises:
+            RecordingError: The recording is not open, or cannot be written.
+        """
+        first = msgspec.json.encode(self.sequences.first).decode()
+        self._note(SHARE, {"first": first})
+
+    def note_places(self, places: Mapping[str, Place]) -> None:
+        """Write down where parts are, by name; what was noted before is forgotten.
+
+        Raises:
+            RecordingError: The recording is not open, or cannot be written.
+        """
+        self._note(PLACES, {who: place.text for who, place in places.items()})
+
+    def note_gap(self, why: str) -> None:
+        """Write down that messages are missing here, in what is copied.
+
+        Raises:
+            RecordingError: The recording is not open, or cannot be written.
+        """
+        self._note(GAP, {"why": why})
+
+    def _note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write metadata behind what has come so far."""
+        self._demand(self._started and self._open, "must be started and open")
+        try:
+            self._mcap.flush()
+            self._mcap.add_metadata(name, sealed_facts(name, facts))
+            self._stream.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def flush(self) -> None:
+        """Close the chunk in progress and give it to the operating system.
+
+        What was flushed survives the end of this process, and a power cut once it was
+        synced, too; see `neurosnap.recording.write.fsync_thread`.
+
+        Raises:
+            RecordingError: The recording is closed, or cannot be written.
+        """
+        self._demand(self._open, "must be open")
+        try:
+            self._mcap.flush()
+            if self.size > _APART:
+                self._write_again()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def _write_again(self) -> None:
+        """Write what the run is once more, unless that is done.
+
+        Nothing can be derived without it, and the start of a file may be damaged.
+        """
+        if self._again:
+            self._mcap.add_metadata(RUN, sealed_facts(RUN, self._again))
+            self._stream.flush()
+            self._again = {}
+
+    def finish(
+        self, totals: Mapping[str, str], expected: Mapping[str, int]
+    ) -> Completeness:
+        """Write the totals, the last key-frame's snapshot and the index; close.
+
+        What was finished survives a power cut; that takes as long as the disk does.
+
+        Args:
+            totals: Anything worth keeping of the run as a whole; the balance is added.
+            expected: For each sender, how many messages it says it sent.
+
+        Returns:
+            What the recording holds of what was sent.
+
+        Raises:
+            RecordingError: The recording was not started, is closed already, or cannot
+                be written; it stays readable up to its last whole chunk.
+            InvalidValueError: A text cannot be written as UTF-8.
+        """
+        completeness = self.end(totals, expected)
+        self.save()
+        return completeness
+
+    def end(
+        self, totals: Mapping[str, str], expected: Mapping[str, int]
+    ) -> Completeness:
+        """Write all that `finish` writes, and give it to the operating system.
+
+        It survives the end of this process; nothing can be written any more, and `save`
+        is what is left to do.
+
+        Args:
+            totals: As in `finish`.
+            expected: Likewise.
+
+        Returns:
+            As `finish`.
+
+        Raises:
+            RecordingError: As `finish`.
+            InvalidValueError: Likewise.
+        """
+        self._demand(self._started and self._open, "must be started and open")
+        completeness = self.sequences.completeness(expected, foreign=self.foreign)
+        balance = {"completeness": completeness, "expected": dict(expected)}
+        facts = _plain(totals) | {
+            name: msgspec.json.encode(value).decode() for name, value in balance.items()
+        }
+        try:
+            self._mcap.flush()
+            self._write_again()
+            if self._keyframe is not None:
+                frame, sent, log_time = self._keyframe
+                self._mcap.add_attachment(
+                    sent, log_time, SNAPSHOT, "application/octet-stream", frame.snapshot
+                )
+            self._mcap.add_metadata(TOTALS, sealed_facts(TOTALS, facts))
+            self._mcap.finish()
+            self._stream.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+        self._open = False
+        return completeness
+
+    def save(self) -> None:
+        """Wait until the disk has what was written up to `end`; close. On any thread.
+
+        Raises:
+            RecordingError: It cannot be written.
+        """
+        try:
+            os.fsync(self._stream.fileno())
+            self._rescue()
+            with suppress(FileNotFoundError):  # then the folder was moved, or deleted
+                sync_folder(self.path.parent)
+            self._stream.close()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def duplicate(self) -> int:
+        """Return a descriptor of the file for a thread to sync, and to close then.
+
+        The writer's own may be closed meanwhile, and its number be another file's.
+        """
+        return os.dup(self._stream.fileno())
+
+    @property
+    def in_place(self) -> bool:
+        """Its path names it: nobody has deleted, moved or replaced it."""
+        return in_place(self.path, self._stream.fileno())
+
+    def abandon(self) -> None:
+        """Close without totals and index; do nothing if closed already.
+
+        Raises:
+            RecordingError: What was not flushed yet cannot be written.
+        """
+        if not self._open:
+            return
+        try:
+            self._mcap.flush()
+            self._stream.flush()
+            self._rescue()
+            self._stream.close()
+        except OSError as error:
+            raise self._failed(error) from error
+        self._open = False
+
+    def _rescue(self) -> None:
+        """Copy what was written if the file was deleted meanwhile."""
+        shown = repr(str(self.path))
+        try:
+            copy = rescued(self.path, self._stream.fileno())
+        except OSError as error:
+            got = f"{error.strerror} for {shown}"
+            _log.error("log: what was deleted must be copied, got %s", got)
+            return
+        if copy is not None:
+            _log.error("log: %s was deleted; copied to %r", shown, str(copy))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.abandon()
+
+    def _demand(self, held: bool, rule: str) -> None:
+        if not held:
+            raise RecordingError(f"log: {rule}, got {str(self.path)!r}")
+
+    def _failed(self, error: OSError) -> RecordingError:
+        """Close without writing another byte; return the error to raise.
+
+        The buffer is dropped with the descriptor: the library has lost what it was
+        about to write, and anything after it would stand in the wrong place.
+        """
+        self._open = False
+        # Closed all the same if that fails, and the first error is the one that says.
+        with suppress(OSError):
+            self._stream.raw.close()
+        return RecordingError(
+            f"log: must take what is recorded, got {error.strerror}"
+            f" for {str(self.path)!r}"
+        )
+
+
+def _create(path: Path) -> int:
+    """Create the file for its owner alone; return its descriptor."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    try:
+        return os.open(path, flags, 0o600)
+    except FileExistsError as error:
+        raise RecordingError(f"log: must not exist yet, got {str(path)!r}") from error
+    except FileNotFoundError as error:
+        # /proc is there, and yet no file can be made in it.
+        there = path.parent.is_dir()
+        rule = f"must be in a folder that {'takes files' if there else 'exists'}"
+        raise RecordingError(f"log: {rule}, got {str(path)!r}") from error
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise RecordingError(
+            f"log: must be writable, got {str(path)!r} ({error})"
+        ) from error
+
+
+def _plain(texts: Mapping[str, str]) -> dict[str, str]:
+    """Return `texts`, once it is sure that each can be written.
+
+    Names from the command line may hold bytes that are no text; the library would
+    notice in the middle of a record.
+    """
+    for name, value in texts.items():
+        try:
+            f"{name}{value}".encode()
+        except UnicodeEncodeError as error:
+            raise InvalidValueError(name, "must be text in UTF-8", value) from error
+    return dict(texts)

@@ -1,0 +1,52 @@
+"""Fit an agent to a source: which sensors it is given, and where it is drawn to."""
+
+from collections.abc import Mapping
+
+from neurosnap.agent.body import Body
+from neurosnap.agent.policy import AgentKind
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.open import Argument, Source, open_source
+
+
+def body_of(source: Source, agent: AgentKind) -> Body:
+    """Return what an agent senses of a source.
+
+    A walker does what it does without regard to what it leads to, and gets the world's
+    own sensors alone; the others sense their actions, too, in every context.
+    """
+    if agent == "walker":
+        return Body(
+            own=source.sensors,
+            orders=source.orders,
+            actions=source.actions,
+            exclusive=source.exclusive,
+        )
+    return Body.full(
+        source.sensors, source.actions, source.orders, exclusive=source.exclusive
+    )
+
+
+def drawn_to(
+    name: str, seed: int, arguments: Mapping[str, Argument], target: str | None
+) -> dict[str, Argument]:
+    """Return the arguments that give a world the sensors `better` and `worse`.
+
+    Args:
+        name: The source.
+        seed: As in `open_source`.
+        arguments: What the world is given besides.
+        target: The place to get to; None: the world's own, if it has those sensors, or
+            one that it draws.
+
+    Raises:
+        InvalidValueError: The target is no place, or there is no such source.
+    """
+    if target is not None:
+        if not target.isdecimal():
+            rule = "must be the number of a place for an excited agent"
+            raise InvalidValueError("target", rule, target)
+        return {"target": int(target)}
+    plain = open_source(name, seed, arguments)
+    plain.close()
+    has_drive = {"better", "worse"}.issubset(plain.sensors)
+    return {} if has_drive or not plain.actions else {"target": "drawn"}

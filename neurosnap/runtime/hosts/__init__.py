@@ -1,0 +1,1 @@
+"""Swarms on several hosts: networks, connections, services, joined parts."""

@@ -1,0 +1,89 @@
+"""The places of parts on one network; keys that several share are read once."""
+
+import asyncio
+
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.roles import Role, role_of
+from neurosnap.fabric.zenoh.discovery import Lookout
+from neurosnap.fabric.zenoh.reach import reach
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.parts.child_process import Seat
+
+
+class Seats:
+    """Gives parts their places.
+
+    Args:
+        network: Where the hub is.
+        own: The swarm's own socket, where it has one.
+        located: The swarm is on several machines, and its parts say where they are.
+    """
+
+    def __init__(
+        self, network: Network, own: str = "", *, located: bool = False
+    ) -> None:
+        self._network = network
+        self._own = own
+        self._located = located
+        self._known: dict[str, Credentials | None] = {}
+
+    def seat(self, who: str, swarm: str, first: int = 0) -> Seat:
+        """Return the place of a part.
+
+        Args:
+            who: Its name.
+            swarm: What its swarm is called on the wire.
+            first: The number of its first message.
+
+        Raises:
+            InvalidValueError: Its keys are not there, or not fit for use.
+        """
+        role = role_of(who)
+        return Seat(
+            who,
+            swarm,
+            self._network.endpoint(role, self._own),
+            first,
+            self._credentials(who),
+            self._network.insecure,
+            self._located,
+        )
+
+    async def await_hub(self, stop: asyncio.Event) -> bool:
+        """Wait until the hub answers a coordinator, or `stop`; tell whether it did.
+
+        Raises:
+            FabricError: It does not.
+            InvalidValueError: As from `seat`.
+        """
+        who: Role = "coordinator"
+        endpoint = self._network.endpoint(who, self._own)
+        session = await reach(who, endpoint, stop, self._credentials(who))
+        if session is None:
+            return False
+        await asyncio.to_thread(session.close)
+        return True
+
+    def lookout(self, swarm: str, stop: asyncio.Event) -> Lookout:
+        """Return a lookout for the swarms of an id, to be entered.
+
+        Args:
+            swarm: The id.
+            stop: Ends the wait for the hub.
+
+        Raises:
+            InvalidValueError: As from `seat`.
+        """
+        return Lookout(
+            swarm,
+            self._network.endpoint("watcher", self._own),
+            stop=stop,
+            credentials=self._credentials("watcher"),
+            insecure=self._network.insecure,
+        )
+
+    def _credentials(self, who: str) -> Credentials | None:
+        name = self._network.holder(who)
+        if name not in self._known:  # and not read for every cell of a role
+            self._known[name] = self._network.credentials(name)
+        return self._known[name]

@@ -1,0 +1,89 @@
+"""Where a swarm's hub listens, and who may connect to it."""
+
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.security.credentials import Credentials, holder
+from neurosnap.fabric.security.endpoint import check_endpoint, nearest
+from neurosnap.fabric.security.roles import Role
+
+
+class Network(msgspec.Struct, frozen=True, kw_only=True):
+    """How a swarm's parts reach each other.
+
+    Unless told otherwise the hub listens on a socket in a folder that nobody else can
+    enter: no port is taken, and nobody else can connect.
+    """
+
+    listen: str = ""
+    """Where the hub listens, as Zenoh writes it; empty: on a socket of its own."""
+    connect: str = ""
+    """Where a hub listens that is there already, any Zenoh router; empty: the swarm has
+    one of its own."""
+    tls: str = ""
+    """A folder of keys (`neurosnap keys`): parts prove who they are, and may do no more
+    than that part, or its role, does. Empty: nobody proves anything."""
+    insecure: bool = False
+    """Without keys, go over a network to other machines all the same."""
+    audit: bool = False
+    """Tell of every refused message, too; costs the hub several times as much."""
+
+    def check(self, *parts: str) -> None:
+        """Refuse what cannot be, before anything is started.
+
+        Args:
+            parts: Whose keys have to be there; none: those that every launcher of a
+                run needs, the hub's where it listens and the coordinator's otherwise.
+
+        Raises:
+            InvalidValueError: There are two endpoints, or one that may not be used; or
+                keys come without one, or are not fit for use.
+        """
+        if self.listen and self.connect:
+            rule = "must not come with an endpoint to listen on"
+            raise InvalidValueError("connect", rule, self.connect)
+        endpoint = self.listen or self.connect
+        if endpoint:
+            check_endpoint(endpoint, tls=bool(self.tls), insecure=self.insecure)
+            own = "hub" if self.listen else "coordinator"
+            for name in sorted({self.holder(who) for who in parts or (own,)}):
+                self.credentials(name)
+        elif self.tls:
+            rule = "must come with an endpoint to listen on (--listen tls/HOST:PORT)"
+            raise InvalidValueError("tls", rule, self.tls)
+
+    def endpoint(self, role: Role, own: str) -> str:
+        """Return where a part listens or connects.
+
+        Args:
+            role: The part's; the hub is the one that listens.
+            own: The swarm's own socket.
+        """
+        if self.connect:
+            return self.connect
+        if not self.listen:
+            return own
+        return self.listen if role == "hub" else nearest(self.listen)
+
+    def holder(self, who: str) -> str:
+        """Return whose certificate a part shows: its own, or its role's."""
+        return holder(Path(self.tls), who)
+
+    def credentials(self, who: str) -> Credentials | None:
+        """Return what a part proves itself with; None: nothing.
+
+        Raises:
+            InvalidValueError: The folder lacks its keys, or they are not fit for use.
+        """
+        if not self.tls:
+            return None
+        # Only here: parts are handed paths, and need no cryptography of their own.
+        from neurosnap.fabric.security.load_keys import read_credentials
+
+        return read_credentials(Path(self.tls), who)
+
+
+PRIVATE = Network()
+"""A hub that nobody else can connect to."""

@@ -1,0 +1,117 @@
+"""What may join a swarm from elsewhere: cells, workers, its world, its recorder.
+
+Each is made from the coordinator's brief, and from what its own host alone can know.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.worker import be_worker
+from neurosnap.recording.replay.resume import past_at
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.write.recorder import be_recorder
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.hosts.run_description import Brief
+from neurosnap.runtime.parts.child_process import Job, be_cell
+from neurosnap.runtime.parts.world_process import be_world
+from neurosnap.runtime.run import describe
+from neurosnap.sources.open import open_source
+
+
+class Duty(NamedTuple):
+    """What one part does."""
+
+    who: str
+    """Its name."""
+    job: Job
+    arguments: tuple[object, ...]
+    lingers: bool = False
+    """It ends by itself, once it has heard the others' last words."""
+
+
+Share: TypeAlias = Callable[[str, Brief], Sequence[Duty]]
+"""Returns the parts a host starts in the swarm of a name; raises `InvalidValueError`
+where the run is not one for it. May block."""
+
+
+def cells(numbers: Sequence[int]) -> Share:
+    """Return the share of some cells, a process each."""
+    return lambda _, __: [Duty(f"cell/{n}", be_cell, (n,)) for n in numbers]
+
+
+def workers(numbers: Sequence[int]) -> Share:
+    """Return the share of some workers, with all the cells that are theirs."""
+
+    def share(_: str, brief: Brief) -> list[Duty]:
+        sizes = len(brief.options.sensors), brief.options.sharing
+        return [Duty(f"worker/{n}", be_worker, (n, *sizes)) for n in numbers]
+
+    return share
+
+
+def world(source: str) -> Share:
+    """Return the share of a world.
+
+    Args:
+        source: What to open on this host. Only its arguments and its seed are taken
+            from the coordinator: to open what it names would be to let it choose a
+            module to import, or a file to read.
+    """
+
+    def share(_: str, brief: Brief) -> list[Duty]:
+        options = brief.options
+        if Path(source).name != Path(options.source).name:
+            rule = f"must be what the coordinator runs, {options.source}"
+            raise InvalidValueError("source", rule, source)
+        opened = open_source(source, options.seed, options.arguments)
+        opened.close()
+        if body_of(opened, options.agent) != options.body:
+            rule = "must have the sensors and actions that the coordinator knows of"
+            raise InvalidValueError("source", rule, source)
+        own = msgspec.structs.replace(options, source=source)
+        return [Duty("world", be_world, (own, brief.past))]
+
+    return share
+
+
+def recorder(
+    new_log: Callable[[], Path],
+    resumed: Path | None = None,
+    sync: float | None = None,
+) -> Share:
+    """Return the share of a recorder.
+
+    Args:
+        new_log: Returns where to record a swarm; asked once for each.
+        resumed: What has been recorded of a run that is resumed, on this host; the new
+            recording takes it over.
+        sync: As in `RunOptions.sync`; None: as the coordinator says.
+    """
+
+    def share(swarm: str, brief: Brief) -> list[Duty]:
+        past = _taken_over(resumed, brief.past)
+        heard = ("coordinator", "world", *brief.options.host_names())
+        options = brief.options
+        if sync is not None:
+            options = msgspec.structs.replace(options, sync=sync)
+        metadata = {**describe(options), "swarm": swarm}
+        arguments = (str(new_log()), metadata, past, heard)
+        return [Duty("recorder", be_recorder, arguments, lingers=True)]
+
+    return share
+
+
+def _taken_over(resumed: Path | None, past: Past | None) -> Past | None:
+    """Return what a recorder here takes over, of a run with such a past."""
+    if resumed is None and past is None:
+        return None
+    if resumed is None:
+        rule = "must name the recording that the run goes on from"
+        raise InvalidValueError("resume", rule, None)
+    if past is None:
+        raise InvalidValueError("resume", "must go with a resumed run", str(resumed))
+    return past_at(resumed, past)

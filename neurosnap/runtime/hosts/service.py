@@ -1,0 +1,236 @@
+"""Parts that are a service of their own, on whatever machine reaches the hub.
+
+A service waits for a coordinator of its swarm's id, is briefed, starts its parts and
+ends them once that coordinator has gone. It need not be started in any order, and a
+swarm that goes on after a death finds its services waiting.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import (
+    InvalidValueError,
+    MessageError,
+    NeurosnapError,
+    PartDiedError,
+    SwarmError,
+)
+from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.zenoh.discovery import Sighting
+from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.hosts.remote_parts import Duty, Share
+from neurosnap.runtime.hosts.run_description import read_brief
+from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.restart_policy import RestartKind
+from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
+
+_GRACE = 10.0  # seconds a part may take to end
+_LAST_WORDS = ("fault/coordinator", "leave/coordinator")
+_LAST_WORD = 0.5  # seconds a coordinator's last word may come after it has gone
+
+
+class Served(msgspec.Struct, frozen=True):
+    """One swarm that a service took part in."""
+
+    swarm: str
+    """What it was called on the wire."""
+    trouble: str
+    """Why it did not end in order; empty: it did."""
+    results: Mapping[str, bytes]
+    """What the parts brought home, as JSON, by name."""
+
+
+async def serve(
+    share: Share,
+    network: Network,
+    swarm: str,
+    stop: asyncio.Event,
+    *,
+    restart: RestartKind = "on-failure",
+    patience: float = 60.0,
+    on_served: Callable[[Served], None] = lambda _: None,
+) -> None:
+    """Be some parts of a swarm, a process each. No process outlives the call.
+
+    Args:
+        share: Which parts.
+        network: Where the hub is; `Network.connect` names it.
+        swarm: The swarm's id.
+        stop: Ends it; a swarm that goes on without these parts fails.
+        restart: What follows a swarm. ``never``: nothing, however it ended.
+            ``on-failure``: nothing, if it ended in order; if its coordinator vanished
+            or failed, or a part of this service died, its next incarnation.
+            ``always``: whatever comes next under this id, without end.
+        patience: Seconds until a coordinator is there, and until the next incarnation
+            is; with ``always``, as long as it takes.
+        on_served: Told of each swarm when it is over.
+
+    Raises:
+        InvalidValueError: The network cannot be, or, but for ``always``, the run is not
+            one for these parts.
+        SwarmError: None came; or, but for ``always``, a part failed, would not end, or
+            was there already.
+    """
+    if not network.connect:
+        rule = "must say where the hub of the swarm listens"
+        raise InvalidValueError("connect", rule, network.connect)
+    network.check("watcher")
+    seats = Seats(network, located=True)
+    host = _Host(share, seats, stop)
+    wait = None if restart == "always" else patience
+    trouble = ""
+    async with seats.lookout(swarm, stop) as lookout:
+        while True:
+            try:
+                seen = await lookout.next(stop, wait)
+            except TimeoutError:
+                raise SwarmError(_nobody(swarm, patience, trouble)) from None
+            if seen is None:
+                return
+            try:
+                served = await host.take_part(seen)
+            except NeurosnapError as error:
+                mends = restart == "on-failure" and isinstance(error, PartDiedError)
+                if restart != "always" and not mends:
+                    raise
+                served = Served(seen.name, str(error), {})
+            on_served(served)
+            trouble = served.trouble
+            over = restart == "never" or (restart == "on-failure" and not trouble)
+            if over or stop.is_set():
+                return
+
+
+def _nobody(swarm: str, patience: float, trouble: str) -> str:
+    """Say that no coordinator came."""
+    if trouble:
+        return f"swarm {swarm}: must go on within {patience:g} s, after {trouble}"
+    return f"swarm {swarm}: must have a coordinator within {patience:g} s, none came"
+
+
+class _Host:
+    """Starts a share of one swarm after the other."""
+
+    def __init__(self, share: Share, seats: Seats, stop: asyncio.Event) -> None:
+        self._share = share
+        self._seats = seats
+        self._stop = stop
+
+    async def take_part(self, seen: Sighting) -> Served:
+        """Be the share of one swarm until it is over, or the service is to stop.
+
+        Raises:
+            NeurosnapError: A part failed, or cannot be of this swarm.
+        """
+        ending = _Ending()
+        async with self._seats.seat("watcher", seen.name).fabric() as fabric:
+            await fabric.subscribe(_LAST_WORDS, ending.handle)
+            content = await fabric.ask()
+            if content is None:
+                return Served(seen.name, "its coordinator vanished", {})
+            brief = read_brief(content)
+            duties = await asyncio.to_thread(self._share, seen.name, brief)
+            names = [duty.who for duty in duties]
+            brief.check_vacant(names)
+            for who in sorted(await fabric.present() & set(names)):
+                raise SwarmError(
+                    f"{who}: must be there once, is in {seen.name} already"
+                )
+            seats = [
+                self._seats.seat(who, seen.name, brief.first(who)) for who in names
+            ]
+            results = await self._run(duties, seats, seen.gone)
+            trouble = "" if self._stop.is_set() else await ending.trouble()
+        return Served(seen.name, trouble, results)
+
+    async def _run(
+        self, duties: Sequence[Duty], seats: Sequence[Seat], gone: asyncio.Event
+    ) -> dict[str, bytes]:
+        """Run the parts until `gone`; return what they brought home."""
+        grace = _GRACE + 0.02 * len(duties)
+        allow_files(len(duties))
+        async with Supervisor() as supervisor:
+            children = await _start(supervisor, duties, seats)
+            await wait_any(supervisor.failed, self._stop, gone)
+            for duty, child in zip(duties, children, strict=False):
+                if duty.lingers and gone.is_set():
+                    with contextlib.suppress(TimeoutError):
+                        async with asyncio.timeout(grace):
+                            await wait_any(supervisor.failed, self._stop, child.ended)
+            names = [duty.who for duty in duties]
+            if isinstance(supervisor.error, PartDiedError):
+                # Whoever left in order now would be blamed for what the dead one did.
+                await supervisor.kill(names)
+            late = await supervisor.end(names, grace)
+            if supervisor.error is not None:
+                raise supervisor.error
+        if late:
+            rule = "every part must end when asked to"
+            raise PartDiedError(f"swarm: {rule}, killed: {', '.join(late)}")
+        return {
+            child.process.name: child.result
+            for child in children
+            if child.result is not None
+        }
+
+
+async def _start(
+    supervisor: Supervisor, duties: Sequence[Duty], seats: Sequence[Seat]
+) -> list[Child]:
+    """Start a share's parts; return those with a line of their own.
+
+    The many that some shares have are cells, which have nothing to bring home.
+    """
+    given = [(seat, duty.arguments) for seat, duty in zip(seats, duties, strict=True)]
+    if len(duties) > 1:
+        await supervisor.start_many(duties[0].job, given)
+        return []
+    return [
+        await supervisor.start(duty.job, seat, *duty.arguments)
+        for duty, seat in zip(duties, seats, strict=True)
+    ]
+
+
+class _Ending:
+    """How a swarm ends, by its coordinator's last words."""
+
+    def __init__(self) -> None:
+        self._left = asyncio.Event()
+        self._complaint = ""
+        self._complained = -1  # the number of its last fault
+
+    def handle(self, deliveries: list[wire.Delivery]) -> None:
+        """Take in faults and last words."""
+        for delivery in deliveries:
+            with contextlib.suppress(MessageError):
+                message = wire.decode(delivery.key, delivery.payload)
+                if message.sender == "coordinator":
+                    self._take(message, delivery.sequence)
+
+    def _take(self, message: wire.Message, sequence: int) -> None:
+        if isinstance(message, wire.Fault):
+            self._complaint, self._complained = message.what, sequence
+        elif isinstance(message, wire.Leave):
+            # Who fails says why and leaves in one go; any other fault is a message
+            # that it dropped.
+            if self._complained != sequence - 1:
+                self._complaint = ""
+            self._left.set()
+
+    async def trouble(self) -> str:
+        """Return why it did not end in order; empty: it did.
+
+        Called once the coordinator has gone. Its last word travels apart from its
+        presence, and may be on the way.
+        """
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_LAST_WORD):
+                await self._left.wait()
+        if not self._left.is_set():
+            return "its coordinator vanished without a word"
+        return self._complaint

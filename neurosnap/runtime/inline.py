@@ -1,0 +1,198 @@
+"""A swarm in one process: every part a task of one loop, over the fabric in memory.
+
+The parts are the same as in processes; only what carries their messages differs.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from neurosnap.errors import NeurosnapError, SwarmError
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.protocol.cell import run_cell
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.worker import run_worker
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.replay.resume_point import Past, first_number
+from neurosnap.recording.write.recorder import run_recorder
+from neurosnap.recording.write.rotation import Parts
+from neurosnap.runtime.launch import new_swarm_id
+from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.status_publisher import OUTLET, publishes, run_outlet
+from neurosnap.runtime.parts.world_process import (
+    WayIn,
+    lost_of,
+    open_kept,
+    run_world,
+    synced,
+)
+from neurosnap.sources.open import Source, open_source
+
+T = TypeVar("T")
+Work = Callable[[MemoryFabric], Coroutine[Any, Any, T]]
+
+
+@dataclass(frozen=True)
+class InlineEnding:
+    """What an inline swarm leaves behind."""
+
+    result: coordinator_process.Result
+    completeness: Completeness | None
+    seconds: float
+    """From the call to the end."""
+    stopped: bool
+    lost: int = 0
+    """Outside readings that were lost."""
+
+
+async def run_inline(
+    options: RunOptions,
+    log: Path | None,
+    metadata: Mapping[str, str],
+    past: Past | None,
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None],
+    way_in: WayIn | None = None,
+) -> InlineEnding:
+    """Run a swarm in this process; see `neurosnap.runtime.run.run`."""
+    began = time.perf_counter()
+    with ExitStack() as stack:
+        writer = None
+        if log is not None:
+            facts = {**metadata, "swarm": new_swarm_id()}
+            writer = stack.enter_context(Parts(log, facts, past))
+        swarm = _Inline(options, writer, past, way_in)
+        stack.callback(swarm.source.close)
+        try:
+            async with asyncio.TaskGroup() as group:
+                seconds, balance = await swarm.run(group, stop, on_progress)
+        except BaseExceptionGroup as errors:
+            raise _first_of(errors) from errors
+    return InlineEnding(
+        coordinator_process.Result.of(swarm.core, seconds),
+        balance,
+        time.perf_counter() - began,
+        stop.is_set(),
+        lost_of(swarm.source, options),
+    )
+
+
+def _first_of(errors: BaseExceptionGroup[BaseException]) -> BaseException:
+    """Return one error for the group: the first of ours, or the first."""
+    ours, _ = errors.split(NeurosnapError)
+    error: BaseException = ours if ours is not None else errors
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
+
+
+class _Inline:
+    """One run with a task a part."""
+
+    def __init__(
+        self,
+        options: RunOptions,
+        writer: Parts | None,
+        past: Past | None,
+        way_in: WayIn | None,
+    ) -> None:
+        self.core = coordinator_process.coordinator_for(options, past)
+        self.source: Source
+        if way_in is None:
+            seed, arguments = options.seed, options.arguments
+            self.source = open_source(options.source, seed, arguments)
+        else:
+            kept = open_kept(options, way_in)
+            kept.go_on(0 if past is None else past.tick)
+            self.source = kept
+        self._options = options
+        self._writer = writer
+        self._past = past
+        self._hub = MemoryHub()
+        self._leave = asyncio.Event()
+
+    async def run(
+        self,
+        group: asyncio.TaskGroup,
+        stop: asyncio.Event,
+        on_progress: Callable[[int], None],
+    ) -> tuple[float, Completeness | None]:
+        """Start all parts in `group`; return seconds and the recording's balance."""
+        hosts = self._options.host_names()
+        heard = ["world", *hosts]
+        ending = asyncio.Event()
+        recording = None
+        if self._writer is not None:
+            recording = group.create_task(
+                self._record(self._writer, ("coordinator", *heard)), name="recorder"
+            )
+            heard.append("recorder")
+        for number, who in enumerate(hosts):
+            work = self._host(number)
+            group.create_task(self._play(who, work), name=who)
+        if publishes(self._options):
+            group.create_task(self._tell(), name=OUTLET)
+        world = group.create_task(self._play("world", self._world), name="world")
+        world.add_done_callback(lambda _: ending.set())
+        stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
+
+        async def coordinate(fabric: MemoryFabric) -> float:
+            return await conduct(
+                self.core,
+                fabric,
+                ending,
+                parts=heard,
+                deadline=self._options.deadline,
+                on_progress=on_progress,
+            )
+
+        seconds = await self._play("coordinator", coordinate)
+        self._leave.set()
+        stopping.cancel()
+        return seconds, None if recording is None else await recording
+
+    def _end(self, who: str) -> MemoryFabric:
+        return self._hub.fabric(who, first=first_number(self._past, who))
+
+    async def _play(self, who: str, work: Work[T]) -> T:
+        """Take part as `who`; an error that does not say whose it is gets told."""
+        async with self._end(who) as fabric:
+            try:
+                return await take_part(fabric, work(fabric))
+            except NeurosnapError:
+                raise
+            except Exception as error:
+                kind = type(error).__name__
+                raise SwarmError(f"{who}: must not fail: {kind}: {error}") from error
+
+    def _host(self, number: int) -> Work[None]:
+        workers = self._options.sharing
+        if not workers:
+            return lambda fabric: run_cell(number, fabric, self._leave)
+        hosted = shares(len(self._options.sensors), workers)
+        return lambda fabric: run_worker(number, hosted, fabric, self._leave)
+
+    async def _world(self, fabric: MemoryFabric) -> None:
+        body = self._options.body
+        async with synced(self.source, self._options.sync):
+            await run_world(self.source, body, fabric, self._leave, past=self._past)
+
+    async def _tell(self) -> None:
+        async with self._hub.fabric(OUTLET) as fabric:
+            await run_outlet(self._options, fabric, self._leave)
+
+    async def _record(self, writer: Parts, parts: tuple[str, ...]) -> Completeness:
+        async with self._end("recorder") as fabric:
+            return await run_recorder(writer, fabric, self._leave, parts=parts)
+
+
+async def _pass_on(cause: asyncio.Event, effect: asyncio.Event) -> None:
+    await cause.wait()
+    effect.set()

@@ -1,0 +1,156 @@
+"""A run whose outside readings are kept until they are in its recording.
+
+The journal lies beside the recording. When the run ends in order, and all that came is
+in the recording, it is deleted; otherwise it stays, and a run that is resumed from the
+recording gets what is in it.
+"""
+
+import asyncio
+import contextlib
+import logging
+import tempfile
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError, NeurosnapError, PartDiedError
+from neurosnap.fabric.events import wait_at_most
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.split_files import first_path
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.parts.intake_process import INTAKE, Taken, be_intake
+from neurosnap.runtime.parts.world_process import WayIn
+from neurosnap.runtime.run import Outcome
+from neurosnap.runtime.supervisor import Supervisor
+from neurosnap.sources.live.journal import Journal, journal_of, read_journal, remove
+from neurosnap.sources.live.open import ZENOH, is_outside
+
+_GRACE = 10.0  # seconds the intake may take to end
+_AGAIN = 0.1  # seconds before it is started again
+
+_logger = logging.getLogger(__name__)
+
+Work = Callable[[WayIn | None], Awaitable[Outcome]]
+"""Runs the swarm, whose readings come by a way in; None: from where they always do."""
+
+
+async def run_kept(
+    options: RunOptions, log: Path | None, work: Work, past: Past | None = None
+) -> Outcome:
+    """Run `work`, and keep what comes from outside until it is recorded.
+
+    Args:
+        options: What to run.
+        log: Where it is recorded; None: nothing is kept.
+        work: The run.
+        past: Where it goes on from, for a run that is resumed. What is in the journal
+            beside that recording comes first; that journal stays as it is.
+
+    Returns:
+        The outcome, and what was lost of what came in.
+
+    Raises:
+        InvalidValueError: A journal of an earlier run is beside `log`.
+        NeurosnapError: The journal cannot be written; and as from `work`.
+    """
+    if log is None or not is_outside(options.source):
+        return await work(None)
+    folder = journal_of(log)
+    if folder.exists():
+        rule = "must be taken away first: it holds what came in for an earlier run"
+        raise InvalidValueError("journal", rule, str(folder))
+    if past is not None:
+        await asyncio.to_thread(_take_over, folder, options, past)
+    inside = options.source == ZENOH or options.cells == "inline"
+    try:
+        if inside:
+            outcome = await work(WayIn(journal=str(folder)))
+        else:
+            outcome = await _with_intake(options, folder, work)
+    except BaseException:
+        _tell(folder)
+        raise
+    return await asyncio.to_thread(_let_go, folder, outcome)
+
+
+def _take_over(folder: Path, options: RunOptions, past: Past) -> None:
+    """Begin a journal with the readings that came after a tick and are not recorded."""
+    log = Path(past.log)
+    kept = journal_of(first_path(log, past.part) if past.part else log)
+    rows = [row for row in read_journal(kept).rows if row.number > past.tick]
+    with contextlib.closing(Journal(folder, options.body.own)) as journal:
+        journal.restart(past.tick, rows)
+
+
+def _let_go(folder: Path, outcome: Outcome) -> Outcome:
+    """Delete a journal, if all that is in it is recorded."""
+    rows = read_journal(folder).rows
+    waiting = [row for row in rows if row.number > outcome.totals.ticks]
+    if outcome.complete and not waiting:
+        remove(folder)
+        return outcome
+    return msgspec.structs.replace(outcome, journal=str(folder), waiting=len(waiting))
+
+
+def _tell(folder: Path) -> None:
+    """Say that a journal is left, if there is anything in it."""
+    with contextlib.suppress(NeurosnapError):
+        if read_journal(folder).rows:
+            _logger.warning("%s: holds what came in; --resume takes it in", folder)
+        else:
+            remove(folder)
+
+
+async def _with_intake(options: RunOptions, folder: Path, work: Work) -> Outcome:
+    """Run `work` with a process that takes readings in."""
+    with tempfile.TemporaryDirectory(prefix="neurosnap-") as socket:
+        address = f"{socket}/{INTAKE}"
+        ready, ending = asyncio.Event(), asyncio.Event()
+        keeping = asyncio.create_task(
+            _keep_up(options, folder, address, ready, ending), name="kept/intake"
+        )
+        waiting = asyncio.create_task(ready.wait(), name="kept/ready")
+        try:
+            await asyncio.wait((waiting, keeping), return_when=asyncio.FIRST_COMPLETED)
+            if keeping.done():
+                keeping.result()  # why it cannot be
+            outcome = await work(WayIn(journal=str(folder), address=address))
+        finally:
+            waiting.cancel()
+            ending.set()
+            await asyncio.wait((keeping,))
+    taken = keeping.result()
+    return msgspec.structs.replace(outcome, lost=outcome.lost + taken.lost)
+
+
+async def _keep_up(
+    options: RunOptions,
+    folder: Path,
+    address: str,
+    ready: asyncio.Event,
+    ending: asyncio.Event,
+) -> Taken:
+    """Start the intake, and start it again when it dies, until `ending`.
+
+    How often is for the run to bound: a world that asks dies with it.
+    """
+    seat = Seat(INTAKE, "", "")
+    while True:
+        try:
+            async with Supervisor() as supervisor:
+                arguments = (options, str(folder), address)
+                child = await supervisor.start(be_intake, seat, *arguments)
+                await supervisor.wait(child.ready, ending)
+                ready.set()
+                await supervisor.wait(ending)
+                await supervisor.end([INTAKE], _GRACE)
+                if child.result is None:
+                    return Taken()
+                return msgspec.json.decode(child.result, type=Taken)
+        except PartDiedError as error:
+            _logger.warning("%s (it is started again)", error)
+            if ending.is_set():
+                return Taken()
+        await wait_at_most(ending, _AGAIN)

@@ -1,0 +1,302 @@
+"""Start a swarm with a process a part, see it through, end it in order.
+
+Starting is hub, recorder, coordinator, world, cells; ending is coordinator, world and
+cells, recorder, hub: the recorder hears everybody's last word.
+"""
+
+import asyncio
+import secrets
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.errors import NothingBegunError, SwarmError
+from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.zenoh.discovery import incarnation
+from neurosnap.protocol.partition import hosts
+from neurosnap.protocol.worker import be_worker
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.replay.resume_point import Past, first_number
+from neurosnap.recording.write.recorder import be_recorder
+from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.network import PRIVATE, Network
+from neurosnap.runtime.parts.child_process import Job, Seat, be_cell, be_hub
+from neurosnap.runtime.parts.status_publisher import OUTLET
+from neurosnap.runtime.registry import noted
+from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
+
+_SERVICES = 5  # hub, recorder, coordinator, world, outlet
+_GRACE = 10.0  # seconds a part may take to end
+_LAST_WRITE = 2.0  # seconds a recorder may take to end without the hub
+# Seconds more where it is coming up still: it compiles, once, and cannot be asked then.
+_COMING_UP = 60.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which parts a swarm has."""
+
+    cells: int
+    """How many cells."""
+    conductor: Job
+    """The coordinator's job; gets `conductor_arguments`, then the parts to wait for.
+    On a hub that others may use it says when it knows that it is the only one."""
+    conductor_arguments: tuple[object, ...]
+    workers: int = 0
+    """How many processes share the cells; 0: every cell is one."""
+    world: Job | None = None
+    """The world's job, where there is one."""
+    world_arguments: tuple[object, ...] = ()
+    outlet: Job | None = None
+    """The job of who tells others of the run, where there is one; it only looks on."""
+    outlet_arguments: tuple[object, ...] = ()
+    log: Path | None = None
+    """Where to record; None: not at all."""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    """What the recording says of the run, the swarm's id aside."""
+    past: Past | None = None
+    """Where to go on from, for a run that is resumed."""
+    patience: float = 30.0
+    """Seconds the coordinator may take to end once asked."""
+    network: Network = PRIVATE
+    """Where its hub listens, and who may connect."""
+    swarm: str = ""
+    """Its id; empty: a random one."""
+    incarnation: int = 0
+    """How often a swarm of this id went before it, of which it is the continuation."""
+    elsewhere: frozenset[str] = frozenset()
+    """The parts that somebody else starts, by name. With the recorder among them, it
+    is waited for, too."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What a swarm leaves behind."""
+
+    result: bytes
+    """What the conductor brought home, as JSON."""
+    completeness: Completeness | None
+    """The recording's balance; None where nothing was recorded."""
+    seconds: float
+    """From the start of the first process until the conductor was done."""
+    stopped: bool
+    """It was asked to stop before it was done."""
+    lost: int = 0
+    """Outside readings that the world lost."""
+
+
+def new_swarm_id() -> str:
+    """Return a random id, so that two swarms never meet."""
+    return secrets.token_hex(4)
+
+
+async def run_processes(
+    plan: Plan,
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Ending:
+    """Run a swarm to its end, or until `stop` is set. No process outlives the call.
+
+    Args:
+        plan: Who takes part.
+        stop: Ends the run in order.
+        on_progress: Told the tick once the swarm is up, up to twenty times a second;
+            four times, if no tick comes but nothing is over its deadline. What it
+            raises ends the run and comes out of it.
+
+    Raises:
+        NothingBegunError: `stop` was set before the hub of others could be reached.
+        FabricError: That cannot be reached.
+        SwarmError: A part failed; the text names it and says why. Whatever was
+            recorded until then is readable.
+    """
+    with tempfile.TemporaryDirectory(prefix="neurosnap-") as folder:
+        # A socket in a folder of one's own: nobody else can connect, and no port is
+        # taken.
+        endpoint = f"unixsock-stream/{folder}/hub"
+        plan.network.check(*_parts_here(plan))
+        async with Supervisor() as supervisor:
+            launch = _Launch(plan, supervisor, endpoint, folder)
+            reporting = asyncio.create_task(
+                _report(supervisor, on_progress), name="launch/progress"
+            )
+            source = plan.metadata.get("source", "")
+            try:
+                shown = plan.network.endpoint("hub", endpoint)
+                with noted(launch.swarm, source, shown, plan.log):
+                    return await launch.run(stop)
+            finally:
+                reporting.cancel()
+
+
+class _Launch:
+    """One run of a plan."""
+
+    def __init__(
+        self, plan: Plan, supervisor: Supervisor, endpoint: str, folder: str
+    ) -> None:
+        self._plan = plan
+        self._supervisor = supervisor
+        self._seats = Seats(plan.network, endpoint, located=bool(plan.elsewhere))
+        self._folder = folder
+        self.swarm = plan.swarm or new_swarm_id()
+        self._hosts = hosts(plan.cells, plan.workers)
+
+    def _seat(self, who: str) -> Seat:
+        first = first_number(self._plan.past, who)
+        swarm = incarnation(self.swarm, self._plan.incarnation)
+        return self._seats.seat(who, swarm, first)
+
+    async def run(self, stop: asyncio.Event) -> Ending:
+        """Start everything, wait for the end, end everything."""
+        began = time.perf_counter()
+        if self._plan.network.connect and not await self._seats.await_hub(stop):
+            raise NothingBegunError("swarm: must reach its hub, was asked to end first")
+        try:
+            await self._start_hub(stop)
+            conductor, world, recorder = await self._start_parts(stop)
+            ends = (
+                [conductor.ended] if world is None else [conductor.ended, world.ended]
+            )
+            await wait_any(self._supervisor.failed, stop, *ends)
+            stopped, ended = stop.is_set(), conductor.done_at or time.perf_counter()
+        finally:
+            late = await self._end()
+        if self._supervisor.error is not None:
+            raise self._supervisor.error
+        if late:
+            rule = "every part must end when asked to"
+            raise SwarmError(f"swarm: {rule}, killed: {', '.join(late)}")
+        completeness = None
+        if recorder is not None:
+            completeness = msgspec.json.decode(_result(recorder), type=Completeness)
+        lost = 0
+        if world is not None and world.result is not None:
+            lost = msgspec.json.decode(world.result, type=int)
+        return Ending(_result(conductor), completeness, ended - began, stopped, lost)
+
+    async def _start_hub(self, stop: asyncio.Event) -> None:
+        sessions = len(self._hosts) + _SERVICES
+        allow_files(sessions)
+        if self._plan.network.connect:
+            return
+        hub = await self._supervisor.start(
+            be_hub,
+            self._seat("hub"),
+            sessions,
+            self._folder,
+            self._plan.network.audit,
+        )
+        await self._supervisor.wait(stop, hub.ready)
+
+    async def _start_parts(
+        self, stop: asyncio.Event
+    ) -> tuple[Child, Child | None, Child | None]:
+        """Start the conductor, the world and the recorder, and then the cells.
+
+        The cells are started to the last even if `stop` is set meanwhile: a recording
+        is whole once every part has said its last word.
+        """
+        start, plan = self._supervisor.start, self._plan
+        heard = self._hosts if plan.world is None else ["world", *self._hosts]
+        awaited = ["recorder", *heard] if "recorder" in plan.elsewhere else heard
+        recorder = world = None
+        if plan.log is not None:
+            recorder = await start(
+                be_recorder,
+                self._seat("recorder"),
+                str(plan.log),
+                {**plan.metadata, "swarm": self.swarm},
+                plan.past,
+                ("coordinator", *heard),
+            )
+            awaited = ["recorder", *heard]
+        conductor = await start(
+            plan.conductor,
+            self._seat("coordinator"),
+            *plan.conductor_arguments,
+            tuple(awaited),
+        )
+        if plan.network.connect:
+            # A hub of others may have a swarm of this id: it must not hear our parts.
+            await self._supervisor.wait(stop, conductor.ready, conductor.ended)
+            if not conductor.ready.is_set():
+                return conductor, None, recorder
+        if plan.outlet is not None:
+            # Before there is anything to tell of: what it misses, it never tells.
+            seat = self._seat(OUTLET)
+            outlet = await start(plan.outlet, seat, *plan.outlet_arguments)
+            await self._supervisor.wait(stop, outlet.ready, outlet.ended)
+        if plan.world is not None and "world" not in plan.elsewhere:
+            world = await start(plan.world, self._seat("world"), *plan.world_arguments)
+        job, more = (
+            (be_cell, ())
+            if not plan.workers
+            else (be_worker, (plan.cells, plan.workers))
+        )
+        await self._supervisor.start_many(
+            job,
+            [
+                (self._seat(who), (number, *more))
+                for number, who in enumerate(self._hosts)
+                if who not in plan.elsewhere
+            ],
+        )
+        return conductor, world, recorder
+
+    async def _end(self) -> list[str]:
+        """End everything in order; return who had to be killed.
+
+        Once a part has failed no wave settles, and nobody is waited for but the
+        recorder, which writes down what there is. Without the hub it hears no last
+        word, and gets only as long as it takes to write what it has.
+        """
+        end = self._supervisor.end
+        if self._supervisor.error is not None:
+            await self._supervisor.kill(["coordinator", "world", *self._hosts])
+            if self._supervisor.has_ended("hub"):
+                await end(["recorder"], _LAST_WRITE)
+        more = 0.0 if self._supervisor.has_begun else _COMING_UP
+        late = await end(["coordinator"], self._plan.patience + more)
+        grace = _GRACE + 0.02 * len(self._hosts) + more
+        late += await end(["world", *self._hosts], grace)
+        late += await end(["recorder", OUTLET], 2 * _GRACE)
+        late += await end(["hub"], _GRACE)
+        return late
+
+
+def _parts_here(plan: Plan) -> set[str]:
+    """Return the parts that are started here, by name."""
+    there = {
+        "hub": not plan.network.connect,
+        "recorder": plan.log is not None,
+        "coordinator": True,
+        OUTLET: plan.outlet is not None,
+        "world": plan.world is not None,
+    }
+    services = {who for who, is_there in there.items() if is_there}
+    return services.union(hosts(plan.cells, plan.workers)) - plan.elsewhere
+
+
+def _result(child: Child) -> bytes:
+    """Return what a child said came of it."""
+    if child.result is None:
+        raise SwarmError(
+            f"{child.process.name}: must say what came of it, said nothing"
+        )
+    return child.result
+
+
+async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) -> None:
+    """Pass the coordinator's progress on: only what it says, when it says so."""
+    try:
+        while True:
+            await supervisor.progressed.wait()
+            supervisor.progressed.clear()
+            on_progress(supervisor.tick)
+    except Exception as error:  # noqa: BLE001 - ends the run, and comes out of it
+        supervisor.blame(error)

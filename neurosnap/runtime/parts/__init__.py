@@ -1,0 +1,1 @@
+"""The processes of a swarm: what each does from its start to its end."""

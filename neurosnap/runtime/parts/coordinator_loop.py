@@ -1,0 +1,287 @@
+"""The async shell around a core that conducts a swarm: the coordinator, a depth probe.
+
+It waits until every part is there, hands the core what arrives, publishes what the core
+answers, and keeps a deadline for every wave in flight, and for the world's next
+observation. It decides nothing itself.
+"""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+from neurosnap import wire
+from neurosnap.errors import PartDiedError, SwarmError
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.runtime.parts.participant import decoded
+from neurosnap.runtime.parts.world_deadline import Answer
+
+_LAST_WORD = 0.5  # seconds
+_WORD = 0.25  # seconds between two words of how far it is, at most
+
+
+class Core(Protocol):
+    """What conducts: pure, messages in, messages out."""
+
+    finished: bool
+
+    @property
+    def tick(self) -> int:
+        """How far it has come, for whoever watches."""
+        ...
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        """The numbers of the waves that have not settled."""
+        ...
+
+    def begin(self) -> list[wire.Message]:
+        """Return what opens the run."""
+        ...
+
+    def receive(self, message: wire.Message) -> list[wire.Message]:
+        """Take in one message; return what is to be sent for it."""
+        ...
+
+    def overdue(self, number: int) -> list[wire.Message]:
+        """Return what is to be sent because wave `number` is late."""
+        ...
+
+    def stop(self) -> list[wire.Message]:
+        """End after what is under way."""
+        ...
+
+
+async def conduct(
+    core: Core,
+    fabric: Fabric,
+    stop: asyncio.Event,
+    *,
+    parts: Collection[str],
+    deadline: float,
+    answer: float | None = None,
+    patience: float = 60.0,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> float:
+    """Let `core` conduct the swarm until it has finished or `stop` is set.
+
+    Reads ``observe``, ``settle``, ``tally``, ``fault``, ``leave`` and the presence of
+    `parts`; publishes what the core says. On `stop`, and when a part leaves in order
+    because it is done, the tick under way is brought to its end first.
+
+    Args:
+        core: Decides what is sent.
+        fabric: Entered by the caller, and closed by it.
+        stop: Ends the run in order.
+        parts: Who must be there before it begins, and stay until it ends.
+        deadline: Seconds a wave may take.
+        answer: Seconds the world may take from a decision to its observation; None: as
+            long as it takes.
+        patience: Seconds the parts may take to come up.
+        on_progress: Told the core's tick once the swarm is up, after each burst, and
+            while nothing is over its deadline four times a second; on any thread.
+
+    Returns:
+        Seconds from the beginning to the end, the wait for the parts left out.
+
+    Raises:
+        SwarmError: A part did not come up, or went away, or the world does not answer;
+            it is named.
+        WaveLostError: A wave did not settle, and neither did its repeats.
+    """
+    shell = _Shell(core, fabric, deadline, Answer(answer), on_progress, parts)
+    presence = _Presence(parts, fabric, shell)
+    await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
+    await fabric.watch(presence.change)
+    await fabric.announce()
+    serving = asyncio.create_task(fabric.serve(shell.over), name="conduct/serve")
+    watching = asyncio.create_task(shell.watch(), name="conduct/deadlines")
+    try:
+        await presence.wait_complete(serving, stop, patience)
+        began = time.perf_counter()
+        if not stop.is_set() and not serving.done():
+            shell.begin()
+        stopping = asyncio.create_task(stop.wait(), name="conduct/stop")
+        try:
+            await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            stopping.cancel()
+        if not serving.done():
+            shell.send(core.stop)
+        await serving
+        return time.perf_counter() - began
+    finally:
+        watching.cancel()
+        serving.cancel()
+
+
+class _Shell:
+    """Feeds the core and keeps the deadlines.
+
+    Messages come on the fabric's thread and deadlines on the loop's: `_lock` is held
+    whenever the core is used, and while what it says is published, so that the order
+    on the wire is the order in which it was said.
+    """
+
+    def __init__(
+        self,
+        core: Core,
+        fabric: Fabric,
+        deadline: float,
+        answer: Answer,
+        on_progress: Callable[[int], None],
+        parts: Collection[str],
+    ) -> None:
+        self._answer = answer
+        self._parts = frozenset(parts)
+        self.over = asyncio.Event()
+        self.left: set[str] = set()  # who said a last word
+        self._core = core
+        self._fabric = fabric
+        self._deadline = deadline
+        self._on_progress = on_progress
+        self._begun = False
+        self._loop = asyncio.get_running_loop()
+        self._lock = threading.Lock()
+        self._started: dict[int, float] = {}  # when each wave in flight was sent
+        self._repeat = 0  # the last wave that was one
+
+    def handle(self, deliveries: list[wire.Delivery]) -> None:
+        """Hand a burst to the core. Called on the fabric's thread."""
+        with self._lock:
+            for message in decoded(self._fabric, deliveries):
+                if isinstance(message, wire.Leave) and message.who == self._fabric.who:
+                    continue  # its own last word comes back to it
+                if isinstance(message, wire.Leave) and message.who not in self._parts:
+                    what = (
+                        f"leave: must be of a part of this run, got {message.who:.40}"
+                    )
+                    self._publish([wire.Fault("coordinator", what)])
+                elif isinstance(message, wire.Leave):
+                    self.left.add(message.who)
+                    if "/" not in message.who:  # without its cells no tick would end
+                        self._publish(self._core.stop())
+                else:
+                    self._publish(self._core.receive(message))
+            if self._repeat:  # may have settled, and another waited for that
+                self._find_overdue()
+        self._tell()
+
+    def begin(self) -> None:
+        """Let the core begin: all parts are there."""
+        self.send(self._core.begin)
+        self._begun = True
+        self._tell()
+
+    def _tell(self) -> None:
+        if self._begun:
+            self._on_progress(self._core.tick)
+
+    def send(self, speak: Callable[[], list[wire.Message]]) -> None:
+        """Publish what the core says when asked by `speak`."""
+        with self._lock:
+            self._publish(speak())
+
+    def _publish(self, messages: list[wire.Message]) -> None:
+        self._fabric.publish(*messages)
+        for message in messages:
+            self._answer.heed(message)
+            if isinstance(message, wire.WaveStart):
+                self._started[message.wave] = time.monotonic()
+                if message.repeats:
+                    self._repeat = message.wave
+        if self._core.finished:
+            self._loop.call_soon_threadsafe(self.over.set)
+
+    async def watch(self) -> None:
+        """See to every deadline, until cancelled; say how far it is."""
+        while True:
+            await asyncio.sleep(min(self._deadline / 8, _WORD))
+            try:
+                with self._lock:
+                    self._find_overdue()
+                    self._answer.check()
+                self._tell()
+            except Exception as error:  # noqa: BLE001 - goes on to the owner, whole
+                self._fabric.fail(error)
+                return
+
+    def _find_overdue(self) -> None:
+        """Tell the core of a wave that is over its deadline, one at a time.
+
+        Before a repeat all cells are wired anew, and whoever is half way through that
+        reports what is refused. So the next waits until the last repeat has settled,
+        or is late itself.
+        """
+        flying = self._core.in_flight
+        limit = time.monotonic() - self._deadline
+        self._started = {n: t for n, t in self._started.items() if n in flying}
+        late = [n for n, t in self._started.items() if t < limit]
+        if self._repeat in flying:
+            late = [self._repeat] if self._repeat in late else []
+        else:
+            self._repeat = 0
+        if late:
+            self._publish(self._core.overdue(late[0]))
+
+
+class _Presence:
+    """Who is there, of those who must be."""
+
+    def __init__(self, parts: Collection[str], fabric: Fabric, shell: _Shell) -> None:
+        self._missing = set(parts)
+        self._parts = frozenset(parts)
+        self._fabric = fabric
+        self._shell = shell
+        self._complete = asyncio.Event()
+
+    def change(self, who: str, alive: bool) -> None:
+        """Take in that `who` came or went."""
+        if who not in self._parts:
+            return
+        if alive:
+            self._missing.discard(who)
+            if not self._missing:
+                self._complete.set()
+        else:
+            # Its last word may be on the way still: nothing orders the two.
+            asyncio.get_running_loop().call_later(_LAST_WORD, self._miss, who)
+
+    def _miss(self, who: str) -> None:
+        """Fail, unless `who` is gone in order or the run has ended meanwhile.
+
+        A cell, or a worker, has no order to go in before that.
+        """
+        left = who in self._shell.left
+        if self._shell.over.is_set() or (left and "/" not in who):
+            return
+        kind = SwarmError if left else PartDiedError
+        self._fabric.fail(kind(f"{who}: must stay until the run ends, is gone"))
+
+    async def wait_complete(
+        self, serving: asyncio.Task[None], stop: asyncio.Event, patience: float
+    ) -> None:
+        """Wait until all are there, or `stop`; raise naming who is not in time."""
+        if not self._missing:
+            return
+        waits = [
+            asyncio.create_task(event.wait(), name="conduct/presence")
+            for event in (self._complete, stop)
+        ]
+        try:
+            done, _ = await asyncio.wait(
+                (*waits, serving),
+                timeout=patience,
+                return_when=asyncio.FIRST_COMPLETED,
+            )
+        finally:
+            for task in waits:
+                task.cancel()
+        if not done:
+            late = sorted(self._missing)
+            more = f" and {len(late) - 10} more" if len(late) > 10 else ""
+            raise SwarmError(
+                f"swarm: every part must come up within {patience:g} s,"
+                f" missing: {', '.join(late[:10])}{more}"
+            )

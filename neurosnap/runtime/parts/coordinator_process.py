@@ -1,0 +1,130 @@
+"""The coordinator as the job of a process of its own, and what it brings home."""
+
+import asyncio
+from collections.abc import Collection
+from typing import Self
+
+import msgspec
+
+from neurosnap.errors import SwarmError
+from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.protocol.coordinator import Coordinator, Totals
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.replay.resume import restore
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.runtime.hosts.run_description import Brief
+from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.participant import take_part
+from neurosnap.sources.live.open import is_outside
+
+_LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
+_LOOK = 0.1  # seconds between two looks at who is there
+_TRIES = 3
+"""Deadlines that the world gets to answer, as many as a cell does: a wave is sent again
+twice."""
+
+
+class Result(msgspec.Struct):
+    """What the coordinator brings home."""
+
+    totals: Totals
+    seconds: float
+    """What the run took, once every part was up."""
+    implications: list[tuple[str, str]]
+    """The learned order by name, covering pairs only."""
+
+    @classmethod
+    def of(cls, core: Coordinator, seconds: float) -> Self:
+        """Sum a core up."""
+        named = core.graph.implications(core.snapshot.sensorium)
+        return cls(core.totals, seconds, named)
+
+
+def coordinator_for(options: RunOptions, past: Past | None) -> Coordinator:
+    """Return the core of a run: new, or as it was where it is taken up again."""
+    return Coordinator.of(options) if past is None else restore(past, options.ticks)
+
+
+def answer_within(options: RunOptions) -> float | None:
+    """Return how many seconds the world may take to answer; None: as long as it takes.
+
+    What is outside says something when something happens there, and not before.
+    """
+    return None if is_outside(options.source) else _TRIES * options.deadline
+
+
+async def be_coordinator(
+    seat: Seat,
+    stop: asyncio.Event,
+    reporter: Reporter,
+    brief: Brief,
+    patience: float | None,
+    parts: tuple[str, ...],
+) -> None:
+    """Learn, conduct and decide, and tell others what the run is.
+
+    Args:
+        seat: Its place.
+        stop: Ends the run in order.
+        reporter: Told that it is the only one, how far it is, what came of it.
+        brief: What the run is.
+        patience: Seconds the parts may take to come up; None: as many as that takes on
+            a small machine.
+        parts: Who must be there.
+
+    Raises:
+        SwarmError: The swarm has a coordinator already, or parts of an earlier one that
+            do not leave; and as from `conduct`.
+    """
+    core = coordinator_for(brief.options, brief.past)
+    if patience is None:
+        patience = 60.0 + 0.05 * len(parts)
+    options = brief.options
+    async with seat.fabric(swift=True) as fabric:
+        await _wait_alone(fabric, seat.swarm, brief.vacant, stop)
+        await fabric.brief(brief.to_bytes())
+        reporter.ready()
+        seconds = await take_part(
+            fabric,
+            conduct(
+                core,
+                fabric,
+                stop,
+                parts=parts,
+                deadline=options.deadline,
+                answer=answer_within(options),
+                patience=patience,
+                on_progress=reporter.progress,
+            ),
+        )
+        reporter.done(Result.of(core, seconds))
+
+
+async def _wait_alone(
+    fabric: ZenohFabric, swarm: str, vacant: Collection[str], stop: asyncio.Event
+) -> None:
+    """Wait until nobody is left of an earlier swarm of the same name, or `stop`.
+
+    Services come once there is a coordinator, so who is there before it is on the way
+    out: a recorder that would record two runs, a cell that would be missed.
+
+    It shows itself only after that, so two that are started at the same moment may
+    both find nobody: an id is its user's to give once.
+    """
+    there: set[str] = set()
+    try:
+        async with asyncio.timeout(_LEFTOVER):
+            while there := await fabric.present() & {"coordinator", *vacant}:
+                if "coordinator" in there:
+                    rule = "must have one coordinator, has one already"
+                    raise SwarmError(f"swarm {swarm}: {rule}")
+                await wait_at_most(stop, _LOOK)
+                if stop.is_set():
+                    return
+    except TimeoutError:
+        rule = f"must have nobody left of an earlier one after {_LEFTOVER:g} s"
+        raise SwarmError(
+            f"swarm {swarm}: {rule}, has {', '.join(sorted(there))}"
+        ) from None

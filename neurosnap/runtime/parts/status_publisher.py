@@ -1,0 +1,158 @@
+"""The part that tells a broker how a run goes: it looks on, and leaves no trace.
+
+Who has an MQTT source with a table `publish` gets it. It reads what the world and the
+coordinator say, and publishes nothing in the swarm.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, MessageError, ShapeError
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.protocol.anomaly_messages import told
+from neurosnap.protocol.observations import readings
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.sources.live.open import MQTT, mqtt_options
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from neurosnap.sources.mqtt.publisher import MqttOutlet
+
+OUTLET = "watcher/outlet"
+"""Its name: it has no last word, and nobody waits for it."""
+_AHEAD = 16  # observations that may wait for their state
+
+
+def publishes(options: RunOptions) -> bool:
+    """Tell whether a run has such a part.
+
+    Raises:
+        InvalidValueError: The options of its source are wrong.
+    """
+    if options.source != MQTT:
+        return False
+    return mqtt_options(options.arguments).publish is not None
+
+
+class Listener:
+    """Hands what a swarm says to an outlet. Called on the fabric's thread.
+
+    Args:
+        outlet: Publishes it.
+        options: The run's.
+    """
+
+    def __init__(self, outlet: "MqttOutlet", options: RunOptions) -> None:
+        self._outlet = outlet
+        self._options = options
+        # Nothing orders what the world says and what the coordinator makes of it.
+        self._known: dict[int, NDArray[np.bool_] | None] = {}
+        self._state: wire.State | None = None
+        self._wrong = -1  # the last tick that was an anomaly's
+        self._calm = True
+
+    def take(self, message: wire.Message) -> None:
+        """Take in one message; what is none of its business is passed over."""
+        match message:
+            case wire.Observation(tick=tick):
+                _, known = readings(message, len(self._options.sensors))
+                self._known[tick] = known
+                if len(self._known) > _AHEAD:
+                    del self._known[min(self._known)]
+                self._tell_state()
+            case wire.State():
+                self._state = message
+                self._tell_state()
+                if message.tick > self._wrong and not self._calm:
+                    self._calm = True
+                    self._outlet.anomaly(None)
+            case wire.Anomaly(tick=tick):
+                self._wrong, self._calm = tick, False
+                record = told(message, self._options.sensors)
+                self._outlet.anomaly(msgspec.to_builtins(record))
+            case wire.Decision():
+                self._outlet.decision(message)
+            case _:
+                pass
+
+    def _tell_state(self) -> None:
+        state = self._state
+        if state is not None and state.tick in self._known:
+            self._outlet.state(state, self._known.pop(state.tick))
+            self._state = None
+
+
+async def run_outlet(
+    options: RunOptions,
+    fabric: Fabric,
+    stop: asyncio.Event,
+    on_ready: Callable[[], None] = lambda: None,
+) -> None:
+    """Publish a run at the broker of its source until `stop` is set.
+
+    Reads ``observe``, ``state``, ``anomaly`` and ``decide``; publishes nothing in the
+    swarm. A message that cannot be right is passed over: those it is for say so.
+
+    Args:
+        options: The run's.
+        fabric: Entered by the caller.
+        stop: Ends it.
+        on_ready: Called once it misses nothing any more.
+
+    Raises:
+        InvalidValueError: The broker refuses the name, the password or a topic; or
+            nothing is to be published.
+        NeurosnapError: The broker cannot be reached at the start; or nothing more can
+            be heard of the swarm.
+    """
+    from neurosnap.sources.mqtt.publisher import MqttOutlet
+
+    given = mqtt_options(options.arguments)
+    if given.publish is None:
+        raise InvalidValueError("publish", "must be a table of the source", None)
+    body = options.body
+    outlet = MqttOutlet(
+        given.broker,
+        given.publish,
+        body.sensors,
+        own=len(body.own),
+        actions=body.actions,
+    )
+    listener = Listener(outlet, options)
+
+    def handle(deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            with contextlib.suppress(MessageError, ShapeError, InvalidValueError):
+                listener.take(wire.decode(delivery.key, delivery.payload))
+
+    await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
+    on_ready()
+    over = asyncio.Event()
+    hearing = asyncio.create_task(fabric.serve(stop), name="outlet/hear")
+    telling = asyncio.create_task(outlet.serve(over), name="outlet/tell")
+    try:
+        await asyncio.wait((hearing, telling), return_when=asyncio.FIRST_COMPLETED)
+        # Also where nothing can be heard any more: the broker is told that it is over.
+        over.set()
+        await telling
+        await hearing
+    finally:
+        hearing.cancel()
+        telling.cancel()
+
+
+async def be_outlet(
+    seat: Seat, stop: asyncio.Event, reporter: Reporter, options: RunOptions
+) -> None:
+    """Be the one who tells a broker; see `run_outlet`."""
+    async with seat.fabric() as fabric:
+        await run_outlet(options, fabric, stop, reporter.ready)
+    reporter.done()

@@ -1,0 +1,155 @@
+"""One run of a source through a swarm, with processes or inline."""
+
+import asyncio
+import sys
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+import msgspec
+
+from neurosnap.protocol.coordinator import Totals
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.runtime.hosts.network import PRIVATE, Network
+from neurosnap.runtime.hosts.run_description import Brief
+from neurosnap.runtime.inline import run_inline
+from neurosnap.runtime.launch import Plan, run_processes
+from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.status_publisher import be_outlet, publishes
+from neurosnap.runtime.parts.world_process import WayIn, be_world
+from neurosnap.system.distribution import version
+
+_PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
+
+
+class Outcome(msgspec.Struct, kw_only=True):
+    """What became of a run."""
+
+    totals: Totals
+    implications: list[tuple[str, str]]
+    """The order learned, by name, covering pairs only."""
+    completeness: Completeness | None
+    """The recording's balance; None where nothing was recorded."""
+    seconds: float
+    """From the first decision to the last state."""
+    startup: float
+    """From the call until every part was up."""
+    stopped: bool
+    """It was asked to stop before it was done."""
+    restarts: int = 0
+    """How often it went on after a part had died."""
+    kept: tuple[str, ...] = ()
+    """Files that it could not go on from, beside the recording or of it, which may hold
+    ticks that cannot be read."""
+    lost: int = 0
+    """What came from outside and was no reading, or had no tick and should have."""
+    journal: str = ""
+    """Where readings are kept that are not in the recording; empty: there are none."""
+    waiting: int = 0
+    """How many of these had no tick."""
+
+    @property
+    def complete(self) -> bool:
+        """Everything that was recorded of it is in the recording."""
+        balance = self.completeness
+        return balance is not None and balance.whole and not self.kept
+
+
+async def run(
+    options: RunOptions,
+    log: Path | None,
+    stop: asyncio.Event,
+    on_progress: Callable[[int], None] = lambda _: None,
+    past: Past | None = None,
+    network: Network = PRIVATE,
+    swarm: str = "",
+    incarnation: int = 0,
+    elsewhere: frozenset[str] = frozenset(),
+    patience: float | None = None,
+    way_in: WayIn | None = None,
+) -> Outcome:
+    """Run a swarm to its end, or until `stop` is set.
+
+    Args:
+        options: What to run.
+        log: Where to record; None: not at all.
+        stop: Ends the run in order.
+        on_progress: Told the tick as it grows.
+        past: Where to go on from, for a run that is resumed.
+        network: Where the hub of a swarm of processes listens, and to whom.
+        swarm: Its id; empty: a random one.
+        incarnation: How often a swarm of this id went before it.
+        elsewhere: The parts that somebody else starts, as `serve` does.
+        patience: Seconds all parts may take to come up; None: a minute, and more for
+            many.
+        way_in: How outside readings get to the world, where they are kept; see
+            `neurosnap.runtime.journaled_run`.
+
+    Raises:
+        InvalidValueError: There are more sensors than a key-frame can hold.
+        NeurosnapError: A part failed; the text names it. Whatever was recorded until
+            then is readable, and no process is left.
+    """
+    options.check_frame()
+    metadata = describe(options)
+    if options.cells == "inline":
+        inline = await run_inline(
+            options, log, metadata, past, stop, on_progress, way_in
+        )
+        result, completeness = inline.result, inline.completeness
+        total, stopped = inline.seconds, inline.stopped
+        lost = inline.lost
+    else:
+        vacant = tuple(sorted(elsewhere))
+        brief = Brief(options=options, past=past, vacant=vacant)
+        plan = Plan(
+            cells=len(options.sensors),
+            workers=options.sharing,
+            conductor=coordinator_process.be_coordinator,
+            conductor_arguments=(brief, patience),
+            world=be_world,
+            world_arguments=(options, past, way_in),
+            outlet=be_outlet if publishes(options) else None,
+            outlet_arguments=(options,),
+            log=log,
+            metadata=metadata,
+            past=past,
+            patience=options.deadline + 10.0,
+            network=network,
+            swarm=swarm,
+            incarnation=incarnation,
+            elsewhere=elsewhere,
+        )
+        ending = await run_processes(plan, stop, on_progress)
+        result = msgspec.json.decode(ending.result, type=coordinator_process.Result)
+        completeness = ending.completeness
+        total, stopped = ending.seconds, ending.stopped
+        lost = ending.lost
+    return Outcome(
+        totals=result.totals,
+        implications=result.implications,
+        completeness=completeness,
+        seconds=result.seconds,
+        startup=total - result.seconds,
+        stopped=stopped,
+        lost=lost,
+    )
+
+
+def describe(options: RunOptions) -> dict[str, str]:
+    """Return the facts of a run, as text: each option, all of them, the versions."""
+    facts = {
+        name: value if isinstance(value, str) else msgspec.json.encode(value).decode()
+        for name, value in msgspec.structs.asdict(options).items()
+    }
+    versions = {"neurosnap": version()}
+    versions |= {name: metadata.version(name) for name in _PACKAGES}
+    versions["python"] = ".".join(map(str, sys.version_info[:3]))
+    return {
+        **facts,
+        "sensors": msgspec.json.encode(options.sensors).decode(),
+        "options": msgspec.json.encode(options).decode(),
+        "versions": msgspec.json.encode(versions).decode(),
+    }

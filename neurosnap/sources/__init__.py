@@ -1,0 +1,1 @@
+"""Sources of observations: Gymnasium, CSV files, and live sensors."""

@@ -1,0 +1,354 @@
+"""A journal of the readings that made ticks, or are going to.
+
+What comes from outside comes once. So each row, the readings of one tick, is written
+here before it is used, and a run that goes on after a death reads it again. A row's
+number is its tick; what was done at a tick is noted before it is done, so that it is
+never done twice.
+
+The journal is a folder of files, each a few records long
+(`neurosnap.sources.live.journal_frames`): first what the file begins with, then rows.
+Nothing is ever written into a file again that another process began, so a record cut in
+half can only be the last of its file. Files are deleted from the oldest on (`cut`) by
+the recorder, once all their rows are on the disk in the recording, behind the last
+key-frame but one.
+
+A row that was written survives the death of any process. A power cut costs what was
+written since the last `Journal.sync`.
+"""
+
+import contextlib
+import itertools
+import os
+import shutil
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple, TypeAlias
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.sources.live.journal_frames import frame, records
+
+SUFFIX = ".journal"
+"""What a journal's name ends with, after that of its recording."""
+
+_ROWS = 256  # rows after which another file begins
+_NAME = "rows"
+
+Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
+    """What a file begins with."""
+
+    sensors: tuple[str, ...]
+    first: Number
+    """The number of its first row."""
+    acted: int
+    """The last tick of which the action was carried out, or begun to be; -1: none."""
+
+
+class Row(msgspec.Struct, frozen=True, array_like=True, tag="row"):
+    """The readings of one tick."""
+
+    number: Number
+    """The tick."""
+    bits: bytes
+    """What the sensors read, packed."""
+    known: bytes
+    """Which of the readings are known, packed."""
+    begins: bool
+    """It follows no action, since nobody listened before it."""
+
+
+class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
+    """The action of a tick is about to be carried out."""
+
+    tick: Number
+
+
+Record: TypeAlias = Begin | Row | Acted
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder: msgspec.msgpack.Decoder[Record] = msgspec.msgpack.Decoder(Record)
+
+
+class Content(msgspec.Struct, frozen=True):
+    """What a journal holds."""
+
+    sensors: tuple[str, ...]
+    rows: tuple[Row, ...]
+    """In order; numbers are missing where a file was damaged."""
+    acted: int
+
+
+class After(NamedTuple):
+    """What follows on a tick."""
+
+    before: Row | None
+    """That tick's own row, where it is still there."""
+    rows: Sequence[Row]
+    missing: int
+    """How many there should be besides."""
+
+
+def journal_of(log: Path) -> Path:
+    """Return where the journal of a run is, by where it is recorded."""
+    return log.with_name(f"{log.name}{SUFFIX}")
+
+
+def read_journal(folder: Path) -> Content:
+    """Return what a journal holds, as far as it is right. O(all of it).
+
+    Raises:
+        NeurosnapError: A file of it cannot be read.
+    """
+    sensors: tuple[str, ...] = ()
+    rows: list[Row] = []
+    acted = -1
+    for path in _files(folder):
+        for record in _read(path):
+            match record:
+                case Begin():
+                    sensors, acted = record.sensors, max(acted, record.acted)
+                    # Who begun it had no use for what was there from this row on.
+                    while rows and rows[-1].number >= record.first:
+                        del rows[-1]
+                case Row():
+                    rows.append(record)
+                case Acted():
+                    acted = max(acted, record.tick)
+    return Content(sensors, tuple(rows), acted)
+
+
+def decoded(data: bytes) -> Iterator[Record]:
+    """Yield the records of one file, up to the first that is not right."""
+    expected: int | None = None
+    for raw in records(data):
+        try:
+            record = _decoder.decode(raw)
+        except msgspec.MsgspecError:
+            return
+        if isinstance(record, Begin):
+            expected = record.first
+        elif expected is None:
+            return
+        elif isinstance(record, Row):
+            if record.number != expected:
+                return
+            expected += 1
+        yield record
+
+
+def cut(folder: Path, tick: int) -> None:
+    """Delete the files of a journal that hold no row after a tick.
+
+    Args:
+        folder: The journal; it need not exist.
+        tick: All rows up to it are where they are safe.
+
+    Raises:
+        NeurosnapError: A file cannot be read, or deleted.
+    """
+    if not folder.is_dir():
+        return
+    files = _files(folder)
+    for path, following in itertools.pairwise(files):
+        begin = next(iter(_read(following)), None)
+        if not isinstance(begin, Begin) or begin.first > tick + 1:
+            return
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise _failed("deletable", error, path) from error
+
+
+def remove(folder: Path) -> None:
+    """Delete a journal, if it is there."""
+    with contextlib.suppress(FileNotFoundError):
+        shutil.rmtree(folder)
+
+
+class Journal:
+    """Writes a journal; not to be used from two threads at once, `sync` excepted.
+
+    Args:
+        folder: Where it is, or is to be. Only the owner may read it.
+        sensors: The sensors' names.
+
+    Raises:
+        InvalidValueError: What is there is of other sensors.
+        NeurosnapError: It cannot be read or written.
+    """
+
+    def __init__(self, folder: Path, sensors: Sequence[str]) -> None:
+        self.folder = folder
+        self._sensors = tuple(sensors)
+        try:
+            folder.mkdir(mode=0o700, exist_ok=True)
+        except OSError as error:
+            raise _failed("writable", error, folder) from error
+        there = read_journal(folder)
+        if there.sensors and there.sensors != self._sensors:
+            rule = f"must be of the sensors {', '.join(there.sensors)}"
+            raise InvalidValueError("journal", rule, str(folder))
+        self.last = there.rows[-1].number if there.rows else 0
+        """The number of the last row."""
+        self.acted = there.acted
+        self._descriptor = -1
+        self._changing = threading.Lock()  # of the file, while another thread syncs it
+        self._size = self._rows = 0
+        self._dirty = False
+        self._begin()
+
+    def row(self, bits: bytes, known: bytes, *, begins: bool) -> Row:
+        """Write down the next row, and return it.
+
+        Raises:
+            NeurosnapError: The disk does not take it.
+        """
+        if self._rows >= _ROWS:
+            self._begin()
+        row = Row(self.last + 1, bits, known, begins)
+        self._write(row)
+        self.last += 1
+        self._rows += 1
+        return row
+
+    def act(self, tick: int) -> bool:
+        """Note that the action of a tick is about to be carried out.
+
+        Returns:
+            It may be: it was not noted before.
+
+        Raises:
+            NeurosnapError: The disk does not take it.
+        """
+        if tick <= self.acted:
+            return False
+        self._write(Acted(tick))
+        self.acted = tick
+        return True
+
+    def after(self, tick: int) -> "After":
+        """Return the rows after a tick; the next one to come follows them.
+
+        Where they do not follow on that tick, since some were lost, those there are get
+        the numbers that do.
+
+        Raises:
+            NeurosnapError: It cannot be read or written.
+        """
+        there = read_journal(self.folder).rows
+        before = next((row for row in there if row.number == tick), None)
+        rows = [row for row in there if row.number > tick]
+        numbers = range(tick + 1, tick + 1 + len(rows))
+        if self.last >= tick and [row.number for row in rows] == [*numbers]:
+            return After(before, rows, 0)
+        missing = rows[-1].number - tick - len(rows) if rows else 0
+        return After(before, self.restart(tick, rows), missing)
+
+    def restart(self, tick: int, rows: Sequence[Row]) -> list[Row]:
+        """Let `rows` follow on a tick, and nothing else; return them as numbered then.
+
+        Raises:
+            NeurosnapError: The disk does not take it.
+        """
+        self.last = tick
+        self._begin()
+        kept = [self.row(row.bits, row.known, begins=row.begins) for row in rows]
+        self.sync()
+        return kept
+
+    def sync(self) -> None:
+        """Let what was written survive a power cut; from any thread.
+
+        Raises:
+            NeurosnapError: The disk does not take it.
+        """
+        with self._changing:
+            if not self._dirty or self._descriptor < 0:
+                return
+            self._dirty = False
+            descriptor = os.dup(self._descriptor)  # another file may begin meanwhile
+        try:
+            os.fsync(descriptor)
+        except OSError as error:
+            raise _failed("writable", error, self.folder) from error
+        finally:
+            os.close(descriptor)
+
+    def close(self) -> None:
+        """Close the file; may be called twice, and from any thread."""
+        with self._changing:
+            if self._descriptor >= 0:
+                os.close(self._descriptor)
+                self._descriptor = -1
+
+    def _begin(self) -> None:
+        """Begin another file."""
+        if self._descriptor >= 0:
+            self.sync()
+        files = _files(self.folder)
+        number = int(files[-1].stem) + 1 if files else 0
+        path = self.folder / f"{number:010}.{_NAME}"
+        flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC
+        try:
+            descriptor = os.open(path, flags, 0o600)
+            _sync_folder(self.folder)
+        except OSError as error:
+            raise _failed("writable", error, path) from error
+        self.close()
+        self._descriptor = descriptor
+        self._size = self._rows = 0
+        self._write(Begin(self._sensors, self.last + 1, self.acted))
+
+    def _write(self, record: Record) -> None:
+        """Write a record, or nothing of it."""
+        data = frame(_encoder.encode(record))
+        written = 0
+        try:
+            while written < len(data):  # what is left over says why, the next time
+                written += os.write(self._descriptor, data[written:])
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                # Nobody reads on behind half a record.
+                os.ftruncate(self._descriptor, self._size)
+                os.lseek(self._descriptor, self._size, os.SEEK_SET)
+            raise _failed("writable", error, self.folder) from error
+        self._size += len(data)
+        self._dirty = True
+
+
+def _files(folder: Path) -> list[Path]:
+    """Return the files of a journal, the oldest first."""
+    try:
+        return sorted(
+            path for path in folder.glob(f"*.{_NAME}") if path.stem.isdecimal()
+        )
+    except OSError as error:
+        raise _failed("readable", error, folder) from error
+
+
+def _read(path: Path) -> Iterator[Record]:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:  # the recorder has just cut it off
+        return
+    except OSError as error:
+        raise _failed("readable", error, path) from error
+    yield from decoded(data)
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _failed(what: str, error: OSError, path: Path) -> NeurosnapError:
+    rule = f"must be {what}, got {error.strerror}"
+    return NeurosnapError(f"journal: {rule} for {str(path)!r}")

@@ -1,0 +1,511 @@
+"""A source whose readings come from outside, whenever they like.
+
+Two threads meet here. A feeder's thread hands readings in; the world's thread waits in
+`first` or `step` until a tick is due. Both hold one lock for a few microseconds, and
+what waits between them is bounded: a reading replaces the one before it, and of whole
+readings no more than `WAITING` are kept, and what a feeder had read by then.
+
+Whole readings come first: each is a tick of its own, in the order they came, and the
+pace is not asked. Only when none waits does the pace decide when the board is shown.
+
+With a journal each row, the readings of one tick, is written down as soon as it is
+known that it gets one: a whole reading when it comes, the board when it is shown. Who
+goes on after a death gets the same rows again (`go_on`). While nobody asks
+(`keep_changes`) the board is not shown by the clock, but each change of it is a row, as
+far as the pace and `WAITING` allow: so a restart hides no more than a busy swarm does.
+"""
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from neurosnap.errors import NeurosnapError, ShapeError
+from neurosnap.sensorium import pack, unpack
+from neurosnap.sources.live.clock import Stamps
+from neurosnap.sources.live.journal import Journal, Row
+from neurosnap.sources.live.latest_readings import Bits, Board
+from neurosnap.sources.live.rejected import Refusals
+from neurosnap.sources.live.statistics import Statistics
+from neurosnap.sources.live.tick_schedule import Pace
+
+WAITING = 1024
+"""Whole readings that may wait for their tick."""
+
+_logger = logging.getLogger(__name__)
+
+_LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
+
+
+class Shown(NamedTuple):
+    """The readings of one tick."""
+
+    bits: Bits
+    known: Bits
+    begins: bool
+    """It follows no action, since nobody listened before it."""
+
+    def is_same(self, seen: tuple[Bits, Bits]) -> bool:
+        """Tell whether `seen`, readings and which are known, is no change."""
+        return np.array_equal(self.bits, seen[0]) and np.array_equal(
+            self.known, seen[1]
+        )
+
+
+class Feeder(Protocol):
+    """Brings readings to a source, from a thread of its own."""
+
+    def start(self, source: "OutsideSource") -> None:
+        """Begin, and return without waiting for anybody; called once.
+
+        From then on it may call, from any thread, the source's `put`, `put_all`,
+        `give`, `refuse`, `hears`, `end` and `fail`; what it cannot do it tells by
+        `fail`.
+        """
+
+    def stop(self) -> None:
+        """End, and return once nothing more is handed in; also without a start, twice.
+
+        The source is closed already: a feeder that waits for room is on its way out.
+        """
+
+
+class OutsideSource:
+    """A live `Source` over a board and a pace.
+
+    Args:
+        board: Holds the latest readings; nobody else may touch it from now on.
+        pace: Says when a tick is due; likewise.
+        feeder: Is started with the first tick and stopped by `close`; None: whoever has
+            the source hands readings in.
+        actions: The names of the atomic actions, one of which is taken at each step.
+        actuate: Carries out the choice that `step` is called with, if there are
+            actions; on the world's thread, so it should not take long.
+        clock: Seconds that never go back.
+        wall: Seconds since the epoch, which is what readings are stamped in.
+        condition: The lock, and how to wait; for tests.
+    """
+
+    live: bool = True
+    exclusive: bool = True
+    length: int | None = None
+
+    def __init__(
+        self,
+        board: Board,
+        pace: Pace,
+        *,
+        feeder: Feeder | None = None,
+        actions: Sequence[str] = (),
+        actuate: Callable[[int], None] | None = None,
+        journal: Journal | None = None,
+        most: int | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], float] = time.time,
+        condition: threading.Condition | None = None,
+    ) -> None:
+        self.sensors: tuple[str, ...] = board.sensors
+        self.orders: tuple[int, ...] = (0,) * len(board.sensors)
+        self.actions: tuple[str, ...] = tuple(actions)
+        self.begins: bool = False
+        self.known: Bits | None = None
+        self.journal = journal
+        self.resumed = journal is not None and journal.last > 0
+        """It goes on with a run that had its first tick before."""
+        self.given = 0
+        """The tick of the row that was given last."""
+        self._board = board
+        self._pace = pace
+        self._feeder = feeder
+        self._actuate = actuate
+        self._clock = clock
+        self._wall = wall
+        self._condition = threading.Condition() if condition is None else condition
+        self._number = {name: k for k, name in enumerate(board.sensors)}
+        self._most = most
+        self._rows = 0 if journal is None else journal.last  # rows there are, in all
+        self._fresh = True  # nobody has listened before the next row
+        self._waiting: deque[Shown] = deque()
+        self._shown: Shown | None = None  # the last row, be it given or waiting
+        self._turn = 0  # whoever asks and is not of this turn is let go
+        self._away = False
+        self._unshown: Bits = np.zeros(len(board.sensors), np.bool_)
+        self._stamps = Stamps(clock(), wall())
+        # A feeder is not started once it was stopped, and not stopped halfway.
+        self._feeding = threading.Lock()
+        self._sensitive = True  # a reading may bring the next tick nearer
+        self._started = self._ended = self._closed = False
+        self._error: BaseException | None = None
+        self._refusals = Refusals(clock)
+        self._ticks = self._taken = self._coalesced = self._dropped = 0
+        self._missing = 0
+
+    def first(self) -> Bits | None:
+        """Start the feeder, unless it is on its way, and wait for the first tick.
+
+        Returns:
+            As `step`.
+
+        Raises:
+            NeurosnapError: As `step`.
+        """
+        with self._condition:
+            if self.journal is None:
+                self._fresh = True
+                if not self._waiting:  # else the last of these is the last row
+                    self._shown = None
+        return self._tick()
+
+    def step(self, action: int) -> Bits | None:
+        """Let `action` be carried out, and wait for the next tick.
+
+        It may be the first call, where a run goes on that had its first tick before.
+
+        Args:
+            action: The choice; not looked at where there are no actions.
+
+        Returns:
+            The readings, ``(N,)``, and in `known` which of them are; None: the source
+            is closed, or its feeder has come to an end.
+
+        Raises:
+            NeurosnapError: What the feeder failed of.
+        """
+        if self._actuate is not None and self._is_new_action():
+            self._actuate(action)
+        self.resumed |= not self._started
+        return self._tick()
+
+    def go_on(self, tick: int) -> None:
+        """Let the row after `tick` be given next; `known` is as it was at `tick`.
+
+        With a journal this comes before anything is asked; without one it does nothing.
+
+        Raises:
+            NeurosnapError: The journal cannot be read.
+        """
+        with self._condition:
+            if self.journal is None:
+                return
+            before, rows, missing = self.journal.after(tick)
+            if missing:
+                self._missing += missing
+                _logger.warning("journal: readings missing from it: %d", missing)
+            shown = None if before is None else self._read(before)
+            self._waiting = deque(map(self._read, rows))
+            self._shown = self._waiting[-1] if rows else shown
+            self._rows = self.journal.last
+            self.given = tick
+            self.resumed |= tick > 0
+            self.known = None
+            if shown is not None and not shown.known.all():
+                self.known = shown.known
+
+    def let_go(self) -> None:
+        """Let whoever waits for a row get None; from any thread."""
+        with self._condition:
+            self._turn += 1
+            self._away = False
+            self._condition.notify_all()
+
+    def keep_changes(self) -> None:
+        """Write down each change that would have been a row, until `let_go`.
+
+        For while nobody asks. What the journal fails of, whoever asks next gets.
+        """
+        if not self._started:
+            self._start()
+        with self._condition:
+            self._away = True
+            while self._away and not self._closed and self._error is None:
+                now = self._clock()
+                patience = self._keep_change(now)
+                if patience != 0:
+                    self._wait(now, patience)
+            self._away = False
+
+    def _keep_change(self, now: float) -> float | None:
+        """Write the board down if it has changed and is due.
+
+        Returns:
+            Seconds until it is due; 0: it was written. None: there is no change.
+        """
+        seen = self._board.observation(now)
+        patience = self._patience(seen, now)
+        self._sensitive = True
+        is_same = self._shown is not None and self._shown.is_same(seen)
+        if is_same or self.is_full or len(self._waiting) >= WAITING:
+            return None
+        if patience == 0:
+            try:
+                self._waiting.append(self._row(*seen))
+            except NeurosnapError as error:
+                self._error = error
+            self._unshown[:] = False
+            self._pace.given(now)
+        return patience
+
+    def close(self) -> None:
+        """Let go whoever waits, and stop the feeder; from any thread, also twice.
+
+        What was lost until then is told of, once.
+        """
+        with self._condition:
+            told, self._closed = self._closed, True
+            self._refusals.flush()
+            self._condition.notify_all()
+        with self._feeding:
+            if self._feeder is not None:
+                self._feeder.stop()
+        if self.journal is not None:
+            self.journal.close()
+        losses = self.statistics().losses
+        if losses and not told:
+            _logger.warning("source: lost or out of time: %s", losses)
+
+    @property
+    def is_full(self) -> bool:
+        """There are all the rows that there are to be."""
+        return self._most is not None and self._rows >= self._most
+
+    def put(self, sensor: str, on: bool | None, at: float | None = None) -> None:
+        """Take in one reading; from any thread, and without waiting.
+
+        Args:
+            sensor: Its name.
+            on: What it read; None: it does not know.
+            at: When, in seconds since the epoch; None: now.
+        """
+        self.put_all({sensor: on}, at)
+
+    def put_all(
+        self, readings: Mapping[str, bool | None], at: float | None = None
+    ) -> None:
+        """Take in readings that belong together, as `put`: no tick shows half of them.
+
+        A name that is none of `sensors` is counted and named once: a run has the
+        sensors it began with.
+        """
+        with self._condition:
+            now = self._clock()
+            as_of = self._as_of(at, now)
+            for sensor, on in readings.items():
+                number = self._number.get(sensor)
+                if number is None:
+                    self._refusals.refuse_sensor(sensor)
+                elif self._board.put(number, on, as_of, now):
+                    self._taken += 1
+                    self._coalesced += int(self._unshown[number])
+                    self._unshown[number] = True
+                    self._changed()
+            if self._away:
+                # Here, and not by who waits: the next readings may be faster than that.
+                self._keep_change(now)
+
+    def _changed(self) -> None:
+        """Wake whoever waits, once a burst: there is but one look to take."""
+        if self._sensitive:
+            self._sensitive = False
+            self._condition.notify_all()
+
+    def give(
+        self,
+        readings: Sequence[bool | None],
+        at: float | None = None,
+        *,
+        spare: bool = False,
+    ) -> None:
+        """Take in a whole reading, which gets a tick of its own; from any thread.
+
+        Where `WAITING` of them wait already, it is dropped and counted.
+
+        Args:
+            readings: One a sensor; None: unknown. A reading without any known one is
+                taken in and gets no tick.
+            at: When they were read, as for `put`. Staleness and lateness do not matter
+                for its own tick, only for what is left on the board.
+            spare: It is not dropped: the feeder waits for room before it reads more.
+
+        Raises:
+            ShapeError: There is not one a sensor.
+        """
+        if len(readings) != len(self.sensors):
+            rule = f"must be {len(self.sensors)}, one a sensor"
+            raise ShapeError("readings", rule, len(readings))
+        on = np.array([reading is True for reading in readings])
+        known = np.array([reading is not None for reading in readings])
+        with self._condition:
+            if self.is_full or self._closed:
+                return
+            now = self._clock()
+            taken = self._board.put_all(on, known, self._as_of(at, now), now)
+            self._taken += int(np.count_nonzero(taken))
+            self._coalesced += int(np.count_nonzero(taken & self._unshown))
+            self._unshown &= ~taken  # a whole reading is shown by a tick of its own
+            if known.any() and (spare or len(self._waiting) < WAITING):
+                try:
+                    self._waiting.append(self._row(on, known))
+                except NeurosnapError as error:
+                    self._error = error
+            elif known.any():
+                self._dropped += 1
+            self._condition.notify_all()
+
+    def wait_for_room(self) -> bool:
+        """Wait while too many whole readings do; from a feeder's thread.
+
+        Returns:
+            There is room; otherwise no reading is wanted any more.
+        """
+        with self._condition:
+            while len(self._waiting) >= WAITING and not self._closed:
+                self._condition.wait()
+            return not self._closed and not self.is_full
+
+    def refuse(self, text: str) -> None:
+        """Count what is no reading, and say so; a line a second at most.
+
+        Args:
+            text: What it was, as ``name: rule, got value``.
+        """
+        with self._condition:
+            self._refusals.refuse(text)
+
+    def hears(self, on: bool) -> None:
+        """Take note that the feeder listens from now on, or does not; from any thread.
+
+        While nobody listens, silence says nothing of a sensor with `seen_within`. A
+        feeder listens from its start, unless it says otherwise.
+        """
+        with self._condition:
+            if on:
+                self._board.begin(self._clock())
+            else:
+                self._board.deafen()
+            self._condition.notify_all()
+
+    def end(self) -> None:
+        """Let the source be over once all that came was shown."""
+        with self._condition:
+            self._ended = True
+            self._condition.notify_all()
+
+    def fail(self, error: BaseException) -> None:
+        """Let whoever waits for a tick get `error`, unless the source is closed.
+
+        Whole readings that came before have their ticks first.
+        """
+        with self._condition:
+            self._error = error
+            self._condition.notify_all()
+
+    def statistics(self) -> Statistics:
+        """Return what came in so far; from any thread."""
+        with self._condition:
+            return Statistics(
+                ticks=self._ticks,
+                taken=self._taken,
+                coalesced=self._coalesced,
+                late=self._board.late,
+                ahead=self._board.ahead,
+                refused=self._refusals.count,
+                dropped=self._dropped,
+                skipped=self._pace.skipped,
+                missing=self._missing,
+            )
+
+    def _tick(self) -> Bits | None:
+        if not self._started:
+            self._start()
+        with self._condition:
+            shown = self._next()
+            if shown is None:
+                return None
+            self._pace.given(self._clock())
+            self._ticks += 1
+            self.given += 1
+            self._condition.notify_all()  # there is room for one more
+        self.begins = shown.begins
+        self.known = None if shown.known.all() else shown.known
+        return shown.bits
+
+    def _is_new_action(self) -> bool:
+        """Tell whether an action is to be carried out, and note that it is.
+
+        It may have been asked for before, in a swarm that died then.
+        """
+        if not self.actions or self.journal is None:
+            return bool(self.actions)
+        with self._condition:
+            return self.journal.act(self.given)
+
+    def _row(self, bits: Bits, known: Bits) -> Shown:
+        """Return the next row, once it is written down."""
+        if self.journal is not None:
+            self.journal.row(pack(bits), pack(known), begins=self._fresh)
+        self._shown = Shown(bits, known, self._fresh)
+        self._fresh = False
+        self._rows += 1
+        return self._shown
+
+    def _read(self, row: Row) -> Shown:
+        """Return a row that was written down."""
+        count = len(self.sensors)
+        return Shown(unpack(row.bits, count), unpack(row.known, count), row.begins)
+
+    def _start(self) -> None:
+        with self._condition:
+            now = self._clock()
+            self._board.begin(now)
+            self._pace.begin(now)
+        with self._feeding:
+            self._started = True
+            if self._feeder is not None and not self._closed:
+                self._feeder.start(self)
+
+    def _next(self) -> Shown | None:
+        """Wait for what is to be shown next; None: nothing any more."""
+        turn = self._turn
+        while not self._closed and turn == self._turn:
+            if self._waiting:
+                return self._waiting.popleft()
+            if self._error is not None:
+                raise self._error
+            now = self._clock()
+            seen = self._board.observation(now)
+            patience = self._patience(seen, now)
+            if patience == 0:
+                self._unshown[:] = False
+                return self._row(*seen)
+            if self._ended:
+                return None
+            self._wait(now, patience)
+        return None
+
+    def _wait(self, now: float, patience: float | None) -> None:
+        """Wait until what is known may change, `patience` seconds at most."""
+        turn = self._board.next_change(now)
+        until = _LONGEST if turn is None else min(_LONGEST, turn - now)
+        self._condition.wait(until if patience is None else min(until, patience))
+
+    def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
+        """Return for how long to wait before showing `seen`; None: it is no reason."""
+        changed = self._shown is None or not self._shown.is_same(seen)
+        self._sensitive = True
+        if not seen[1].any():
+            return None
+        if self._ended:
+            return 0.0 if changed else None
+        patience = self._pace.wait(now, changed)
+        # While this is what will be shown, more of it need not wake anybody.
+        self._sensitive = patience != self._pace.wait(now, True)
+        return patience
+
+    def _as_of(self, at: float | None, now: float) -> float:
+        if at is None:
+            return now
+        return self._stamps.on_our_clock(at, now, self._wall())

@@ -1,0 +1,199 @@
+"""A source that another process on this machine takes in: what is asked and answered.
+
+Over a socket in a folder of the run's own go frames
+(`neurosnap.sources.live.journal_frames`): the world says which tick it goes on from;
+then it asks for row after row, and gets each when there is one.
+"""
+
+import contextlib
+import socket
+import threading
+import time
+from typing import TypeAlias
+
+import msgspec
+
+from neurosnap.errors import NeurosnapError, PartDiedError
+from neurosnap.sensorium import unpack
+from neurosnap.sources.live.journal_frames import HEAD, frame, is_right
+from neurosnap.sources.live.latest_readings import Bits
+
+_PATIENCE = 20.0  # seconds until somebody answers: it may have died, and be coming back
+_AGAIN = 0.02  # seconds between two tries
+
+
+class Ask(msgspec.Struct, frozen=True, array_like=True, tag="ask"):
+    """Give the next row, once `action` is carried out."""
+
+    action: int
+
+
+class Recall(msgspec.Struct, frozen=True, array_like=True, tag="recall"):
+    """A world is there that goes on from a tick: say what was known then."""
+
+    tick: int
+
+
+class Answer(msgspec.Struct, frozen=True, array_like=True, tag="answer"):
+    """The row; of a `Recall` what was known only."""
+
+    bits: bytes
+    known: bytes
+    """Packed; empty: all was."""
+    begins: bool
+
+
+class Over(msgspec.Struct, frozen=True, array_like=True, tag="over"):
+    """There is none any more."""
+
+
+class Failed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
+    """There cannot be one."""
+
+    what: str
+
+
+Question: TypeAlias = Ask | Recall
+Reply: TypeAlias = Answer | Over | Failed
+
+encode = msgspec.msgpack.encode
+questions: msgspec.msgpack.Decoder[Question] = msgspec.msgpack.Decoder(Question)
+_replies: msgspec.msgpack.Decoder[Reply] = msgspec.msgpack.Decoder(Reply)
+
+
+class RemoteSource:
+    """A live `Source` behind a socket.
+
+    Args:
+        address: The path of the socket.
+        sensors: The names of the sensors.
+        actions: The names of the atomic actions, one of which is taken at each step.
+    """
+
+    live: bool = True
+    exclusive: bool = True
+    length: int | None = None
+
+    def __init__(
+        self, address: str, sensors: tuple[str, ...], actions: tuple[str, ...]
+    ) -> None:
+        self.sensors = sensors
+        self.orders: tuple[int, ...] = (0,) * len(sensors)
+        self.actions = actions
+        self.begins: bool = False
+        self.known: Bits | None = None
+        self._address = address
+        self._socket: socket.socket | None = None
+        self._asking = threading.Lock()  # held by whoever waits for an answer
+        self._closed = False
+
+    def go_on(self, tick: int) -> None:
+        """Let the row after `tick` be the next; `known` is as it was at `tick`.
+
+        It comes before anything is asked.
+
+        Raises:
+            NeurosnapError: As `step`.
+        """
+        self._take(self._ask(Recall(tick)))
+
+    def first(self) -> Bits | None:
+        """Return the first row.
+
+        Returns:
+            As `step`.
+
+        Raises:
+            NeurosnapError: As `step`.
+        """
+        return self.step(-1)
+
+    def step(self, action: int) -> Bits | None:
+        """Return the next row, once there is one.
+
+        Args:
+            action: The choice, to be carried out before.
+
+        Returns:
+            The readings, ``(N,)``; None: the source is closed, or over.
+
+        Raises:
+            PartDiedError: Nobody is there any more to take readings in.
+            NeurosnapError: What the source failed of.
+        """
+        return self._take(self._ask(Ask(action)))
+
+    def close(self) -> None:
+        """Let go whoever waits; from any thread, also twice."""
+        self._closed = True
+        if self._socket is not None:
+            with contextlib.suppress(OSError):  # the other end may be faster
+                self._socket.shutdown(socket.SHUT_RDWR)
+        with self._asking:
+            if self._socket is not None:
+                self._socket.close()
+
+    def _take(self, reply: Reply) -> Bits | None:
+        match reply:
+            case Over():
+                return None
+            case Failed(what=what):
+                raise NeurosnapError(what)
+            case Answer(bits=bits, known=known, begins=begins):
+                count = len(self.sensors)
+                self.known = unpack(known, count) if known else None
+                self.begins = begins
+                return unpack(bits, count) if bits else None
+
+    def _ask(self, question: Question) -> Reply:
+        with self._asking:
+            return self._answer(question)
+
+    def _answer(self, question: Question) -> Reply:
+        try:
+            if self._socket is None:
+                self._socket = self._connected()
+            if self._closed:
+                return Over()
+            self._socket.sendall(frame(encode(question)))
+            head = self._read(HEAD.size)
+            record = self._read(HEAD.unpack(head)[0])
+            if is_right(head, record):
+                return _replies.decode(record)
+            rule = "must answer in whole frames"
+            raise NeurosnapError(f"intake: {rule}, got {record[:40]!r}")
+        except (OSError, EOFError) as error:
+            if self._closed:
+                return Over()
+            rule = "must not end before it is asked to, is gone"
+            raise PartDiedError(f"intake: {rule}") from error
+
+    def _connected(self) -> socket.socket:
+        until = time.monotonic() + _PATIENCE
+        while True:
+            end = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            try:
+                end.connect(self._address)
+            except OSError:
+                end.close()
+                if self._closed or time.monotonic() > until:
+                    raise
+                time.sleep(_AGAIN)
+            else:
+                return end
+
+    def _read(self, count: int) -> bytes:
+        """Return the next bytes.
+
+        Raises:
+            EOFError: They do not come any more.
+        """
+        if self._socket is None:
+            raise EOFError
+        data = bytearray()
+        while len(data) < count:
+            piece = self._socket.recv(count - len(data))
+            if not piece:
+                raise EOFError
+            data += piece
+        return bytes(data)

@@ -1,0 +1,157 @@
+"""Standard input as a source: one JSON reading per line; see `json_reading`.
+
+A whole reading is never skipped: what was read is handed in at once, and while too many
+wait for their tick nothing more is read: the pipe holds back whoever writes. Single
+readings go to the board, and the pace decides when it is shown. A line that is no
+reading is told of with its number, and the run goes on; the end of the input ends it in
+order.
+"""
+
+import os
+import select
+import threading
+
+from neurosnap.errors import FabricError, InvalidValueError, within
+from neurosnap.sources.live.hand_in import hand_in
+from neurosnap.sources.live.json_reading import LIMIT, Names, Single, read, too_long
+from neurosnap.sources.live.line_splitter import Lines
+from neurosnap.sources.live.live_source import OutsideSource
+
+STANDARD_INPUT = 0
+
+_PIECE = 1 << 16
+_NAME = "standard input"
+
+
+class NdjsonFeeder:
+    """Reads lines from a file descriptor, on a thread of its own.
+
+    Args:
+        descriptor: Open for reading: a pipe, a terminal, a file. It is not closed.
+        head: The first line, with the blank ones before it, where somebody has read it
+            already. A source that goes on with a run had what it says.
+    """
+
+    def __init__(
+        self, descriptor: int = STANDARD_INPUT, *, head: bytes | None = None
+    ) -> None:
+        self._descriptor = descriptor
+        self._head = head
+        self._lines = Lines(LIMIT)
+        self._thread: threading.Thread | None = None
+        # The reading thread waits for input or for this, whichever comes first.
+        self._heard, self._told = os.pipe()
+        self._open = True
+
+    def start(self, source: OutsideSource) -> None:
+        """Begin to read."""
+        self._thread = threading.Thread(
+            target=self._run, args=(source,), name="outside/lines", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop reading; what was read and not handed in is dropped."""
+        if not self._open:
+            return
+        self._open = False
+        os.close(self._told)
+        if self._thread is not None:
+            self._thread.join()
+        os.close(self._heard)
+
+    def _run(self, source: OutsideSource) -> None:
+        try:
+            if self._head is not None:
+                for number, line in self._lines.feed(self._head + b"\n"):
+                    if not source.resumed:
+                        self._take(source, number, line)
+            while source.wait_for_room():
+                piece = self._read()
+                for number, line in self._lines.feed(piece):
+                    self._take(source, number, line)
+                if not piece:
+                    break
+            if self._open and not source.is_full:
+                for number, line in self._lines.finish():
+                    self._take(source, number, line)
+            source.end()
+        except OSError as error:
+            rule = f"must be readable, got {error.strerror}"
+            source.fail(FabricError(f"{_NAME}: {rule}"))
+        except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
+            source.fail(error)
+
+    def _read(self) -> bytes:
+        """Wait for input and return some of it; nothing at its end, or ours."""
+        poll = select.poll()  # `select.select` ends at descriptor 1023
+        poll.register(self._descriptor, select.POLLIN)
+        poll.register(self._heard, select.POLLIN)
+        if self._heard in dict(poll.poll()):
+            return b""
+        return os.read(self._descriptor, _PIECE)
+
+    def _take(self, source: OutsideSource, number: int, line: bytes | None) -> None:
+        if source.is_full:
+            return  # the run has all its ticks: nobody asked for more
+        place = f"{_NAME}:{number}"
+        if line is None:
+            source.refuse(str(within(place, too_long("a longer line"))))
+        elif line.strip():
+            try:
+                hand_in(source, line, spare=True)
+            except InvalidValueError as error:
+                source.refuse(str(within(place, error)))
+
+
+def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
+    """Return the first line that is not blank, with those before it, and read no more.
+
+    Waits for it. It comes without its line feed, and is read byte by byte, so that
+    whoever reads on misses nothing.
+
+    Raises:
+        InvalidValueError: It is too long, or there is none.
+    """
+    line = bytearray()
+    try:
+        while byte := os.read(descriptor, 1):
+            if byte == b"\n" and line.strip():
+                break
+            line += byte
+            if len(line) > LIMIT:
+                raise within(_place(line), too_long("a longer line"))
+    except OSError as error:
+        rule = f"must be readable ({error.strerror})"
+        raise InvalidValueError(_NAME, rule, descriptor) from error
+    if not line.strip():
+        rule = "must begin with a line that names the sensors (or name them: sensors)"
+        raise InvalidValueError(_NAME, rule, "no line")
+    return bytes(line)
+
+
+def names_in(line: bytes) -> tuple[str, ...]:
+    """Return the sensors that a first line names, as `first_line` returns it.
+
+    Raises:
+        InvalidValueError: It is no reading, or names none or not all of them.
+    """
+    try:
+        reading = read(line.strip())
+        if isinstance(reading, Names):
+            return reading.sensors
+        if isinstance(reading, Single) or not isinstance(reading.bits, dict):
+            rule = (
+                "must name all sensors ({'sensors': [...]} or {'bits': {...}};"
+                " or name them: sensors)"
+            )
+            raise InvalidValueError("reading", rule, line.strip()[:80])  # noqa: TRY301
+        return tuple(reading.bits)
+    except InvalidValueError as error:
+        raise within(_place(line), error) from error
+
+
+def _place(line: bytes | bytearray) -> str:
+    """Return where a first line stands, with blank ones before it."""
+    number = 1 + line.count(b"\n")
+    return f"{_NAME}:{number}"

@@ -1,0 +1,142 @@
+"""Readings that any program puts to a swarm's own keys, with a stock Zenoh client.
+
+Below ``neurosnap/<swarm>/``, the id that the run began with, without any attachment:
+
+- ``reading/<sensor>``: what one sensor reads: ``true``, ``false``, ``on``, ``off``,
+  ``1``, ``0`` or ``null`` (it does not know), in capitals or not; or
+  ``{"on": true, "at": 1690000000.0}``.
+- ``reading``: one object as `neurosnap.sources.live.json_reading` has it: a whole
+reading, which
+  gets a tick of its own, or a single one, for sensors whose names cannot stand in a key
+  (Zenoh keeps ``*``, ``$``, ``?`` and ``#`` to itself).
+
+While the swarm is busy up to `WAITING` whole readings wait; then what comes is dropped
+and counted. Nothing here can hold a program back: a callback that blocks would stop
+every message of the process. Who needs a tick for each reading without exception waits
+for the ``state`` of one before putting the next. What is put before the world listens
+is lost; a declared publisher's matching status tells when it does.
+
+What goes back is what parts tell each other anyway, as JSON: ``state`` (the state the
+swarm believes in, ``literals`` packed and in base64), ``decide`` (the action) and
+``observe`` (which readings made the tick). Under TLS a program that publishes shows the
+certificate of the role ``sensor``, and can do nothing else; one that listens shows that
+of a ``watcher``.
+"""
+
+import threading
+from contextlib import ExitStack
+from typing import Protocol
+
+import zenoh
+
+from neurosnap import wire
+from neurosnap.errors import FabricError, InvalidValueError, within
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import check_endpoint
+from neurosnap.fabric.security.roles import READING
+from neurosnap.fabric.zenoh.discovery import id_of
+from neurosnap.fabric.zenoh.session import connecting
+from neurosnap.sources.live.hand_in import hand_in
+from neurosnap.sources.live.json_reading import LIMIT, read_on, too_long
+from neurosnap.sources.live.live_source import OutsideSource
+
+_PATIENCE = 10.0  # seconds the hub may take to answer
+
+
+class Hub(Protocol):
+    """Where a swarm's messages pass, as a part's seat has it."""
+
+    @property
+    def swarm(self) -> str:
+        """The run's id."""
+
+    @property
+    def endpoint(self) -> str:
+        """Where the hub listens."""
+
+    @property
+    def credentials(self) -> Credentials | None:
+        """The part's, where the hub has some."""
+
+    @property
+    def insecure(self) -> bool:
+        """May connect beyond this machine without credentials."""
+
+
+class ZenohFeeder:
+    """Listens to ``reading`` and all below it, over a session of its own.
+
+    Args:
+        hub: Whom to connect to, as the world.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
+    """
+
+    def __init__(self, hub: Hub) -> None:
+        tls = hub.credentials is not None
+        check_endpoint(hub.endpoint, tls=tls, insecure=hub.insecure)
+        self._hub = hub
+        self._thread: threading.Thread | None = None
+        self._open = ExitStack()
+
+    def start(self, source: OutsideSource) -> None:
+        """Connect on a thread of its own; what fails of it, the source is told."""
+        self._thread = threading.Thread(
+            target=self._listen, args=(source,), name="outside/zenoh", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop listening and close the session; may wait until it has connected."""
+        if self._thread is not None:
+            self._thread.join()
+        self._open.close()
+
+    def _listen(self, source: OutsideSource) -> None:
+        hub = self._hub
+        # A swarm that goes on after a death is called otherwise, and no program outside
+        # knows of that.
+        names = dict.fromkeys((hub.swarm, id_of(hub.swarm)))
+
+        def take(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT:
+                *_, key = str(sample.key_expr).split("/", 2)
+                hand_over(source, key, sample.payload)
+
+        try:
+            config = connecting(hub.endpoint, _PATIENCE, hub.credentials)
+            session = zenoh.open(config)
+            self._open.callback(session.close)
+            for name in names:
+                listener = session.declare_subscriber(
+                    f"{wire.ROOT}/{name}/{READING}/**",
+                    zenoh.handlers.Callback(take, indirect=False),
+                )
+                self._open.callback(listener.undeclare)
+        except zenoh.ZError as error:
+            rule = f"must reach the hub at {hub.endpoint}, got {error}"
+            source.fail(FabricError(f"readings: {rule}"))
+        except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
+            source.fail(error)
+
+
+def hand_over(source: OutsideSource, key: str, payload: zenoh.ZBytes) -> None:
+    """Hand in one message; what is no reading is refused.
+
+    Args:
+        source: Takes it.
+        key: Below the swarm's prefix.
+        payload: As it came; a large one is not even copied.
+    """
+    try:
+        if len(payload) > LIMIT:
+            raise too_long(len(payload))
+        text = payload.to_bytes()
+        _, named, sensor = key.partition("/")
+        if not named:
+            hand_in(source, text, spare=False)
+        else:
+            source.put(sensor, *read_on(text))
+    except InvalidValueError as error:
+        source.refuse(str(within(key, error)))

@@ -1,0 +1,1 @@
+"""Live sensors over MQTT, and what a run publishes of itself."""

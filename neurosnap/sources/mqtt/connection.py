@@ -1,0 +1,353 @@
+"""A connection to a broker that comes back: connect, subscribe, publish, start over.
+
+Every connection is a client of its own, with a session of its own: what has to outlive
+a connection is in the `Outbox`, what was retained comes with the subscriptions, and the
+client library's own leftovers of a broken connection cannot mix with the next one.
+
+Messages are handed over inside the library's callback, not queued: its queue, when
+full, drops the *newest* message, after the broker has been told that it arrived.
+Whoever receives must be quick and must not raise.
+
+What is wrong at the start is an error: a refused name or password and a certificate
+that is not trusted at once, anything else when the patience is over. Once connected, a
+link never gives up. It says so once an outage, and when the reason changes. Where a run
+has two links to one broker the second leaves that to the first, but for a long outage,
+which may be its own.
+"""
+
+import asyncio
+import contextlib
+import logging
+import random
+import secrets
+import ssl
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import aiomqtt
+from paho.mqtt.reasoncodes import ReasonCode
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.mqtt.options import MqttBroker
+from neurosnap.sources.mqtt.outbox import TOGETHER, Outbox, Outgoing
+from neurosnap.sources.mqtt.retry import LONGEST, Backoff, explained, give_up
+
+ONLINE, OFFLINE = b"online", b"offline"
+_ANSWER = 5.0  # seconds a broker may take for any answer
+_DRAIN = 2.0  # seconds an orderly end may take to send what waits
+_LONG = 60.0  # seconds after which a second link says that it is away, too
+
+_logger = logging.getLogger(__name__)
+
+Receive: TypeAlias = Callable[[str, bytes, bool], None]
+"""Takes topic, payload, and whether the broker had kept it."""
+
+
+class MqttLink:
+    """One client of a broker, kept alive.
+
+    Args:
+        broker: Where it is.
+        role: What its client ids say after the common beginning.
+        status: A topic that says ``online`` while it is connected and ``offline``
+            otherwise, retained, by a last will if need be; None: no such topic.
+        forget: At the end, let the broker forget the status and all that was held.
+        filters: What to subscribe to, with QoS 1.
+        receive: Takes what comes; is called in the loop of `serve`, must be quick and
+            must not raise.
+        connected: Is told that it is subscribed, and that it no longer is; likewise.
+        second: The same process or another one of the run has a link to this broker,
+            which says at once what is wrong with it.
+
+    Raises:
+        InvalidValueError: The certificates to trust cannot be read, or the password.
+    """
+
+    def __init__(
+        self,
+        broker: MqttBroker,
+        role: str,
+        *,
+        status: str | None = None,
+        forget: bool = False,
+        filters: Sequence[str] = (),
+        receive: Receive | None = None,
+        connected: Callable[[bool], None] = lambda _: None,
+        second: bool = False,
+    ) -> None:
+        self._broker = broker
+        self._role = role
+        self._status = status
+        self._forget = forget
+        self._filters = tuple(dict.fromkeys(filters))
+        self._receive = receive
+        self._connected = connected
+        self._trust = _trust(broker)
+        broker.password()  # a secret that is not there is found out before anything runs
+        self._backoff = Backoff(random.Random())
+        self._lock = threading.Lock()  # around the outbox and the loop
+        self._outbox = Outbox()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._waiting = asyncio.Event()
+        self._second = second
+        self._said: tuple[str, int] | None = None  # what, and at which level
+        self._away_since: float | None = None
+        self._told = 0
+        self._was_connected = False
+
+    def hold(self, topic: str, payload: bytes) -> None:
+        """Let `topic` say `payload`, retained, from now on; from any thread."""
+        with self._lock:
+            if self._outbox.hold(topic, payload):
+                self._wake()
+
+    def send(self, message: Outgoing) -> None:
+        """Send `message` if that can be done soon; from any thread, without waiting."""
+        with self._lock:
+            self._outbox.send(message, time.monotonic())
+            self._wake()
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Stay connected until `stop` is set, then send what waits and say goodbye.
+
+        Args:
+            stop: Ends it.
+
+        Raises:
+            InvalidValueError: At the start: the broker refuses the name or the
+                password, or a filter, or its certificate is not trusted.
+            NeurosnapError: At the start: it cannot be reached within the patience.
+        """
+        with self._lock:
+            self._loop = asyncio.get_running_loop()
+        began = time.monotonic()
+        try:
+            while not stop.is_set():
+                since = time.monotonic()
+                try:
+                    await self._session(stop)
+                except (aiomqtt.MqttError, InvalidValueError) as error:
+                    _let_go(error)
+                    now = time.monotonic()
+                    if not self._was_connected and not stop.is_set():
+                        late = now - began >= self._broker.patience
+                        give_up(self._broker, error, late=late)
+                    self._backoff.failed(error, now - since)
+                    self._say(error, now)
+                    with contextlib.suppress(TimeoutError):
+                        await asyncio.wait_for(stop.wait(), self._backoff.delay())
+        finally:
+            with self._lock:
+                self._loop = None
+
+    async def _session(self, stop: asyncio.Event) -> None:
+        """Be connected once, until `stop` is set."""
+        try:
+            async with self._client() as client, asyncio.TaskGroup() as group:
+                # Listening comes first and ends last: only who listens hears at once
+                # that the connection broke, whatever else is being waited for.
+                listening = group.create_task(_listen(client), name="mqtt/listen")
+                await self._greet(client)
+                sending = group.create_task(self._send(client, stop), name="mqtt/send")
+                await stop.wait()
+                self._waiting.set()  # to be looked at once more, and so to end
+                await self._leave(client, sending)
+                listening.cancel()
+        except ExceptionGroup as group_error:
+            raise _first(group_error) from None
+        finally:
+            self._connected(False)
+
+    async def _greet(self, client: aiomqtt.Client) -> None:
+        """Subscribe, say ``online``, and let all that is held be sent again."""
+        client.pending_calls_threshold = TOGETHER
+        if self._filters:
+            await self._subscribe(client)
+        self._connected(True)
+        if self._status is not None:
+            await client.publish(self._status, ONLINE, qos=1, retain=True)
+        with self._lock:
+            self._outbox.renew()
+        self._was_connected = True
+        if self._said is not None:
+            _logger.log(self._said[1], "%s: connected", self._broker.address)
+            self._said = None
+        self._away_since = None
+
+    def _client(self) -> aiomqtt.Client:
+        """Return a client for one connection."""
+        broker = self._broker
+        will = None
+        if self._status is not None:
+            will = aiomqtt.Will(self._status, OFFLINE, qos=1, retain=True)
+        return aiomqtt.Client(
+            broker.host,
+            broker.resolved_port,
+            username=broker.username,
+            password=broker.password(),
+            identifier=f"{broker.client_id}-{self._role}-{secrets.token_hex(4)}",
+            queue_type=_handing_to(self._receive),
+            will=will,
+            timeout=_ANSWER,
+            keepalive=broker.keepalive,
+            tls_context=self._trust,
+        )
+
+    async def _subscribe(self, client: aiomqtt.Client) -> None:
+        answers = await client.subscribe([(each, 1) for each in self._filters])
+        for wanted, answer in zip(self._filters, answers, strict=True):
+            if isinstance(answer, ReasonCode) and answer.is_failure:
+                rule = "must be a filter that the broker grants"
+                raise InvalidValueError("topic", rule, wanted)
+
+    async def _send(self, client: aiomqtt.Client, stop: asyncio.Event) -> None:
+        """Send what waits and what comes, in batches; end with one, after `stop`."""
+        while not stop.is_set():
+            if batch := self._batch():
+                await self._publish(client, batch)
+            else:
+                await self._waiting.wait()
+
+    def _batch(self) -> list[Outgoing]:
+        """Return what to send next; where there is nothing, `_waiting` tells of it."""
+        with self._lock:
+            batch = self._outbox.batch(time.monotonic())
+            if not batch:
+                self._waiting.clear()
+            dropped = self._outbox.dropped - self._told
+            self._told += dropped
+        if dropped:
+            address = self._broker.address
+            _logger.warning("%s: messages not sent in time: %d", address, dropped)
+        return batch
+
+    async def _publish(self, client: aiomqtt.Client, batch: list[Outgoing]) -> None:
+        """Publish `batch`, together: where one fails, those that arrived are sent."""
+        async with asyncio.TaskGroup() as group:
+            for message in batch:
+                group.create_task(
+                    self._publish_one(client, message), name="mqtt/publish"
+                )
+
+    async def _publish_one(self, client: aiomqtt.Client, message: Outgoing) -> None:
+        """Publish `message`; it counts as sent once the broker has it.
+
+        With QoS 0 it does so from the start: nobody says whether it arrived, and it
+        must not come twice.
+        """
+        topic, payload, qos, retain = message
+        if qos == 0:
+            self._sent(message)
+        await client.publish(topic, payload, qos=qos, retain=retain)
+        if qos > 0:
+            self._sent(message)
+
+    def _sent(self, message: Outgoing) -> None:
+        with self._lock:
+            self._outbox.sent(message)
+
+    async def _leave(self, client: aiomqtt.Client, sending: asyncio.Task[None]) -> None:
+        """Send what waits, if that is soon done, and say ``offline``.
+
+        A broker publishes the last will only for those who left without a word.
+
+        Args:
+            client: The connection.
+            sending: Its sender, which is told to end: what it has begun it finishes,
+                lest that be sent twice.
+        """
+        try:
+            async with asyncio.timeout(_DRAIN):
+                await sending
+                if self._forget:
+                    with self._lock:
+                        self._outbox.clear()
+                while batch := self._batch():
+                    await self._publish(client, batch)
+                if self._status is not None:
+                    last = b"" if self._forget else OFFLINE
+                    await client.publish(self._status, last, qos=1, retain=True)
+        except (TimeoutError, ExceptionGroup, aiomqtt.MqttError):
+            left = len(self._outbox)
+            _logger.warning("%s: left with %d unsent", self._broker.address, left)
+
+    def _wake(self) -> None:
+        """Let the sender look; the caller holds the lock."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._waiting.set)
+
+    def _say(self, error: Exception, now: float) -> None:
+        """Say once an outage what is wrong, and again when that changes."""
+        self._away_since = now if self._away_since is None else self._away_since
+        left_out = self._second and now - self._away_since < _LONG
+        level = logging.INFO if left_out else logging.WARNING
+        text = str(explained(self._broker, error))
+        if self._said == (text, level):
+            return
+        self._said = text, level
+        tries = (
+            f"until the run ends, every {LONGEST:g} s at the latest"
+            if self._was_connected
+            else f"for {self._broker.patience:g} s in all"
+        )
+        told = "%s: not connected, got %s; trying again %s"
+        _logger.log(level, told, self._broker.address, text, tries)
+
+
+def _trust(broker: MqttBroker) -> ssl.SSLContext | None:
+    """Return whom to trust; None: the connection is not encrypted."""
+    if not broker.tls:
+        return None
+    try:
+        return ssl.create_default_context(cafile=broker.ca_file)
+    except OSError as error:
+        rule = f"must be PEM certificates that can be read ({error.strerror})"
+        raise InvalidValueError("ca_file", rule, broker.ca_file) from error
+
+
+def _handing_to(receive: Receive | None) -> type[asyncio.Queue[aiomqtt.Message]]:
+    """Return a queue, as the library wants one, that hands over at once."""
+
+    class Handing(asyncio.Queue[aiomqtt.Message]):
+        def put_nowait(self, item: aiomqtt.Message) -> None:
+            if receive is not None:
+                receive(item.topic.value, item.payload, item.retain)
+
+    return Handing
+
+
+async def _listen(client: aiomqtt.Client) -> None:
+    """Wait until the connection breaks.
+
+    Raises:
+        MqttError: It did.
+    """
+    async for _ in client.messages:  # none is queued; this is how to hear of the end
+        pass
+
+
+def _let_go(error: Exception) -> None:
+    """Close the socket of a failed handshake, which paho leaves to whom it may concern.
+
+    Nothing but the frames that the error came through refers to it, and they live as
+    long as the error does.
+    """
+    if error.__context__ is not None:
+        traceback.clear_frames(error.__context__.__traceback__)
+
+
+def _first(group: ExceptionGroup[Exception]) -> Exception:
+    """Return the library's error in a group, or the first one if it has none."""
+    errors = list(_leaves(group))
+    ours = (error for error in errors if isinstance(error, aiomqtt.MqttError))
+    return next(ours, errors[0])
+
+
+def _leaves(group: ExceptionGroup[Exception]) -> list[Exception]:
+    leaves: list[Exception] = []
+    for error in group.exceptions:
+        leaves += _leaves(error) if isinstance(error, ExceptionGroup) else [error]
+    return leaves

@@ -1,0 +1,147 @@
+"""A source whose sensors are MQTT topics and whose actions are published.
+
+What a sensor reads is the latest message of any topic that matches its filter; one
+message may feed several sensors. A topic that appears under way feeds the sensors whose
+filters it matches, like any other. Readings carry no time of their own: they count from
+their arrival, and what the broker had kept counts from when it was delivered.
+
+When the broker is away, nothing comes and the source goes on: readings go stale by the
+same rule as ever, and a sensor with `seen_within` is unknown until it can be heard
+again, since silence says nothing then.
+"""
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.live.journal import Journal
+from neurosnap.sources.live.latest_readings import Board
+from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.mqtt.connection import MqttLink
+from neurosnap.sources.mqtt.loop_thread import LoopThread
+from neurosnap.sources.mqtt.options import MqttOptions
+from neurosnap.sources.mqtt.outbox import Outgoing
+from neurosnap.sources.mqtt.payload import Payload, Reader
+from neurosnap.sources.mqtt.published_topics import Topics
+from neurosnap.sources.mqtt.routes import Routes
+
+
+def mqtt_source(
+    options: MqttOptions, *, journal: Journal | None = None, most: int | None = None
+) -> OutsideSource:
+    """Return the source that `options` describe; it connects with its first tick.
+
+    At each step exactly one action is taken: its payload is published, if the broker
+    can be told within `neurosnap.sources.mqtt.outbox.LASTS` seconds. The first action
+    is to do nothing.
+
+    Args:
+        options: What is read and done.
+        journal: As for `OutsideSource`.
+        most: As for `OutsideSource`.
+
+    Raises:
+        InvalidValueError: The certificates to trust cannot be read, or the password.
+    """
+    feeder = MqttFeeder(options)
+    return OutsideSource(
+        Board(
+            [sensor.name for sensor in options.sensors],
+            stale_after=[
+                options.stale_after
+                if sensor.stale_after is None
+                else sensor.stale_after
+                for sensor in options.sensors
+            ],
+            seen_within=[sensor.seen_within for sensor in options.sensors],
+        ),
+        options.tick.pace(),
+        feeder=feeder,
+        actions=options.action_names,
+        actuate=feeder.actuate,
+        journal=journal,
+        most=most,
+    )
+
+
+class MqttFeeder:
+    """Turns messages into readings, and choices into messages.
+
+    Args:
+        options: What is read and done.
+
+    Raises:
+        InvalidValueError: As `mqtt_source`.
+    """
+
+    def __init__(self, options: MqttOptions) -> None:
+        self._options = options
+        filters = [sensor.topic for sensor in options.sensors]
+        self._routes = Routes(filters)
+        self._readers = [Reader(sensor) for sensor in options.sensors]
+        self._source: OutsideSource | None = None
+        publish = options.publish
+        self._link = MqttLink(
+            options.broker,
+            "world",
+            status=None if publish is None else Topics(publish.prefix, ()).world,
+            forget=publish is not None and publish.forget,
+            filters=filters,
+            receive=self._receive,
+            connected=self._connected,
+        )
+        self._thread = LoopThread("mqtt", self._link.serve, self._fail)
+
+    def start(self, source: OutsideSource) -> None:
+        """Begin to connect; what the link fails of, see there, the source fails of."""
+        self._source = source
+        source.hears(False)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Say goodbye to the broker; may be called twice.
+
+        Takes no longer than a connection that is being made: a broker that accepts and
+        then says nothing holds it up for five seconds, and one whose machine does not
+        answer for as long again.
+        """
+        self._thread.stop()
+
+    def actuate(self, choice: int) -> None:
+        """Publish what belongs to a choice, counted from 0, which is to do nothing.
+
+        Raises:
+            InvalidValueError: There is no such choice.
+        """
+        actions = self._options.actions
+        if not 0 <= choice <= len(actions):
+            rule = f"must be a whole number in 0..{len(actions)}"
+            raise InvalidValueError("action", rule, choice)
+        if choice:
+            action = actions[choice - 1]
+            self._link.send(
+                Outgoing(
+                    action.topic, action.payload.encode(), action.qos, action.retain
+                )
+            )
+
+    def _receive(self, topic: str, data: bytes, retained: bool) -> None:
+        """Hand in what a message says, sensor by sensor."""
+        if self._source is None:
+            return
+        payload = Payload(topic, data)
+        readings: dict[str, bool | None] = {}
+        for number in self._routes.of(topic):
+            sensor = self._options.sensors[number]
+            if retained and sensor.seen_within is not None:
+                continue  # it may have been kept for days
+            try:
+                readings[sensor.name] = self._readers[number].read(payload)
+            except InvalidValueError as error:
+                self._source.refuse(f"{sensor.name}: {error}")
+        self._source.put_all(readings)
+
+    def _connected(self, on: bool) -> None:
+        if self._source is not None:
+            self._source.hears(on)
+
+    def _fail(self, error: Exception) -> None:
+        if self._source is not None:
+            self._source.fail(error)

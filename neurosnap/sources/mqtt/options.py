@@ -1,0 +1,317 @@
+"""What an MQTT source is made of: stored in the recording, so it holds no secret.
+
+The password is named by where it is found, a file or a variable of the environment, and
+is read by whoever connects. Nothing here connects, and nothing here needs the library
+that does: a recording is read without it.
+"""
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import Sensorium
+from neurosnap.sources.live.tick_schedule import Pace, pace_of
+
+ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
+OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
+UNKNOWN = ("", "none", "null", "unknown", "unavailable")
+"""Words that say that nothing is known, for every sensor; an empty payload is one."""
+
+Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
+Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
+Number = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+
+_LEAST = 0.1  # seconds between ticks on change
+
+
+class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the broker is, and how it is spoken to."""
+
+    host: Text = "localhost"
+    """Its name or address."""
+    port: Annotated[int, msgspec.Meta(ge=1, le=65535)] | None = None
+    """Its port; None: 8883 with TLS and 1883 without."""
+    tls: bool = False
+    """Whether the connection is encrypted and the broker's certificate checked. Without
+    it a password crosses the network in the clear."""
+    ca_file: Text | None = None
+    """PEM certificates to trust instead of the system's; only with TLS."""
+    username: Text | None = None
+    """Who connects; None: nobody in particular."""
+    password_file: Text | None = None
+    """A file whose first line is the password."""
+    password_env: Text | None = None
+    """A variable of the environment that holds it."""
+    client_id: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = (
+        "neurosnap"
+    )
+    """What client ids start with. The rest is drawn: of two clients with the same id, a
+    broker drops one."""
+    keepalive: Annotated[int, msgspec.Meta(ge=5, le=3600)] = 30
+    """Seconds of silence after which each side asks whether the other is there; the
+    broker publishes the last will after one and a half times as many."""
+    patience: Seconds = 10.0
+    """Seconds a start may take until it is connected; afterwards there is no limit."""
+
+    def __post_init__(self) -> None:
+        try:
+            self.host.encode("idna")
+        except UnicodeError:
+            rule = "must be a name or an address"
+            raise InvalidValueError("host", rule, self.host) from None
+        if self.ca_file is not None and not self.tls:
+            raise InvalidValueError("ca_file", "must go with tls", self.ca_file)
+        if self.password_file is not None and self.password_env is not None:
+            rule = "must not go with password_file: one place is enough"
+            raise InvalidValueError("password_env", rule, self.password_env)
+        place = self.password_file or self.password_env
+        if place is not None and self.username is None:
+            raise InvalidValueError("username", "must go with a password", None)
+
+    @property
+    def address(self) -> str:
+        """Host and port, for people."""
+        return f"{self.host}:{self.resolved_port}"
+
+    @property
+    def resolved_port(self) -> int:
+        """The port, whether given or not."""
+        if self.port is not None:
+            return self.port
+        return 8883 if self.tls else 1883
+
+    def password(self) -> str | None:
+        """Return the password from where it is kept; None: there is none.
+
+        Raises:
+            InvalidValueError: It is not there. The text names the place, never what was
+                found in it.
+        """
+        if self.password_env is not None:
+            secret = os.environ.get(self.password_env, "")
+            if not secret:
+                rule = "must be set in the environment"
+                raise InvalidValueError("password_env", rule, self.password_env)
+            return secret
+        if self.password_file is None:
+            return None
+        try:
+            lines = Path(self.password_file).read_text("utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            # The text of a decoding error would quote what it could not decode.
+            cause = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
+            rule = f"must be a file that can be read ({cause})"
+            raise InvalidValueError("password_file", rule, self.password_file) from None
+        if not lines or not lines[0]:
+            rule = "must hold the password in its first line"
+            raise InvalidValueError("password_file", rule, self.password_file)
+        return lines[0]
+
+
+class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A sensor, and how it reads what is published.
+
+    It reads words, or compares numbers, or notices that anything is published at all.
+    Topics that match its filter all feed it: the latest message is its reading.
+    """
+
+    name: Text
+    """The sensor's name."""
+    topic: Text
+    """A topic filter; ``+`` stands for one level, ``#`` for all that follow."""
+    field: Text | None = None
+    """The way to a field of a JSON payload, levels apart by dots, places in a list by
+    number (``climate.0.value``); None: the whole payload is meant."""
+    on: tuple[Text, ...] = ON
+    """Words that mean on, whatever their case."""
+    off: tuple[Text, ...] = OFF
+    """Words that mean off."""
+    on_above: Number | None = None
+    """On where a number is greater than this."""
+    off_below: Number | None = None
+    """With `on_above`: off only where it is smaller than this, and between the two, as
+    it was before, both included; None: off where it is not greater than `on_above`."""
+    on_below: Number | None = None
+    """On where a number is smaller than this."""
+    off_above: Number | None = None
+    """With `on_below`: off only where it is greater than this; as `off_below`."""
+    seen_within: Seconds | None = None
+    """On where some message came in the last so many seconds, whatever it says, and off
+    otherwise. What the broker kept does not count: nobody knows when it came."""
+    stale_after: Seconds | None = None
+    """Seconds after which a reading no longer counts; None: the source's own rule."""
+
+    def __post_init__(self) -> None:
+        if not is_filter(self.topic):
+            rule = "must be a topic filter, + or # alone in a level and # in the last"
+            raise InvalidValueError(f"{self.name}: topic", rule, self.topic)
+        self._check_kind()
+        self._check_hysteresis("off_below", self.off_below, "on_above", self.on_above)
+        self._check_hysteresis("on_below", self.on_below, "off_above", self.off_above)
+        if self.off_above is not None and self.on_below is None:
+            rule = "must go with on_below"
+            raise InvalidValueError(f"{self.name}: off_above", rule, self.off_above)
+        if self.off_below is not None and self.on_above is None:
+            rule = "must go with on_above"
+            raise InvalidValueError(f"{self.name}: off_below", rule, self.off_below)
+        both = {word.casefold() for word in self.on} & {
+            word.casefold() for word in self.off
+        }
+        if both:
+            rule = "must differ from the words for on"
+            raise InvalidValueError(f"{self.name}: off", rule, sorted(both))
+
+    @property
+    def compares(self) -> bool:
+        """Whether it compares numbers."""
+        return self.on_above is not None or self.on_below is not None
+
+    def _check_kind(self) -> None:
+        kinds = [
+            name
+            for name in ("on_above", "on_below", "seen_within")
+            if getattr(self, name) is not None
+        ]
+        if len(kinds) > 1:
+            rule = "must be one of on_above, on_below and seen_within"
+            raise InvalidValueError(f"{self.name}: kind", rule, kinds)
+        if self.seen_within is not None and self.field is not None:
+            rule = "must not go with seen_within, which does not look inside"
+            raise InvalidValueError(f"{self.name}: field", rule, self.field)
+
+    def _check_hysteresis(
+        self, lower_name: str, lower: float | None, upper_name: str, upper: float | None
+    ) -> None:
+        if lower is not None and upper is not None and lower > upper:
+            rule = f"must not be greater than {upper_name}, {upper}"
+            raise InvalidValueError(f"{self.name}: {lower_name}", rule, lower)
+
+
+class MqttAction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An action, and what is published when it is taken."""
+
+    name: Text
+    """The action's name."""
+    topic: Text
+    """Where to."""
+    payload: Annotated[str, msgspec.Meta(max_length=65536)] = "ON"
+    """What."""
+    retain: bool = False
+    """Whether the broker keeps it for those who come later."""
+    qos: Literal[0, 1] = 1
+    """1: sent until the broker has it, so it may come twice."""
+
+    def __post_init__(self) -> None:
+        if not is_topic(self.topic):
+            rule = "must be a topic, without + and #"
+            raise InvalidValueError(f"{self.name}: topic", rule, self.topic)
+
+
+class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When a tick happens: by the clock, or on change."""
+
+    interval: Seconds | None = None
+    """Seconds from tick to tick; None: a tick whenever a reading has changed."""
+    min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = _LEAST
+    """On change: seconds between two ticks at least."""
+    max_interval: Seconds | None = None
+    """On change: seconds between two ticks at most; None: as many as it takes."""
+
+    def __post_init__(self) -> None:
+        self.pace()
+
+    def pace(self) -> Pace:
+        """Return when a tick is due."""
+        # Every recording has the default written out: it is as good as not given.
+        given = self.interval is None or self.min_interval != _LEAST
+        return pace_of(
+            self.interval, self.min_interval if given else 0.0, self.max_interval
+        )
+
+
+class MqttPublish(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What is published of the run itself."""
+
+    prefix: Text = "neurosnap"
+    """What all its topics start with."""
+    discovery: bool = True
+    """Whether Home Assistant is told, so that it shows everything by itself."""
+    discovery_prefix: Text = "homeassistant"
+    """Where Home Assistant listens."""
+    device: Text = "neurosnap"
+    """What the run is called there."""
+    forget: bool = False
+    """Whether an orderly end takes the device out of Home Assistant; otherwise it stays
+    there with its history, as unavailable, until the next run."""
+
+    def __post_init__(self) -> None:
+        for name in ("prefix", "discovery_prefix"):
+            given = getattr(self, name)
+            if not is_topic(given):
+                raise InvalidValueError(name, "must be a topic, without + and #", given)
+
+
+class MqttOptions(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="kind",
+    tag="mqtt",
+):
+    """Sensors from topics, actions to topics."""
+
+    broker: MqttBroker = MqttBroker()
+    """Where everything goes through."""
+    sensors: Annotated[tuple[MqttSensor, ...], msgspec.Meta(min_length=1)]
+    """The sensors, in order."""
+    actions: tuple[MqttAction, ...] = ()
+    """The actions, one of which is taken at every tick, or none."""
+    no_action: Text = "none"
+    """What it is called when none is taken; only where there are actions."""
+    stale_after: Seconds | None = None
+    """Seconds after which a reading no longer counts and the sensor is unknown; None:
+    a reading counts until the next one."""
+    tick: MqttTick = MqttTick()
+    """When a tick happens."""
+    publish: MqttPublish | None = None
+    """What is published of the run; None: nothing but actions."""
+
+    def __post_init__(self) -> None:
+        Sensorium([sensor.name for sensor in self.sensors])
+        if self.actions:
+            Sensorium([self.no_action, *(action.name for action in self.actions)])
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """The actions' names, doing nothing first; none if there are none."""
+        if not self.actions:
+            return ()
+        return (self.no_action, *(action.name for action in self.actions))
+
+
+def is_filter(topic: str) -> bool:
+    """Whether `topic` may be subscribed to."""
+    levels = topic.split("/")
+    return _is_name(topic) and all(
+        level == "+" or (level == "#" and place == len(levels)) or not _wild(level)
+        for place, level in enumerate(levels, 1)
+    )
+
+
+def is_topic(topic: str) -> bool:
+    """Whether `topic` may be published to."""
+    return _is_name(topic) and not _wild(topic)
+
+
+def _is_name(topic: str) -> bool:
+    return "\0" not in topic and 0 < len(topic.encode("utf-8", "replace")) < 65536
+
+
+def _wild(level: str) -> bool:
+    return "+" in level or "#" in level

@@ -1,0 +1,132 @@
+"""What a run publishes of itself: beliefs, predictions, decisions, anomalies.
+
+Only changes are published, each retained: whoever comes later is told how things are,
+and a broker that was restarted is told again. An orderly end says ``offline`` and
+leaves the rest, so that Home Assistant keeps the device with its history; with
+`MqttPublish.forget` all of it is taken back.
+"""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import unpack
+from neurosnap.sources.mqtt.connection import MqttLink
+from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
+from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
+from neurosnap.sources.mqtt.published_topics import (
+    Topics,
+    anomaly,
+    beliefs,
+    decision,
+    predictions,
+)
+
+
+class MqttOutlet:
+    """Publishes one run.
+
+    The methods that take something in may be called from any thread, one at a time,
+    before `serve` as well; they do not wait.
+
+    Args:
+        broker: Where to.
+        publish: Under which topics.
+        sensors: The names of all sensors of the run, contextual ones included.
+        own: How many of them, from the first on, are published; None: all.
+        actions: The names of the actions, one of which is taken at each step; none:
+            nothing is decided.
+
+    Raises:
+        InvalidValueError: The certificates to trust cannot be read, or the password.
+    """
+
+    def __init__(
+        self,
+        broker: MqttBroker,
+        publish: MqttPublish,
+        sensors: Sequence[str],
+        *,
+        own: int | None = None,
+        actions: Sequence[str] = (),
+    ) -> None:
+        self._count = len(sensors)
+        self._names = tuple(sensors)[:own]
+        self._actions = tuple(actions)
+        self._topics = Topics(publish.prefix, self._names)
+        self._last: Mapping[str, object] | None = None
+        self._beliefs: list[bytes | None] = [None] * len(self._names)
+        self._link = MqttLink(
+            broker,
+            "outlet",
+            status=self._topics.status,
+            forget=publish.forget,
+            second=True,  # the source's own is the first
+        )
+        if publish.discovery:
+            found = discovery(publish, self._topics, self._names, acts=bool(actions))
+            self._link.hold(discovery_topic(publish), found)
+        self.anomaly(None)
+
+    def state(self, state: wire.State, known: NDArray[np.bool_] | None = None) -> None:
+        """Take in a tick's state. O(N).
+
+        Args:
+            state: What the coordinator published.
+            known: ``(N,)``: which sensors were read at that tick; None: all.
+
+        Raises:
+            ShapeError: It is the state of another number of sensors, or `known` is.
+        """
+        literals = unpack(state.literals, 2 * self._count)[: 2 * len(self._names)]
+        if known is not None:
+            known = known[: len(self._names)]
+        said = predictions(self._names, literals, known)
+        believed = beliefs(literals)
+        for topic, belief, last in zip(
+            self._topics.sensors, believed, self._beliefs, strict=True
+        ):
+            if belief != last:  # few are, and each is a lock to take
+                self._link.hold(topic, belief)
+        self._beliefs = [*believed]
+        self._link.hold(self._topics.predictions, said)
+
+    def decision(self, decision_: wire.Decision) -> None:
+        """Take in a decision; one that is none, where nothing is decided, is left out.
+
+        Raises:
+            InvalidValueError: There is no such choice.
+        """
+        choice, count = decision_.action, len(self._actions)
+        if not self._actions or choice < 0:
+            return
+        if choice >= count:
+            rule = f"must be a whole number in 0..{count - 1}"
+            raise InvalidValueError("action", rule, choice)
+        said = decision(self._actions[choice], decision_.why)
+        self._link.hold(self._topics.decision, said)
+
+    def anomaly(self, record: Mapping[str, object] | None) -> None:
+        """Take in that there is an anomaly now, or that there is none.
+
+        Args:
+            record: What JSON can hold; None: there is none, and the last one stays to
+                be looked at.
+        """
+        if record is not None:
+            self._last = record
+        said = anomaly(record is not None, self._last)
+        self._link.hold(self._topics.anomaly, said)
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Publish until `stop` is set.
+
+        Raises:
+            InvalidValueError: As `MqttLink.serve`, at the start only.
+            NeurosnapError: As `MqttLink.serve`, at the start only.
+        """
+        await self._link.serve(stop)

@@ -1,0 +1,1 @@
+"""The machine: signals, durable files, compiled code, memory and processes."""

@@ -1,0 +1,219 @@
+"""Environments seen through binary sensors, and episodes that follow each other."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete, MultiBinary
+
+from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot, thresholds
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.sources.open import Continuing
+
+
+class Counter(gymnasium.Env[Any, Any]):
+    """Counts up by the action; an episode is over at 3, one way or the other.
+
+    A reset draws 0 or 1, so that one can see whether it was seeded.
+    """
+
+    def __init__(self, truncates: bool = False) -> None:
+        self.observation_space = Discrete(10)
+        self.action_space = Discrete(3)
+        self.resets: list[int | None] = []
+        self.taken: list[int] = []
+        self._count = 0
+        self._truncates = truncates
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[int, dict[str, Any]]:
+        super().reset(seed=seed, options=options)
+        self.resets.append(seed)
+        self._count = int(self.np_random.integers(2))
+        return self._count, {"parity": self._count % 2}
+
+    def step(self, action: int) -> tuple[int, float, bool, bool, dict[str, Any]]:
+        self.taken.append(action)
+        self._count += action
+        over = self._count >= 3
+        info = {"parity": self._count % 2}
+        return (
+            self._count,
+            1.0,
+            over and not self._truncates,
+            over and self._truncates,
+            info,
+        )
+
+
+class Unfit(Counter):
+    def __init__(self) -> None:
+        super().__init__()
+        self.action_space = Box(0, 1)
+
+
+SENSORS = (*thresholds("count", [1, 2]), increased("up"), decreased("down"))
+
+
+def test_observations_are_what_the_sensors_read() -> None:
+    env = BinarySensors(Counter(), SENSORS)
+    assert env.sensors == ("count<1", "count<2", "up", "down")
+    assert env.orders == (0, 0, 1, 1)
+    assert env.definitions == SENSORS
+    assert env.observation_space == MultiBinary(4)
+    assert env.action_space == Discrete(3)
+    observation, info = env.reset(seed=0)
+    count = env.unwrapped._count  # type: ignore[attr-defined]
+    assert observation.dtype == np.int8
+    assert observation in env.observation_space
+    assert observation.tolist() == [count < 1, count < 2, 0, 0]
+    assert info == {"parity": count}
+    observation, reward, terminated, truncated, info = env.step(1)
+    assert observation in env.observation_space
+    assert observation.tolist() == [0, count < 1, 1, 0]
+    assert (reward, terminated, truncated) == (1.0, False, False)
+    assert info == {"parity": (count + 1) % 2}
+    assert env.step(0)[0].tolist() == [0, count < 1, 0, 0]
+    assert env.step(2)[2] is True
+
+
+def test_predicates_may_see_something_else() -> None:
+    seen = []
+
+    def state(env: Any, observation: int, info: dict[str, Any]) -> tuple[int, int]:
+        seen.append((env is inner, observation))
+        return info["parity"], env.unwrapped._count
+
+    inner = Counter()
+    odd = Sensor("odd", lambda state: state[0])
+    grew = increased("grew", of=lambda state: state[1])
+    env = BinarySensors(inner, [odd, grew], state=state)
+    env.reset(seed=1)
+    count = inner._count
+    assert env.step(1)[0].tolist() == [(count + 1) % 2, 1]
+    assert seen == [(True, count), (True, count + 1)]
+    assert env.state_of(7, {"parity": 5}) == (5, count + 1)
+    assert BinarySensors(Counter(), [odd]).state_of(7, {}) == 7
+
+
+def test_a_reset_begins_a_trajectory() -> None:
+    env = BinarySensors(Counter(), SENSORS)
+    env.reset(seed=0)
+    env.step(2)
+    env.step(2)
+    assert env.reset(seed=0)[0][2:].tolist() == [0, 0]
+
+
+def test_actions_have_the_names_given_or_those_of_the_environment() -> None:
+    named = BinarySensors(Counter(), SENSORS, actions=["stay", "walk", "run"])
+    assert named.get_wrapper_attr("actions") == ("stay", "walk", "run")
+    assert not BinarySensors(Counter(), SENSORS).has_wrapper_attr("actions")
+    outer = BinarySensors(named, one_hot("bit", [1], of=lambda bits: bits[0]))
+    assert outer.get_wrapper_attr("actions") == ("stay", "walk", "run")
+    assert outer.sensors == ("bit=1",)
+    rule = r"^actions: must be 3 names, got 2$"
+    with pytest.raises(ShapeError, match=rule):
+        BinarySensors(Counter(), SENSORS, actions=["stay", "walk"])
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(
+        InvalidValueError, match=r"^action space: must be Discrete, got "
+    ):
+        BinarySensors(Unfit(), SENSORS)
+    with pytest.raises(
+        InvalidValueError, match=r"^sensors: must be at least one, got "
+    ):
+        BinarySensors(Counter(), [])
+    with pytest.raises(InvalidValueError, match=r"^names: must be unique, got 'up'$"):
+        BinarySensors(Counter(), [increased("up"), increased("up")])
+
+
+def test_a_predicate_that_fails_is_named() -> None:
+    env = BinarySensors(Counter(), [Sensor("far", lambda count: count)])
+    env.reset(seed=0)
+    with pytest.raises(
+        InvalidValueError, match=r"^sensor far: must answer with a bool"
+    ):
+        env.step(2)
+
+
+def test_it_can_be_made_again_from_its_spec() -> None:
+    walk = gymnasium.make("CliffWalking-v1")
+    env = BinarySensors(walk, one_hot("place", [36, 24]), actions=["n", "e", "s", "w"])
+    assert env.spec is not None
+    again = env.spec.make()
+    assert isinstance(again, BinarySensors)
+    assert again.definitions == env.definitions
+    assert again.actions == env.actions
+    assert again.reset()[0].tolist() == [1, 0]
+    assert again.step(0)[0].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("truncates", [False, True])
+def test_the_step_after_an_end_resets_and_no_end_is_reported(truncates: bool) -> None:
+    inner = Counter(truncates)
+    env = Continuing(inner)
+    start, info = env.reset(seed=5)
+    assert info == {"parity": start, "episode": 0, "begins": True}
+    assert env.step(0)[4]["episode"] == 0
+    last = env.step(2)
+    steps = [last] if start + 2 == 3 else [last, env.step(2)]
+    for observation, reward, terminated, truncated, info in steps:
+        assert (reward, terminated, truncated) == (1.0, False, False)
+        assert info == {"parity": observation % 2, "episode": 0, "begins": False}
+    taken = list(inner.taken)
+    observation, reward, terminated, truncated, info = env.step(2)
+    assert inner.taken == taken  # the action was not taken
+    assert observation in (0, 1)
+    assert (reward, terminated, truncated) == (0.0, False, False)
+    assert info == {"parity": observation, "episode": 1, "begins": True}
+    info = env.step(1)[4]
+    assert (info["episode"], info["begins"]) == (1, False)
+    assert inner.resets == [5, None]  # its random numbers go on
+
+
+def test_the_callers_reset_counts_episodes_anew() -> None:
+    env = Continuing(Counter())
+    env.reset(seed=0)
+    episodes = [env.step(2)[4]["episode"] for _ in range(9)]
+    assert episodes == sorted(episodes)
+    assert episodes[-1] >= 2
+    while env.step(2)[0] < 3:
+        pass
+    assert env.reset()[1]["episode"] == 0
+    assert env.step(0)[4]["episode"] == 0  # and is no reset
+
+
+def test_every_episode_is_a_trajectory_whichever_wrapper_is_within() -> None:
+    sensors = [increased("up"), decreased("down")]
+    inside = Continuing(BinarySensors(Counter(), sensors))
+    outside = BinarySensors(Continuing(Counter()), sensors)
+    for env in (inside, outside):
+        env.reset(seed=0)
+        rollout = [env.step(1) for _ in range(30)]
+        assert rollout[-1][4]["episode"] >= 5
+        # It counts up by one at every step that is taken, and does nothing in others.
+        for observation, *_, info in rollout:
+            assert observation.tolist() == [not info["begins"], 0]
+
+
+def test_a_beginning_that_the_environment_tells_of_is_passed_on() -> None:
+    class Restless(Counter):
+        """It begins again by itself, after every third step."""
+
+        def step(self, action: int) -> tuple[int, float, bool, bool, dict[str, Any]]:
+            _, reward, *_, info = super().step(action)
+            begins = len(self.taken) % 3 == 0
+            self._count = 0 if begins else self._count
+            return self._count, reward, False, False, {**info, "begins": begins}
+
+    env = Continuing(BinarySensors(Restless(), [decreased("down")]))
+    env.reset(seed=0)
+    rollout = [env.step(1) for _ in range(6)]
+    begun = [info["begins"] for *_, info in rollout]
+    assert begun == [False, False, True, False, False, True]
+    assert not any(observation[0] for observation, *_ in rollout)

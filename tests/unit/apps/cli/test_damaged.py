@@ -1,0 +1,65 @@
+"""The exit codes of the verbs that read, of a damaged recording and of a cut one."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from neurosnap.apps.cli import app
+from neurosnap.recording.read.reader import Recording
+from tests.unit.apps.viewer.films import in_chunks, path_run, recorded
+
+pytestmark = pytest.mark.slow
+
+VERBS = (
+    ("info",),
+    ("replay", "--verify"),
+    ("graph",),
+    ("watch",),
+    ("depth", "--out", "{folder}"),
+    ("export", "--out", "{folder}/out.csv"),
+    ("salvage", "--out", "{folder}/good.mcap"),
+)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    return in_chunks(
+        recorded(path_run(), folder / "long.mcap"), folder / "whole.mcap", 12000
+    )
+
+
+def code(log: Path, folder: Path, verb: tuple[str, ...]) -> int:
+    """Return how a verb ends."""
+    name, *flags = verb
+    given = [flag.format(folder=folder) for flag in flags]
+    ended = CliRunner().invoke(app, [name, str(log), *given])
+    assert ended.exception is None or isinstance(ended.exception, SystemExit)
+    return ended.exit_code
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb[0])
+def test_what_is_not_whole_ends_with_three(
+    whole: Path, tmp_path: Path, verb: tuple[str, ...]
+) -> None:
+    data = whole.read_bytes()
+    chunk = Recording.open(whole).layout.chunks[9]
+    spoiled = bytearray(data)
+    spoiled[chunk.offset + 50] ^= 1
+    summary = data[:-100] + b"?" + data[-99:]
+    for name, content, ended in (
+        ("whole", data, 0),
+        ("spoiled", bytes(spoiled), 3),
+        ("cut", data[: len(data) * 3 // 4], 3),
+        ("summary", summary, 3),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        log = folder / "run.mcap"
+        log.write_bytes(content)
+        assert code(log, folder, verb) == ended, name
+
+
+def test_a_replay_that_verified_nothing_fails(whole: Path, tmp_path: Path) -> None:
+    assert code(whole, tmp_path, ("replay", "--verify", "--from", "99")) == 1

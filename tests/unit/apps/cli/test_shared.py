@@ -1,0 +1,49 @@
+"""What the verbs share: errors in the words they came in, and lists of numbers."""
+
+import pytest
+import typer
+
+from neurosnap.apps.cli.shared import errors, ranges
+from neurosnap.errors import InvalidValueError, NeurosnapError
+
+
+@pytest.mark.parametrize(
+    "text",
+    [r"\[/b]", "[/red]", "[b]bold[/b]", "[link=file:/x]", "\\", "a\\[x]\\", "[]"],
+)
+def test_an_error_is_told_in_its_own_words(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as ended, errors():
+        raise NeurosnapError(text)
+    assert ended.value.exit_code == 1
+    assert capsys.readouterr().err == f"error: {text}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("0", [0]),
+        ("7-7", [7]),
+        ("0-3,7", [0, 1, 2, 3, 7]),
+        (" 9, 2-3 ", [2, 3, 9]),
+        ("999999", [999_999]),
+    ],
+)
+def test_ranges_are_read(text: str, numbers: list[int]) -> None:
+    assert ranges("cells", text) == numbers
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "a", "1-", "-1", "1,,2", "1-2-3", "9-3,1", "1,4-3", "0-99999999999", "٣"],
+)
+def test_what_is_no_range_is_refused(text: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^cells: must be like 0-499 or .*got"):
+        ranges("cells", text)
+
+
+@pytest.mark.parametrize("text", ["1,1", "0-4,4-5", "3,0-9"])
+def test_a_number_given_twice_is_refused(text: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^cells: must name each once, got"):
+        ranges("cells", text)

@@ -1,0 +1,388 @@
+"""Tables, graphs and layouts of a recording, compared with what was recorded."""
+
+import csv
+import io
+import json
+import os
+import re
+import resource
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import networkx
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from neurosnap import wire
+from neurosnap.apps.export.write import Form, export, parse_form
+from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
+from neurosnap.recording.read.learned_at import snapshot_at
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.replay.verify import options_of
+from neurosnap.recording.write import rotation
+from neurosnap.recording.write.writer import Writer
+from neurosnap.sources.csv_source import CsvSource
+from tests.unit.apps.export.runs import NAMES, TICKS, recorded, rows
+
+FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml", "foxglove", "layout")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(tmp_path_factory.mktemp("run") / "log.mcap")
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("known")
+    return recorded(folder / "log.mcap", unknown=False, acts=False)
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+
+
+def by_tick(log: Path) -> dict[int, dict[type, tuple[wire.Message, int]]]:
+    """Return what was recorded of each tick, and when it was sent."""
+    found: dict[int, dict[type, tuple[wire.Message, int]]] = {}
+    for each in Recording.open(log).messages(("observe", "state", "decide")):
+        message = each.message
+        assert isinstance(message, wire.Observation | wire.State | wire.Decision)
+        if message.tick:
+            place = found.setdefault(message.tick, {})
+            place[type(message)] = message, each.sent
+    return found
+
+
+def bit(packed: bytes, number: int) -> bool:
+    return bool(packed[number // 8] >> number % 8 & 1)
+
+
+def test_a_row_of_csv_is_what_was_recorded_of_a_tick(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    done = export(log, "csv", out)
+    assert (done.ticks, done.incomplete, done.whole) == (TICKS, 0, True)
+    got, said = table(out), by_tick(log)
+    assert [int(row["tick"]) for row in got] == sorted(said)
+    sensors = options_of(Recording.open(log)).sensors
+    for row in got:
+        there = said[int(row["tick"])]
+        observation, sent = there[wire.Observation]
+        state, _ = there[wire.State]
+        assert isinstance(observation, wire.Observation)
+        assert isinstance(state, wire.State)
+        assert np.datetime64(row["time"].removesuffix("Z")).astype(int) == sent
+        assert row["begins"] == str(int(observation.begins))
+        assert row["incoherent"] == str(int(state.incoherent))
+        for name in ("depth", "height", "edges", "pulses"):
+            assert row[name] == str(getattr(state, name))
+        for number, name in enumerate(sensors):
+            sure = not observation.known or bit(observation.known, number)
+            # A sensor is called like the depth, which is called so already.
+            cell = row["depth_" if name == "depth" else name]
+            assert cell == (str(int(bit(observation.bits, number))) if sure else "")
+            own = bit(state.literals, 2 * number)
+            other = bit(state.literals, 2 * number + 1)
+            assert row["state"][number] == ("T" if own else "F" if other else "?")
+    assert any(
+        cell == "" for row in got for name, cell in row.items() if name == NAMES[1]
+    )
+
+
+def test_a_decision_is_named_after_its_action(log: Path, tmp_path: Path) -> None:
+    export(log, "csv", tmp_path / "out.csv")
+    said = by_tick(log)
+    for row in table(tmp_path / "out.csv"):
+        decision = said[int(row["tick"])].get(wire.Decision)
+        if decision is None:
+            assert (row["decision"], row["why"]) == ("", "")
+            continue
+        message = decision[0]
+        assert isinstance(message, wire.Decision)
+        assert row["decision"] == ("go", "stay")[message.action]
+        assert row["why"] == message.why
+
+
+def test_parquet_equals_csv(log: Path, tmp_path: Path) -> None:
+    export(log, "csv", tmp_path / "out.csv")
+    export(log, "parquet", tmp_path / "out.parquet")
+    got = pq.read_table(tmp_path / "out.parquet")
+    rows = list(csv.reader(io.StringIO((tmp_path / "out.csv").read_text())))
+    assert got.column_names == rows[0]
+    columns = []
+    for column in got.columns:
+        if column.type == pa.timestamp("ns", tz="UTC"):
+            times = column.cast(pa.int64()).to_pylist()
+            columns.append([f"{np.datetime64(time, 'ns')}Z" for time in times])
+            continue
+        # A bit is 1 or 0, a number or a text itself.
+        cells = [int(c) if isinstance(c, bool) else c for c in column.to_pylist()]
+        columns.append(["" if cell is None else str(cell) for cell in cells])
+    assert [list(row) for row in zip(*columns, strict=True)] == rows[1:]
+
+
+def test_large_tables_are_written_in_groups(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    export(log, "parquet", tmp_path / "one.parquet")
+    monkeypatch.setattr("neurosnap.apps.export.as_parquet._CELLS", 200)
+    export(log, "parquet", tmp_path / "many.parquet")
+    assert pq.ParquetFile(tmp_path / "many.parquet").num_row_groups > 3
+    one, many = (pq.read_table(tmp_path / f"{n}.parquet") for n in ("one", "many"))
+    assert one.equals(many)
+
+
+def test_what_is_exported_with_only_readings_is_a_source(
+    known: Path, tmp_path: Path
+) -> None:
+    export(known, "csv", tmp_path / "out.csv", only_readings=True)
+    source = CsvSource(str(tmp_path / "out.csv"))
+    assert source.sensors == NAMES
+    shown = [source.first().tolist()]
+    while (reading := source.step(-1)) is not None:
+        shown.append(reading.tolist())
+    source.close()
+    assert shown == rows(unknown=False)
+
+
+@pytest.mark.parametrize("at", [None, 0, 7])
+def test_graphml_is_the_order_learned_by_then(
+    log: Path, tmp_path: Path, at: int | None
+) -> None:
+    done = export(log, "graphml", tmp_path / "out.graphml", at=at)
+    assert done.ticks == (TICKS if at is None else at)
+    graph = networkx.read_graphml(tmp_path / "out.graphml")
+    _, snapshot = snapshot_at(Recording.open(log), at)
+    above = snapshot.poc_graph()
+    name = snapshot.sensorium.literal
+    for a, b in graph.edges:
+        assert above.leq(name(a), name(b))
+    assert (len(graph.edges) > 0) == bool(above.hasse().any())
+    assert graph.graph["height"] == above.height()
+
+
+def without_times(path: Path) -> list[dict[str, str]]:
+    return [{**row, "time": ""} for row in table(path)]
+
+
+def test_several_files_are_exported_like_one(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rotation, "split_of", lambda _: rotation.Split(1))
+    split = recorded(tmp_path / "log.mcap")
+    files = list(part_paths(split).values())
+    assert len(files) > 2
+    export(log, "csv", tmp_path / "one.csv")
+    done = export(split, "csv", tmp_path / "all.csv")
+    assert (done.ticks, done.whole) == (TICKS, True)
+    assert without_times(tmp_path / "all.csv") == without_times(tmp_path / "one.csv")
+    export(files[1], "csv", tmp_path / "part.csv")
+    begins = Recording.open(files[1]).begins
+    share = without_times(tmp_path / "part.csv")
+    same = without_times(tmp_path / "one.csv")[begins : begins + len(share)]
+    assert share == same
+    for file in files[1:]:
+        with pytest.raises(InvalidValueError, match=r"^out: must be another file"):
+            export(split, "csv", file, force=True)
+    assert export(files[1], "foxglove").ticks == len(share)
+
+
+def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
+    old = Recording.open(log)
+    with Writer(tmp_path / "log.mcap") as writer:
+        writer.start(old.metadata)
+        for each in old.messages():
+            message = each.message
+            if not (isinstance(message, wire.State) and message.tick in (5, 8)):
+                writer.put(message, each.delivery, each.log_time)
+        writer.finish({}, {})
+    done = export(tmp_path / "log.mcap", "csv", tmp_path / "out.csv")
+    assert (done.ticks, done.incomplete, done.whole) == (TICKS, 2, False)
+    lacking = [row for row in table(tmp_path / "out.csv") if not row["state"]]
+    assert [row["tick"] for row in lacking] == ["5", "8"]
+    assert all(row["depth"] == row["incoherent"] == "" for row in lacking)
+
+
+@pytest.mark.parametrize("name", ["run-1-cells", "run-1-workers"])
+def test_recordings_of_an_older_schema_are_exported(name: str, tmp_path: Path) -> None:
+    golden = Path(__file__).parents[2] / "golden" / f"{name}.mcap"
+    recording = Recording.open(golden)
+    assert recording.metadata["schema"] == "1"
+    for form in FORMS:
+        done = export(golden, form, tmp_path / form)
+        assert done.incomplete == 0
+    assert len(table(tmp_path / "csv")) == last_tick(recording) > 0
+
+
+@pytest.mark.parametrize(
+    ("message", "sent", "said"),
+    [
+        (wire.Observation(1, b"\x01\x02\x03\x04"), 1, "tick 1: must be of "),
+        (wire.State(1, 1, b"\x01", False, 0, 0, 0, 0, 0), 1, "tick 1: must be of "),
+        (wire.Decision(1, 2, "why"), 1, "tick 1: decision: must be one of 2, got 2"),
+        (wire.Observation(1, b"\x01\x00\x00"), 2**63, "tick 1: time: must be before"),
+    ],
+)
+def test_what_is_not_of_such_a_run_is_an_error(
+    log: Path, tmp_path: Path, message: wire.Message, sent: int, said: str
+) -> None:
+    with Writer(tmp_path / "log.mcap") as writer:
+        writer.start(Recording.open(log).metadata)
+        delivery = wire.Delivery(message.key, 0, sent, wire.encode(message))
+        writer.put(message, delivery, 1)
+        writer.finish({}, {})
+    with pytest.raises(RecordingError, match=said):
+        export(tmp_path / "log.mcap", "csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
+
+
+def cut(log: Path, path: Path) -> Path:
+    path.write_bytes(log.read_bytes()[:-2000])
+    assert not Recording.open(path).finished
+    return path
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_cut_recording_is_exported_as_far_as_it_goes(
+    log: Path, tmp_path: Path, form: Form
+) -> None:
+    done = export(cut(log, tmp_path / "cut.mcap"), form)
+    assert not done.whole
+    assert Path(done.path).stat().st_size > 0
+    assert Path(done.path).parent == tmp_path
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "foxglove"])
+def test_a_damaged_recording_is_exported_without_what_is_damaged(
+    log: Path, tmp_path: Path, form: Form
+) -> None:
+    data = bytearray(cut(log, tmp_path / "cut.mcap").read_bytes())
+    layout = Recording.open(tmp_path / "cut.mcap").layout
+    data[layout.chunks[len(layout.chunks) // 2].offset + 5] ^= 1
+    (tmp_path / "cut.mcap").write_bytes(data)
+    done = export(tmp_path / "cut.mcap", form)
+    assert not done.whole
+    assert re.search("chunk", done.damage[0])
+    assert done.ticks < export(log, form, tmp_path / "all").ticks
+
+
+def test_nothing_is_replaced_by_accident(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("mine")
+    with pytest.raises(InvalidValueError, match=r"^out: must not exist yet, or come"):
+        export(log, "csv", out)
+    assert out.read_text() == "mine"
+    export(log, "csv", out, force=True)
+    assert len(table(out)) == TICKS
+
+
+def test_the_recording_is_never_replaced(log: Path, tmp_path: Path) -> None:
+    own = tmp_path / "log.mcap"
+    own.write_bytes(log.read_bytes())
+    (tmp_path / "link").symlink_to(own)
+    for out in (own, tmp_path / "link", tmp_path):
+        with pytest.raises(InvalidValueError, match=r"^out: must be another file, got"):
+            export(own, "csv", out, force=True)
+    assert own.read_bytes() == log.read_bytes()
+
+
+def test_only_a_file_is_replaced(log: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InvalidValueError, match=r"^out: must be another file, got"):
+        export(log, "csv", pipe, force=True)
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("mode", [0o600, 0o640])
+def test_what_is_exported_is_as_private_as_the_recording(
+    log: Path, tmp_path: Path, form: Form, mode: int
+) -> None:
+    own = tmp_path / "log.mcap"
+    own.write_bytes(log.read_bytes())
+    own.chmod(mode)
+    before = os.umask(0)
+    try:
+        done = export(own, form)
+    finally:
+        os.umask(before)
+    assert Path(done.path).stat().st_mode & 0o777 == mode
+
+
+def test_what_somebody_dead_left_is_in_nobodys_way(log: Path, tmp_path: Path) -> None:
+    left = tmp_path / f".out.csv.{os.getpid()}.part"
+    left.write_text("half")
+    left.chmod(0o444)
+    export(log, "csv", tmp_path / "out.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
+
+
+@pytest.mark.parametrize(
+    ("form", "given", "said"),
+    [
+        ("csv", {"at": 3}, r"^at: must come with --format graphml, got 3$"),
+        ("parquet", {"only_readings": True}, r"^only-readings: must come with"),
+        ("graphml", {"at": TICKS + 1}, rf"^tick: must be in \[0, {TICKS}\], got"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(
+    log: Path, tmp_path: Path, form: Form, given: dict[str, Any], said: str
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(InvalidValueError, match=said):
+        export(log, form, out, **given)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_full_disk_is_named_with_the_file(
+    log: Path, tmp_path: Path, form: Form
+) -> None:
+    out = tmp_path / "out"
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limit[1]))  # EFBIG, like ENOSPC
+    try:
+        with pytest.raises(OSError, match="too large") as caught:
+            export(log, form, out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        signal.signal(signal.SIGXFSZ, before)
+    assert caught.value.filename == str(out)
+    assert not list(tmp_path.iterdir())
+
+
+def test_there_must_be_a_folder_for_it(log: Path, tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"^out: must be in a folder"):
+        export(log, "csv", tmp_path / "none" / "out.csv")
+
+
+def test_formats_are_known_by_name() -> None:
+    assert [parse_form(form) for form in FORMS] == list(FORMS)
+    with pytest.raises(InvalidValueError, match=r"^format: must be of csv, .*'xls'$"):
+        parse_form("xls")
+
+
+def test_parquet_without_pyarrow_says_what_to_install(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.delitem(sys.modules, "neurosnap.apps.export.as_parquet", raising=False)
+    with pytest.raises(NeurosnapError, match=r"^format: must have pyarrow installed"):
+        export(log, "parquet", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_layout_names_fields_that_there_are(log: Path, tmp_path: Path) -> None:
+    export(log, "layout", tmp_path / "out.json")
+    names = {*options_of(Recording.open(log)).sensors}
+    shown = json.loads((tmp_path / "out.json").read_text())["configById"]
+    bars = shown["StateTransitions!readings"]["paths"]
+    assert {path["label"] for path in bars} <= names

@@ -1,0 +1,192 @@
+"""Runs recorded in this process, and what a replay says of every tick of them."""
+
+import asyncio
+import random
+from collections.abc import Container, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.replay.verify import Replay
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import open_source
+from tests.unit.runtime.scripted import Scripted
+
+TICKS = 40
+
+
+def path_run(ticks: int = TICKS, **changes: object) -> RunOptions:
+    options = _options("neurosnap/Path-v0", {"places": 8}, ticks)
+    return msgspec.structs.replace(options, **changes)
+
+
+def drawn_run(ticks: int = TICKS) -> RunOptions:
+    return _options("neurosnap/RandomFields-v0", {"places": 8}, ticks)
+
+
+def planner_run(ticks: int = TICKS) -> RunOptions:
+    size = {"width": 3, "height": 3}
+    target = ("x_below_1", "y_below_2*")
+    return _options(
+        "neurosnap/Grid-v0", size, ticks, agent="planner", target=target, full=True
+    )
+
+
+def seeker_run(ticks: int = TICKS) -> RunOptions:
+    return _options(
+        "neurosnap/Rail-v0",
+        {"places": 6, "target": 2},
+        ticks,
+        snapshot="discounted",
+        threshold=0.1,
+        decay=0.9,
+    )
+
+
+def csv_run(path: Path, ticks: int = TICKS) -> RunOptions:
+    """A rule is learned, and broken by what is observed at tick 25."""
+    chance = random.Random(3)
+    lines = ["a,b,c"]
+    for tick in range(1, ticks + 1):
+        a = chance.random() < 0.5
+        either = a or chance.random() < 0.5
+        lines.append("1,0,0" if tick == 25 else f"{a:d},{either:d},{tick % 2}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return _options(str(path), {}, ticks, threshold=0.1)
+
+
+def large_run(path: Path) -> RunOptions:
+    """Twenty chains of 25 sensors each, for six ticks."""
+    chance = random.Random(4)
+    names = [f"c{chain}_below_{k}" for chain in range(20) for k in range(25)]
+    lines = [",".join(names)]
+    for _ in range(6):
+        places = [chance.randrange(26) for _ in range(20)]
+        lines.append(",".join(f"{x <= k:d}" for x in places for k in range(25)))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return _options(str(path), {}, 6)
+
+
+def unread_run(log: Path) -> Path:
+    """Record a run in which not every sensor is read: ``s0`` implies ``s1``.
+
+    That is learned in 30 ticks. At 31 only ``s0`` is read; at 32 the rule is broken.
+    """
+    chance = random.Random(6)
+    rows: list[list[bool | None]] = []
+    for tick in range(1, 31):
+        a = tick == 30 or chance.random() < 0.5
+        rows.append([a, a or chance.random() < 0.5, tick % 2 == 0])
+    rows += [[True, None, None], [True, False, None]]
+    options = RunOptions(
+        source="scripted",
+        body=Body(own=("s0", "s1", "s2")),
+        ticks=len(rows),
+        threshold=0.1,
+        cells="inline",
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("neurosnap.runtime.inline.open_source", lambda *_: Scripted(rows))
+        return recorded(options, log)
+
+
+def _options(
+    source: str,
+    arguments: Mapping[str, int],
+    ticks: int,
+    *,
+    full: bool = False,
+    **changes: object,
+) -> RunOptions:
+    opened = open_source(source, 5, arguments)
+    opened.close()
+    parts = (opened.sensors, opened.actions, opened.orders)
+    body = (
+        Body.full(*parts)
+        if full
+        else Body(own=parts[0], actions=parts[1], orders=parts[2])
+    )
+    given = {"threshold": 0.08, "keyframe_every": 7, "cells": "inline", **changes}
+    return RunOptions(
+        source=source,
+        arguments=dict(arguments),
+        body=body,
+        ticks=ticks,
+        seed=5,
+        **given,  # type: ignore[arg-type]
+    )
+
+
+def recorded(options: RunOptions, log: Path) -> Path:
+    asyncio.run(run(options, log, asyncio.Event()))
+    return log
+
+
+def in_chunks(log: Path, target: Path, chunk: int, seed: int | None = None) -> Path:
+    """Record it all again in chunks of some size, senders overtaking each other."""
+    recording = Recording.open(log)
+    messages = list(recording.messages())
+    if seed is not None:
+        messages = overtaken(messages, random.Random(seed))
+    with Writer(target, chunk=chunk) as writer:
+        writer.start(recording.metadata)
+        for each in messages:
+            writer.add(each.delivery, each.log_time)
+        writer.finish({}, recording.noted().expected)
+    return target
+
+
+def overtaken(messages: Sequence[Recorded], chance: random.Random) -> list[Recorded]:
+    """Return messages a little out of order, each sender's in order."""
+    due: dict[str, float] = {}
+    timed = []
+    for place, each in enumerate(messages):
+        sender = each.message.sender
+        due[sender] = max(due.get(sender, 0.0), place + 12 * chance.random())
+        timed.append((due[sender], place, each))
+    return [each for _, _, each in sorted(timed, key=lambda entry: entry[:2])]
+
+
+class Told(NamedTuple):
+    """What a replay says of a tick."""
+
+    state: list[int | None]
+    hasse: frozenset[tuple[int, int]]
+    height: int
+
+
+def told(log: Path) -> dict[int, Told]:
+    """Return what a replay derives, tick by tick."""
+    replay = Replay(Recording.open(log))
+    found = {}
+    for tick in replay.ticks():
+        state, graph = replay.core.snapshot.state, replay.core.graph
+        edges = {(a, b) for a, b in np.argwhere(graph.hasse()).tolist()}
+        found[tick] = Told(ternary(state), frozenset(edges), graph.height())
+    return found
+
+
+def ternary(literals: Iterable[bool]) -> list[int | None]:
+    pairs = np.asarray(list(literals)).reshape(-1, 2).tolist()
+    return [1 if on else 0 if off else None for on, off in pairs]
+
+
+def without_states(log: Path, target: Path, ticks: Container[int]) -> Path:
+    """Record it all again, but for the states of some ticks."""
+    recording = Recording.open(log)
+    with Writer(target) as writer:
+        writer.start(recording.metadata)
+        for each in recording.messages():
+            message = each.message
+            if not (isinstance(message, wire.State) and message.tick in ticks):
+                writer.add(each.delivery, each.log_time)
+        writer.finish({}, recording.noted().expected)
+    return target

@@ -1,0 +1,114 @@
+"""The page in a real browser, and what it should say: a replay, in the page's words."""
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.async_api import Browser, ConsoleMessage, Page
+
+from neurosnap import wire
+from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.session import Desk
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import Replay
+from neurosnap.sensorium import unpack
+from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
+
+IN_BROWSER = [
+    pytest.mark.slow,
+    pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
+    # One browser a module, and so one loop; each test has pages of its own.
+    pytest.mark.asyncio(loop_scope="session"),
+    pytest.mark.usefixtures("browser"),
+]
+"""What marks the tests of the page."""
+
+shared: list[Browser] = []
+"""The browser of the module, while there is one."""
+
+
+@asynccontextmanager
+async def opened(
+    log: Path,
+    where: str = "",
+    scheme: Scheme = "light",
+    *,
+    grows: Callable[[], bool] = lambda: False,
+    still: bool = False,
+) -> AsyncIterator[Page]:
+    """Serve a recording and look at it until the page shows a tick."""
+    async with (
+        serving(Desk(log, grows)) as address,
+        looked_at(address.url, scheme, still=still) as page,
+    ):
+        await page.goto(address.url + where)
+        await page.wait_for_selector("#drawing[data-tick]", state="attached")
+        yield page
+
+
+@asynccontextmanager
+async def looked_at(
+    url: str, scheme: Scheme = "light", *, still: bool = False
+) -> AsyncIterator[Page]:
+    """Give a page that may go to one server alone, and where nothing may fail."""
+    strange: list[str] = []
+    home = url.partition("?")[0]
+
+    def on_console(message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            strange.append(message.text)
+
+    def on_address(asked: str) -> None:
+        if not asked.startswith(home):
+            strange.append(asked)
+
+    async with new_page(shared[-1], scheme, still=still) as page:
+        page.on("console", on_console)
+        page.on("pageerror", lambda error: strange.append(str(error)))
+        page.on("request", lambda request: on_address(request.url))
+        page.on("websocket", lambda socket: on_address(socket.url))
+        yield page
+    assert strange == []
+
+
+async def go_to(page: Page, tick: int) -> None:
+    await page.fill("#time", str(tick))
+    await wait_shown(page, tick)
+
+
+async def shown_tick(page: Page) -> int:
+    return int(await page.get_attribute("#drawing", "data-tick") or "0")
+
+
+async def states(page: Page, tick: int) -> list[str]:
+    """Return what the table in words says of every sensor at a tick."""
+    await page.wait_for_selector(f'#outline[data-tick="{tick}"]', state="attached")
+    return await page.locator("#outline td.state").all_inner_texts()
+
+
+def derived(log: Path) -> dict[int, list[str]]:
+    """Return what a replay says of every sensor, tick by tick, in the page's words."""
+    recording = Recording.open(log)
+    observed = {
+        each.message.tick: each.message
+        for each in recording.messages(("observe",))
+        if isinstance(each.message, wire.Observation)
+    }
+    replay = Replay(recording)
+    found = {}
+    for tick in replay.ticks():
+        state = replay.core.snapshot.state.reshape(-1, 2)
+        bits = unpack(observed[tick].bits, len(state))
+        known = np.ones(len(state), np.bool_)
+        if observed[tick].known:
+            known = unpack(observed[tick].known, len(state))
+        read = np.stack([bits & known, ~bits & known], axis=1).ravel()
+        above = replay.core.graph.up(read).reshape(-1, 2)
+        neither = np.where(above.all(axis=1), "contradicted", "unknown")
+        found[tick] = [
+            "on" if on else "off" if off else str(other)
+            for (on, off), other in zip(state.tolist(), neither, strict=True)
+        ]
+    return found

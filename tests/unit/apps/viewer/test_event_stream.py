@@ -1,0 +1,61 @@
+"""What is told of a growing recording leads to what is in it, whoever falls behind."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.apps.viewer.api import Event, Frame
+from neurosnap.apps.viewer.event_stream import _Listener
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
+from tests.unit.apps.viewer.films import TICKS, planner_run, recorded
+
+pytestmark = pytest.mark.slow
+
+TOLD = 12  # the tick whose state alone is there at first
+MOST = 10  # frames in one event that were not told before
+
+
+def taken(frames: dict[int, Frame], event: Event | None) -> None:
+    """Take an event's frames in, as the page does."""
+    assert event is not None
+    for change in event.frames:
+        fields = msgspec.to_builtins(change)
+        before = msgspec.to_builtins(frames.get(fields.pop("after")))
+        for name in ("bits", "state"):
+            old = before[name] if before else []
+            told = dict(fields.pop(name, ()))
+            fields[name] = [told.get(k, bit) for k, bit in enumerate(old or told)]
+        frame = msgspec.convert({**(before or {}), **fields}, Frame)
+        frames[frame.tick] = frame
+
+
+def test_the_last_frame_that_was_told_is_told_again_once_it_is_whole(
+    tmp_path: Path,
+) -> None:
+    recording = Recording.open(recorded(planner_run(), tmp_path / "run.mcap"))
+    log = tmp_path / "growing.mcap"
+    frames = dict[int, Frame]()
+    with Writer(log) as writer:
+        writer.start(recording.metadata)
+        messages = recording.messages()
+        for each in messages:
+            writer.add(each.delivery, each.log_time)
+            if isinstance(each.message, wire.State) and each.message.tick == TOLD:
+                break
+        writer.flush()
+        film, listener = Film(log), _Listener()
+        taken(frames, listener.event(film, live=True))
+        assert [frame.action for frame in frames.values()] == [None]
+        for each in messages:
+            writer.add(each.delivery, each.log_time)
+        writer.finish({}, recording.noted().expected)
+    assert film.grow()
+    taken(frames, listener.event(film, live=True))
+    whole = Film(recording.path)
+    newest = whole.frames(TICKS - MOST + 1, TICKS)
+    assert list(frames.values()) == [*whole.frames(TOLD, TOLD), *newest]
+    assert frames[TOLD].action is not None

@@ -1,0 +1,339 @@
+"""A film shows at every tick, from wherever one comes, what a replay derives there."""
+
+import random
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.evidence import weighed
+from neurosnap.apps.viewer.members import members
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.sensorium import complete, unpack
+from tests.unit.apps.viewer.films import (
+    TICKS,
+    csv_run,
+    drawn_run,
+    in_chunks,
+    path_run,
+    planner_run,
+    recorded,
+    seeker_run,
+    told,
+)
+
+pytestmark = pytest.mark.slow
+
+RUNS: dict[str, Callable[[Path], RunOptions]] = {
+    "path": lambda folder: path_run(),
+    "derived": lambda folder: path_run(wiring="derived"),
+    "planner": lambda folder: planner_run(),
+    "seeker": lambda folder: seeker_run(),
+    "csv": lambda folder: csv_run(folder / "readings.csv"),
+}
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def log(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    folder = tmp_path_factory.mktemp(request.param)
+    return recorded(RUNS[request.param](folder), folder / "run.mcap")
+
+
+@pytest.fixture(scope="module")
+def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(path_run(), tmp_path_factory.mktemp("path") / "run.mcap")
+
+
+def of_type(log: Path, kind: type[wire.Message]) -> list[wire.Message]:
+    messages = (each.message for each in Recording.open(log).messages())
+    return [message for message in messages if isinstance(message, kind)]
+
+
+def edges_of(graph: api.Graph) -> frozenset[tuple[int, int]]:
+    """Return the Hasse wiring that a drawn order stands for."""
+    edges = set()
+    for edge in graph.edges:
+        edges |= {(edge.source, edge.target), (edge.target ^ 1, edge.source ^ 1)}
+    for first, *others in graph.classes:
+        for literal in others:
+            pairs = {(first, literal), (literal, first)}
+            edges |= pairs | {(a ^ 1, b ^ 1) for a, b in pairs}
+    return frozenset(edges)
+
+
+@pytest.mark.parametrize("chunk", [1 << 20, 3000])
+def test_every_tick_is_what_a_replay_derives(
+    log: Path, tmp_path: Path, chunk: int
+) -> None:
+    again = in_chunks(log, tmp_path / "again.mcap", chunk, seed=chunk)
+    derived = told(log)
+    film = Film(again)
+    assert (film.first, film.last) == (1, TICKS) == (1, len(derived))
+    order = random.Random(2).sample(sorted(derived), len(derived))
+    for tick in order:
+        (frame,) = film.frames(tick, tick)
+        graph = film.graph(tick)
+        assert (frame.tick, graph.tick) == (tick, tick)
+        assert frame.state == derived[tick].state
+        assert frame.graph == graph.id
+        assert edges_of(graph) == derived[tick].hasse
+        assert graph.height == frame.height == derived[tick].height
+    assert film.frames(1, TICKS) == [film.frames(t, t)[0] for t in sorted(derived)]
+
+
+def test_an_order_keeps_its_id_as_long_as_it_is_the_same(log: Path) -> None:
+    derived, film = told(log), Film(log)
+    for before, after in zip(range(1, TICKS), range(2, TICKS + 1), strict=True):
+        same = derived[before].hasse == derived[after].hasse
+        assert (film.graph(before).id == film.graph(after).id) == same
+
+
+def test_a_frame_says_what_was_recorded_of_its_tick(log: Path) -> None:
+    film = Film(log)
+    frames = {frame.tick: frame for frame in film.frames(1, TICKS)}
+    for state in of_type(log, wire.State):
+        assert isinstance(state, wire.State)
+        frame = frames[state.tick]
+        for name in ("incoherent", "depth", "longest", "height", "edges", "pulses"):
+            assert getattr(frame, name) == getattr(state, name)
+        assert bool(frame.contradicted) == state.incoherent
+    for observation in of_type(log, wire.Observation):
+        assert isinstance(observation, wire.Observation)
+        bits = unpack(observation.bits, len(film.options.sensors))
+        assert frames[observation.tick].bits == bits.tolist()
+    actions = (*film.options.body.actions, None)
+    for decision in of_type(log, wire.Decision):
+        assert isinstance(decision, wire.Decision)
+        if decision.tick:
+            frame = frames[decision.tick]
+            assert (frame.choice, frame.why) == (decision.action, decision.why)
+            assert frame.action == actions[decision.action]
+
+
+def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> None:
+    film = Film(in_chunks(log, tmp_path / "again.mcap", 3000, seed=8))
+    answers = {
+        message.wave: unpack(message.literals, 2 * len(film.options.sensors))
+        for message in of_type(log, wire.Reached)
+        if isinstance(message, wire.Reached)
+    }
+    for frame in film.frames(1, TICKS):
+        graph = film.snapshot(frame.tick).poc_graph()
+        kinds = [wave.kind for wave in frame.waves]
+        assert kinds == ["state"] + ["signal"] * (len(kinds) - 1)
+        for wave in frame.waves:
+            assert wave.settled
+            above = np.flatnonzero(graph.up(wave.signal)).tolist()
+            assert sorted(literal for literal, _ in wave.hops) == above
+            assert wave.depth == max(hops for _, hops in wave.hops)
+            assert {literal for literal, hop in wave.hops if hop == 0} <= set(
+                wave.signal
+            )
+            if wave.wave in answers:
+                assert above == np.flatnonzero(answers.pop(wave.wave)).tolist()
+        observed = np.flatnonzero(complete(np.array(frame.bits, np.bool_))).tolist()
+        assert frame.waves[0].signal == observed
+        assert (frame.waves[0].depth, frame.waves[0].pulses) == (
+            frame.depth,
+            frame.pulses,
+        )
+    assert not answers
+
+
+def test_a_contradiction_names_the_sensors_without_a_state(tmp_path: Path) -> None:
+    log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
+    frames = {frame.tick: frame for frame in Film(log).frames(1, TICKS)}
+    broken = [frame for frame in frames.values() if frame.contradicted]
+    assert 25 in [frame.tick for frame in broken]
+    for frame in broken:
+        assert frame.incoherent
+        assert [frame.state[k] for k in frame.contradicted] == [None] * len(
+            frame.contradicted
+        )
+    assert frames[25].contradicted == [0, 1]
+
+
+def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
+    film = Film(path_log)
+    found = weighed(film, 0, 4, 20)
+    shown = {each.tick: each for each in found.over}
+    assert (
+        sorted(shown) == [each.tick for each in found.over] == list(range(1, TICKS + 1))
+    )
+    counts = dict.fromkeys([(1, 1), (1, 0), (0, 1), (0, 0)], 0)
+    for observation in of_type(path_log, wire.Observation):
+        assert isinstance(observation, wire.Observation)
+        bits = unpack(observation.bits, len(film.options.sensors))
+        counts[int(bits[0]), int(bits[2])] += 1
+        each = shown[observation.tick]
+        assert each.weights == tuple(counts.values())
+        assert each.total == observation.tick
+        assert each.threshold == pytest.approx(0.08 * observation.tick)
+        graph = film.snapshot(observation.tick).poc_graph()
+        assert each.holds == bool(graph.edges[0, 4])
+    assert (found.weights, found.holds) == (shown[20].weights, shown[20].holds)
+
+
+def test_before_the_first_tick_nothing_is_learned(path_log: Path) -> None:
+    graph = Film(path_log).graph(0)
+    assert (graph.edges, graph.classes, graph.height) == ([], [], 0)
+    assert graph.id != Film(path_log).graph(TICKS).id
+    nothing = PocGraph.from_implications(len(graph.nodes), [])
+    assert [node.group for node in graph.nodes] == nothing.representative[::2].tolist()
+
+
+@pytest.mark.parametrize("tick", [-1, TICKS + 1])
+def test_there_is_no_order_at_no_tick(path_log: Path, tick: int) -> None:
+    with pytest.raises(InvalidValueError, match=rf"^tick: must be in \[0, {TICKS}\]"):
+        Film(path_log).graph(tick)
+
+
+def test_frames_beyond_the_ends_are_left_out(path_log: Path) -> None:
+    film = Film(path_log)
+    assert [f.tick for f in film.frames(0, 2)] == [1, 2]
+    assert [f.tick for f in film.frames(TICKS, TICKS + 9)] == [TICKS]
+    assert film.frames(TICKS + 1, TICKS + 2) == []
+
+
+# What is broken -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.3, 0.55, 0.8, 0.99])
+def test_a_recording_cut_short_shows_what_is_left(
+    log: Path, tmp_path: Path, share: float
+) -> None:
+    derived = told(log)
+    small = in_chunks(log, tmp_path / "small.mcap", 2000)
+    data = small.read_bytes()
+    small.write_bytes(data[: int(share * len(data))])
+    film = Film(small)
+    assert film.cut is not None
+    assert "cut short after" in film.cut
+    assert film.run(live=False).cut == film.cut
+    states = [m.tick for m in of_type(small, wire.State) if isinstance(m, wire.State)]
+    assert film.last == max(states, default=0)
+    for frame in film.frames(1, film.last):
+        assert frame.state == derived[frame.tick].state
+        assert edges_of(film.graph(frame.tick)) == derived[frame.tick].hasse
+
+
+def test_behind_a_damaged_chunk_a_key_frame_helps(
+    path_log: Path, tmp_path: Path
+) -> None:
+    derived = told(path_log)
+    small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
+    hurt, lacking = damage(small)
+    film = Film(small)
+    frames = {frame.tick: frame for frame in film.frames(1, TICKS)}
+    assert film.cut is not None
+    assert f"chunk {hurt}" in film.cut
+    assert 0 < len(frames) < TICKS
+    assert all(frame.state == derived[tick].state for tick, frame in frames.items())
+    for tick in range(1, TICKS + 1):
+        since = range(tick - tick % 7 + 1, tick + 1)  # the last key-frame
+        if lacking.isdisjoint(since):
+            assert edges_of(film.graph(tick)) == derived[tick].hasse
+        else:
+            with pytest.raises(RecordingError, match="must hold the observation of"):
+                film.graph(tick)
+        if tick in frames:
+            assert bool(frames[tick].graph) == lacking.isdisjoint(since)
+
+
+def test_whatever_byte_is_wrong_the_error_is_one_of_ours(
+    path_log: Path, tmp_path: Path
+) -> None:
+    small = in_chunks(path_log, tmp_path / "small.mcap", 4000)
+    whole = {frame.tick: frame for frame in Film(small).frames(1, TICKS)}
+    data, chance = small.read_bytes(), random.Random(11)
+    for _ in range(25):
+        hurt = bytearray(data)
+        hurt[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+        small.write_bytes(hurt)
+        with suppress(NeurosnapError):
+            film = Film(small)
+            film.run(live=False)
+            members(film)
+            for frame in film.frames(1, TICKS):
+                assert frame.state == whole[frame.tick].state
+                assert frame.bits in (whole[frame.tick].bits, [None] * len(frame.bits))
+            weighed(film, 0, 2, film.last)
+            film.graph(film.last // 2)
+
+
+def damage(log: Path) -> tuple[int, set[int]]:
+    """Change a byte of a chunk that has an observation, a state and no key-frame.
+
+    Return its number, and the ticks whose observations it had.
+    """
+    recording = Recording.open(log)
+    channels = {topic: 1 + k for k, topic in enumerate(wire.TOPICS)}
+    hurt = next(
+        chunk
+        for chunk in recording.layout.chunks[len(recording.layout.chunks) // 3 :]
+        if {channels["observe"], channels["state"]} <= chunk.counts.keys()
+        and channels["keyframe"] not in chunk.counts
+    )
+    had = recording.messages(("observe",), start=hurt.start, end=hurt.end + 1)
+    ticks = {m.message.tick for m in had if isinstance(m.message, wire.Observation)}
+    data = bytearray(log.read_bytes())
+    data[hurt.offset + hurt.packed // 2] ^= 255
+    log.write_bytes(data)
+    return hurt.number, ticks
+
+
+def test_a_summary_that_is_wrong_is_said_to_be(path_log: Path, tmp_path: Path) -> None:
+    data = bytearray(path_log.read_bytes())
+    data[-80] ^= 1
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(data)
+    film = Film(broken)
+    assert film.cut is not None
+    assert "the summary must" in film.cut
+    assert film.frames(1, TICKS) == Film(path_log).frames(1, TICKS)
+
+
+@pytest.mark.parametrize("content", [b"", b"tick,a\n1,0\n", b"\x89MCAP0\r\n"])
+def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
+    log = tmp_path / "no.mcap"
+    log.write_bytes(content)
+    with pytest.raises(RecordingError):
+        Film(log)
+
+
+def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
+    small = in_chunks(log, tmp_path / "small.mcap", 2000)
+    data, growing = small.read_bytes(), tmp_path / "growing.mcap"
+    growing.write_bytes(data[: len(data) // 4])
+    film, seen = Film(growing), set()
+    for share in range(25, 100, 3):
+        with growing.open("r+b") as file:
+            file.write(data[: max(len(data) * share // 100, 100)])
+        film.grow()
+        seen.add(film.last)
+        assert film.last == Film(growing).last
+        if film.last:
+            assert film.frames(film.last, film.last) == Film(growing).frames(
+                film.last, film.last
+            )
+    growing.write_bytes(data)
+    assert film.grow()
+    assert not film.grow()
+    assert len(seen) > 5
+    assert (film.last, film.cut, film.files.finished) == (TICKS, None, True)
+    assert film.frames(1, TICKS) == Film(small).frames(1, TICKS)
+
+
+def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:
+    film = Film(recorded(drawn_run(), tmp_path / "run.mcap"))
+    assert film.frames(1, TICKS)[-1].tick == TICKS

@@ -1,0 +1,122 @@
+"""Columns over time: what they hold, and that thinning them out leaves the extremes."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.time_series import Ledger, thinned
+from neurosnap.errors import InvalidValueError
+from neurosnap.recording.read.reader import Recording
+from tests.unit.apps.viewer.films import (
+    TICKS,
+    csv_run,
+    path_run,
+    planner_run,
+    recorded,
+    seeker_run,
+)
+
+
+def read(log: Path) -> Ledger:
+    ledger = Ledger(Film(log))
+    while ledger.read_on():
+        pass
+    return ledger
+
+
+def column(ledger: Ledger, name: str) -> list[float | None]:
+    found = ledger.series(name, 1, TICKS, 1000)
+    assert found.ticks == list(range(1, TICKS + 1))
+    assert found.done
+    return found.values
+
+
+def test_a_column_is_what_was_recorded(tmp_path: Path) -> None:
+    log = recorded(path_run(), tmp_path / "run.mcap")
+    ledger = read(log)
+    states = [each.message for each in Recording.open(log).messages(("state",))]
+    for name in ("edges", "depth", "height", "pulses"):
+        told = [getattr(state, name) for state in states]
+        assert column(ledger, name) == told
+
+
+def test_err_is_what_a_walk_through_all_pairs_counts(tmp_path: Path) -> None:
+    log = recorded(path_run(), tmp_path / "run.mcap")
+    film, found = Film(log), column(read(log), "err")
+    sensors = len(film.options.sensors)
+    # Sensor k of a path is on below k + 1.
+    fields = [
+        [place <= sensor for place in range(sensors + 1)] for sensor in range(sensors)
+    ]
+    true = [row for on in fields for row in (on, [not bit for bit in on])]
+    for tick, value in enumerate(found, start=1):
+        edges = film.snapshot(tick).poc_graph().edges
+        wrong = 0
+        for a in range(2 * sensors):
+            for b in range(2 * sensors):
+                holds = all(y or not x for x, y in zip(true[a], true[b], strict=True))
+                wrong += a >> 1 != b >> 1 and bool(edges[a, b]) != holds
+        assert value == wrong
+
+
+@pytest.mark.parametrize("options", [seeker_run(), planner_run()])
+def test_distance_falls_to_zero_at_the_target_only(
+    tmp_path: Path, options: object
+) -> None:
+    log = recorded(options, tmp_path / "run.mcap")  # type: ignore[arg-type]
+    film = Film(log)
+    frames, found = film.frames(1, TICKS), column(read(log), "distance")
+    stage = film.scene.stage
+    assert stage is not None
+    assert film.run(live=False).columns[-2:] == ("err", "distance")
+    for frame, value in zip(frames, found, strict=True):
+        assert frame.place is not None
+        assert (value == 0) == (frame.place == stage.target)
+    for before, after in itertools.pairwise(found):
+        assert before is not None
+        assert after is not None
+        assert abs(after - before) <= 1
+    moved = [f for f in frames if "better" in film.options.sensors and f.bits[-2]]
+    assert all(found[f.tick - 1] < found[f.tick - 2] for f in moved)  # type: ignore[operator]
+
+
+def test_where_the_truth_is_not_known_there_is_no_column_of_it(tmp_path: Path) -> None:
+    log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
+    ledger = read(log)
+    assert ledger.columns == ("edges", "depth", "height", "pulses")
+    with pytest.raises(InvalidValueError, match=r"^column: must be one of edges, "):
+        ledger.series("err", 1, TICKS, 100)
+
+
+def test_what_is_not_read_yet_is_said_to_be_so(tmp_path: Path) -> None:
+    ledger = Ledger(Film(recorded(path_run(), tmp_path / "run.mcap")))
+    first = ledger.series("edges", 1, TICKS, 100)
+    assert (first.ticks, first.values, first.done) == ([], [], False)
+    assert ledger.read_on()
+    assert ledger.series("edges", 5, 9, 100).ticks == [5, 6, 7, 8, 9]
+    assert ledger.series("edges", 5, 9, 100).done
+    assert not ledger.read_on()
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6, width=32) | st.just(float("nan")), max_size=300),
+    st.integers(4, 60),
+)
+def test_thinning_keeps_least_and_most_of_every_run(
+    values: list[float], points: int
+) -> None:
+    row = np.array(values, np.float32)
+    places = thinned(row, points)
+    assert list(places) == sorted(set(places.tolist()))
+    assert len(places) <= max(points, 0)
+    if len(values) <= points:
+        assert places.tolist() == list(range(len(values)))
+        return
+    known = row[np.isfinite(row)]
+    kept = row[places][np.isfinite(row[places])]
+    assert known.size == 0 or (kept.min(), kept.max()) == (known.min(), known.max())

@@ -1,0 +1,367 @@
+"""Depth against height: what is fitted, written, drawn, and how a probe measures it."""
+
+import asyncio
+import csv
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.depth.measure import COLUMNS, draw, fit, measure, write_csv
+from neurosnap.depth.probe import Measured, Probe, ProbePlan
+from neurosnap.errors import InvalidValueError, SwarmError
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.partition import hosts, shares
+from neurosnap.protocol.run_options import WiringKind
+from neurosnap.protocol.worker import Worker
+
+
+def row(
+    depth: int, seconds: float, *, kind: str = "signal", sensors: int = 9
+) -> Measured:
+    return Measured(
+        sensors=sensors,
+        wiring="hasse",
+        height=depth,
+        depth=depth,
+        longest=depth,
+        pulses=depth,
+        seconds=seconds,
+        kind=kind,
+    )
+
+
+def on_a_line(*depths: int) -> list[Measured]:
+    """Return rows that take a quarter of a second, and an eighth more a hop."""
+    return [row(depth, 0.25 + 0.125 * depth) for depth in depths]
+
+
+# Fitting ------------------------------------------------------------------------------
+
+
+def test_a_line_is_fitted_exactly() -> None:
+    line = fit(on_a_line(1, 2, 4, 8, 16))
+    assert line is not None
+    assert line.slope == pytest.approx(0.125, rel=1e-12)
+    assert line.intercept == pytest.approx(0.25, rel=1e-12)
+    assert line.r2 == pytest.approx(1.0, abs=1e-12)
+
+
+def test_noise_is_what_the_line_does_not_explain() -> None:
+    # Over depths 0 and 2: means 1 and 3, so half of the variance is within a depth.
+    line = fit([row(0, 0.0), row(0, 2.0), row(2, 2.0), row(2, 4.0)])
+    assert line is not None
+    assert line.slope == pytest.approx(1.0)
+    assert line.intercept == pytest.approx(1.0)
+    assert line.r2 == pytest.approx(0.5)
+
+
+def test_state_waves_are_left_out() -> None:
+    states = [row(0, 100.0, kind="state"), row(9, -100.0, kind="state")]
+    assert fit([*states, *on_a_line(1, 2, 3)]) == fit(on_a_line(1, 2, 3))
+    assert fit([*states, *on_a_line(2)]) is None
+
+
+@pytest.mark.parametrize("depths", [(), (3,), (3, 3, 3)])
+def test_one_depth_makes_no_line(depths: tuple[int, ...]) -> None:
+    assert fit(on_a_line(*depths)) is None
+
+
+def test_a_level_line_explains_everything() -> None:
+    line = fit([row(1, 0.5), row(2, 0.5), row(3, 0.5)])
+    assert line is not None
+    assert line.r2 == 1.0
+    assert line.slope == pytest.approx(0.0, abs=1e-12)
+
+
+# Writing ------------------------------------------------------------------------------
+
+
+def test_a_csv_has_a_row_a_wave(tmp_path: Path) -> None:
+    rows = [*on_a_line(1, 2), row(0, 0.1, kind="state")]
+    path = tmp_path / "depth.csv"
+    path.write_text("what was there before")
+    write_csv(rows, path)
+    assert path.read_text().splitlines()[0] == (
+        "sensors,wiring,height,depth,longest,pulses,seconds"
+    )
+    with path.open(newline="") as file:
+        read = list(csv.reader(file))
+    assert read[1:] == [[str(getattr(r, name)) for name in COLUMNS] for r in rows]
+    assert [float(line[-1]) for line in read[1:]] == [r.seconds for r in rows]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_csv_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "depth.csv"
+    path.write_text("what was there before")
+
+    def rows() -> Iterator[Measured]:
+        yield row(1, 0.1)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_csv(rows(), path)
+    assert path.read_text() == "what was there before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.slow  # the first figure of a process loads matplotlib
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [*on_a_line(1, 2, 4), *(row(d, 0.2 * d, sensors=18) for d in (1, 2, 4))],
+        on_a_line(3, 3),
+        on_a_line(0),
+        [row(0, 0.1, kind="state")],
+        [*on_a_line(1, 2), row(0, 0.1, kind="state")],
+    ],
+    ids=["two groups", "one depth", "no depth", "state waves only", "both kinds"],
+)
+def test_a_figure_is_drawn_whole(tmp_path: Path, rows: list[Measured]) -> None:
+    path = tmp_path / "depth.png"
+    draw(rows, path)
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    assert b"IEND" in data[-12:]
+    assert len(data) > 5000
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("heights", "sensors", "waves", "text"),
+    [
+        ([], [4], 1, "heights: must be one or more numbers, each at least 0, got []"),
+        ([-1, 2], [4], 1, "heights: must be one or more numbers, each at least 0, got"),
+        ([2, 4], [4, 8], 1, "sensors: must be more than the largest height, 4, got"),
+        ([2], [], 1, "sensors: must be more than the largest height, 2, got []"),
+        ([2], [4], 0, "waves: must be at least 1, got 0"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(
+    heights: list[int], sensors: list[int], waves: int, text: str
+) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        asyncio.run(measure(heights, "hasse", sensors, waves, asyncio.Event()))
+    assert str(caught.value).startswith(text)
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"cells": "worker", "workers": 0}, "workers: must be at least 1 and at most"),
+        ({"cells": "worker", "workers": 4}, "workers: must be at least 1 and at most"),
+        ({"edges": 3}, "edges: must be even, 4 to 4, got 3"),
+        ({"edges": 4, "wiring": "derived"}, 'wiring: must be "hasse" for a random'),
+    ],
+)
+def test_what_does_not_go_together_is_refused(given: dict[str, Any], text: str) -> None:
+    wiring = given.pop("wiring", "hasse")
+    with pytest.raises(InvalidValueError) as caught:
+        asyncio.run(measure([2], wiring, [3], 1, asyncio.Event(), **given))
+    assert str(caught.value).startswith(text)
+
+
+def test_a_stop_before_the_first_swarm_measures_nothing() -> None:
+    async def work() -> list[Measured]:
+        stop = asyncio.Event()
+        stop.set()
+        return await measure([1], "hasse", [2], 1, stop)
+
+    assert asyncio.run(work()) == []
+
+
+# The probe ----------------------------------------------------------------------------
+
+Lost = Callable[[wire.Message], bool]
+
+
+def probed(
+    plan: ProbePlan, seed: int | None = None, lost: Lost = lambda _: False
+) -> Probe:
+    """Let a probe conduct cells or workers over a hub without a loop, to its end.
+
+    Its clock goes on by one second each time it is read. A wave that is stuck since
+    `lost` took a message from it is declared late.
+    """
+    seconds = itertools.count(1)
+    probe = Probe(plan, clock=lambda: float(next(seconds)))
+    hub = MemoryHub(seed)
+    conducting = hub.fabric("coordinator")
+
+    def say(messages: list[wire.Message]) -> None:
+        for message in messages:
+            conducting.publish(message)
+
+    def hear(deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            say(probe.receive(wire.decode(delivery.key, delivery.payload)))
+
+    def join(core: Cell | Worker, end: MemoryFabric, keys: Sequence[str]) -> None:
+        def handle(deliveries: list[wire.Delivery]) -> None:
+            burst = [wire.decode(d.key, d.payload) for d in deliveries]
+            for message in core.receive([m for m in burst if not lost(m)]):
+                end.publish(message)
+
+        end.listen(keys, handle)
+
+    conducting.listen(("settle/**", "tally/**"), hear)
+    for number, who in enumerate(hosts(plan.sensors, plan.workers)):
+        if plan.workers:
+            worker = Worker(number, shares(plan.sensors, plan.workers))
+            join(worker, hub.fabric(who), wire.worker_keys(number))
+        else:
+            join(Cell(number), hub.fabric(who), wire.cell_keys(number))
+    say(probe.begin())
+    while hub.run() or not probe.finished:
+        for number in probe.in_flight:
+            say(probe.overdue(number))
+    return probe
+
+
+HEIGHTS = (0, 1, 2, 5, 11)
+
+
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_over_a_hasse_wiring_a_wave_is_as_deep_as_the_chain(seed: int | None) -> None:
+    rows = probed(ProbePlan(12, HEIGHTS, "hasse", waves=3), seed).rows
+    assert [row.height for row in rows] == [h for h in HEIGHTS for _ in range(3)]
+    for measured in rows:
+        assert measured.depth == measured.longest == measured.height
+        assert measured.pulses == measured.height  # one along each edge
+        assert (measured.sensors, measured.wiring, measured.kind) == (
+            12,
+            "hasse",
+            "signal",
+        )
+
+
+def test_over_a_derived_wiring_a_wave_takes_one_hop() -> None:
+    rows = probed(ProbePlan(12, HEIGHTS, "derived", waves=3)).rows
+    assert [row.height for row in rows] == [h for h in HEIGHTS for _ in range(3)]
+    for measured in rows:
+        h = measured.height
+        assert measured.depth == min(h, 1)
+        assert measured.longest == h
+        assert measured.pulses == h * (h + 1) // 2  # from each to all above
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_out_of_order_a_derived_wave_is_deeper_and_reaches_the_same(seed: int) -> None:
+    rows = probed(ProbePlan(12, (11,), "derived", waves=4), seed).rows
+    assert len(rows) == 4
+    assert all(1 <= measured.depth <= 11 for measured in rows)
+    assert all(measured.pulses == 66 for measured in rows)
+    assert any(measured.depth > 1 for measured in rows)
+
+
+@pytest.mark.parametrize("sensors", [6, 24])
+@pytest.mark.parametrize("wiring", ["hasse", "derived"])
+def test_depth_does_not_depend_on_how_many_cells_there_are(
+    wiring: WiringKind, sensors: int
+) -> None:
+    rows = probed(ProbePlan(sensors, (5,), wiring, waves=1)).rows
+    assert [measured.depth for measured in rows] == [5 if wiring == "hasse" else 1]
+
+
+def test_waves_to_warm_up_are_not_in_the_rows() -> None:
+    plan = ProbePlan(4, (2, 3), "hasse", waves=2, warmup=3)
+    numbers = set()
+
+    def count(message: wire.Message) -> bool:
+        if isinstance(message, wire.WaveStart):
+            numbers.add(message.wave)
+        return False
+
+    probe = probed(plan, lost=count)
+    assert len(numbers) == 2 * (2 + 3)
+    assert probe.tick == len(probe.rows) == 2 * 2
+
+
+def test_the_time_is_from_the_waves_start_to_its_end() -> None:
+    rows = probed(ProbePlan(4, (1, 3), "hasse", waves=2)).rows
+    assert [measured.seconds for measured in rows] == [1.0] * 4
+
+
+def test_a_wave_that_lost_a_pulse_is_sent_again_and_measured_right() -> None:
+    left = [True]
+
+    def lost(message: wire.Message) -> bool:
+        return isinstance(message, wire.Pulse) and bool(left) and left.pop()
+
+    rows = probed(ProbePlan(4, (3,), "hasse", waves=2, warmup=0), lost=lost).rows
+    assert not left
+    assert [(r.depth, r.pulses, r.seconds) for r in rows] == [(3, 3, 1.0)] * 2
+
+
+def test_a_wave_that_reaches_less_than_the_order_says_is_an_error() -> None:
+    probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
+    start = probe.begin()[-1]
+    assert isinstance(start, wire.WaveStart)
+    lie = wire.Settled(start.wave, 0, 0, (0,), (0,), (start.credit,), 0, epoch=1)
+    rule = r"^wave 1: must reach all above its signal, got 1 of 3 literals$"
+    with pytest.raises(SwarmError, match=rule):
+        probe.receive(lie)
+
+
+def test_a_report_that_cannot_be_right_is_a_fault() -> None:
+    probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
+    probe.begin()
+    twice = wire.Settled(1, 0, 0, (0,), (0,), (0, 0), 0)
+    (fault,) = probe.receive(twice)
+    assert isinstance(fault, wire.Fault)
+    assert not probe.finished
+    assert probe.receive(wire.Observation(1, b"\x00")) == []
+
+
+def test_asked_to_stop_it_ends_at_once() -> None:
+    probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
+    probe.begin()
+    assert probe.stop() == []
+    assert probe.finished
+
+
+@pytest.mark.parametrize("seed", [None, 0, 1])
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_in_workers_a_wave_is_as_deep_as_among_cells(
+    workers: int, seed: int | None
+) -> None:
+    plan = ProbePlan(12, HEIGHTS, "hasse", waves=2)
+    shared = msgspec.structs.replace(plan, workers=workers)
+    seconds = [msgspec.structs.replace(row, seconds=0) for row in probed(plan).rows]
+    rows = probed(shared, seed).rows
+    assert [msgspec.structs.replace(row, seconds=0) for row in rows] == seconds
+
+
+def test_one_worker_goes_the_shortest_way_over_derived_edges() -> None:
+    plan = ProbePlan(12, (11,), "derived", waves=2, workers=1)
+    assert [(row.depth, row.pulses) for row in probed(plan).rows] == [(1, 66)] * 2
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3])
+def test_a_wave_through_a_random_order_fires_every_cell(workers: int) -> None:
+    plan = ProbePlan(30, (4, 9), "hasse", 2, workers=workers, edges=90, seed=3)
+    rows = probed(plan, seed=8).rows
+    assert [row.depth for row in rows] == [row.longest for row in rows] == [4, 4, 9, 9]
+    assert {row.pulses for row in rows} == {45}  # along half of the edges
+
+
+def test_workers_that_were_cut_off_get_their_wiring_whole() -> None:
+    cut = []
+
+    def lost(message: wire.Message) -> bool:
+        match message:
+            case wire.Loom(worker=0, epoch=1) | wire.WaveStart(wave=1):
+                cut.append(message)
+                return True
+        return False
+
+    plan = ProbePlan(6, (2, 5), "hasse", waves=2, workers=2)
+    rows = probed(plan, lost=lost).rows
+    assert len(cut) == 1 + 2
+    assert [(row.depth, row.pulses) for row in rows] == [(2, 2)] * 2 + [(5, 5)] * 2

@@ -1,0 +1,308 @@
+"""The access list says what the table says, and the table what the wire needs."""
+
+from collections.abc import Iterator, Mapping
+
+import pytest
+import zenoh
+
+from neurosnap import wire
+from neurosnap.fabric.security.roles import (
+    ALL,
+    BRIEF,
+    FLUSHED,
+    PLACE,
+    READING,
+    RIGHTS,
+    ROLES,
+    Rights,
+    access_list,
+    role_of,
+)
+
+PREFIX = f"{wire.ROOT}/5eed/"
+
+KEYS = {
+    "observe": "observe",
+    "wiring": "wiring/3",
+    "wave": "wave",
+    "excite": "excite/3/{}",
+    "inhibit": "inhibit/3/{}",
+    "settle": "settle/{}",
+    "state": "state",
+    "reach": "reach",
+    "decide": "decide",
+    "keyframe": "keyframe",
+    "fault": "fault/{}",
+    "leave": "leave/{}",
+    "loom": "loom/3",
+    "burst": "burst/3/{}",
+    "tally": "tally/{}",
+    "anomaly": "anomaly",
+}
+"""A key of every topic, with room for who says it."""
+
+PARTS = ("hub", "coordinator", "world", "recorder", "cell/3", "worker/3", "watcher")
+"""A part of every role that shows who it is; `sensor` has none."""
+MANY = ("cell", "worker")
+NAMES = {name: name for name in (*PARTS, "cell/4", "worker/4", "sensor")}
+"""A certificate a part."""
+
+MESSAGES = (
+    *("put", "delete", "declare_subscriber", "query", "declare_queryable", "reply"),
+    *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
+)
+
+
+def granted(
+    name: str, names: Mapping[str, str] | None = None
+) -> Iterator[tuple[str, str, str]]:
+    """Yield (message, flow, key expression) of what the list allows a certificate."""
+    rights = access_list() if names is None else access_list(names)
+    assert rights["enabled"] is True
+    assert rights["default_permission"] == "deny"
+    subjects, policies, rules = (
+        rights[what] for what in ("subjects", "policies", "rules")
+    )
+    assert isinstance(subjects, list)
+    assert isinstance(policies, list)
+    assert isinstance(rules, list)
+    (subject,) = [s["id"] for s in subjects if s["cert_common_names"] == [name]]
+    by_id = {rule["id"]: rule for rule in rules}
+    assert len(by_id) == len(rules)
+    for policy in policies:
+        if subject in policy["subjects"]:
+            for rule_id in policy["rules"]:
+                rule = by_id[rule_id]
+                assert rule["permission"] == "allow"
+                for message in rule["messages"]:
+                    for flow in rule["flows"]:
+                        for key in rule["key_exprs"]:
+                            yield message, flow, key
+
+
+def allows(
+    name: str,
+    message: str,
+    flow: str,
+    key: str,
+    names: Mapping[str, str] | None = None,
+) -> bool:
+    """Decide as the hub does: a rule's key must include the one in question."""
+    return any(
+        (what, way) == (message, flow)
+        and zenoh.KeyExpr(expression).includes(zenoh.KeyExpr(PREFIX + key))
+        for what, way, expression in granted(name, names)
+    )
+
+
+def test_every_topic_has_a_key_here() -> None:
+    assert KEYS.keys() == wire.TOPICS.keys()
+
+
+def test_every_role_has_its_rights() -> None:
+    assert tuple(RIGHTS) == ROLES
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("topic", KEYS)
+def test_a_role_may_do_what_the_table_says_and_nothing_else(
+    role: str, topic: str
+) -> None:
+    rights: Rights = RIGHTS[role]  # type: ignore[index]
+    wanted = set()
+    if topic in rights.publishes:
+        wanted.add(("put", "ingress"))
+    if topic in rights.reads:
+        wanted |= {("declare_subscriber", "ingress"), ("put", "egress")}
+    found = {
+        (message, flow)
+        for message in MESSAGES
+        for flow in ("ingress", "egress")
+        if allows(role, message, flow, KEYS[topic].format(part_of(role)))
+    }
+    assert found == wanted
+
+
+def part_of(role: str) -> str:
+    return f"{role}/3" if role in MANY else role
+
+
+def speakers(topic: str, names: Mapping[str, str] | None) -> set[tuple[str, str]]:
+    """Return who may say what as whom: (whose certificate, the sender in the key)."""
+    return {
+        (name, who)
+        for name in (names or ROLES)
+        for who in (*PARTS, "cell/4", "worker/4", "**", "cell/*", "worker/*")
+        if name != "hub"  # plays back what any of them said
+        and allows(name, "put", "ingress", KEYS[topic].format(who), names)
+    }
+
+
+@pytest.mark.parametrize("topic", [topic for topic in KEYS if "{}" in KEYS[topic]])
+def test_a_part_speaks_for_itself_alone(topic: str) -> None:
+    found = speakers(topic, NAMES)
+    assert found == {
+        (name, name) for name in NAMES if topic in RIGHTS[role_of(name)].publishes
+    } - {("hub", "hub")}
+    assert found
+
+
+@pytest.mark.parametrize("topic", [topic for topic in KEYS if "{}" in KEYS[topic]])
+def test_a_role_speaks_for_its_parts_and_for_nobody_of_another_role(topic: str) -> None:
+    found = speakers(topic, None)
+    assert {role_of(who) == name for name, who in found} == {True}
+    for role in MANY:
+        if topic in RIGHTS[role].publishes:  # type: ignore[index]
+            assert {(role, f"{role}/3"), (role, f"{role}/4")} <= found
+
+
+@pytest.mark.parametrize(
+    ("mine", "others"), [("cell/3", "cell/4"), ("worker/3", "worker/4")]
+)
+def test_a_part_hears_what_is_for_it_alone(mine: str, others: str) -> None:
+    heard = {"cell": wire.cell_keys, "worker": wire.worker_keys}[role_of(mine)]
+    for key in heard(3):
+        assert allows(mine, "declare_subscriber", "ingress", key, NAMES)
+    for key in set(heard(4)) - set(heard(3)):
+        assert allows(others, "declare_subscriber", "ingress", key, NAMES)
+        assert not allows(mine, "declare_subscriber", "ingress", key, NAMES)
+        assert not allows(mine, "put", "egress", key.replace("**", "cell/9"), NAMES)
+
+
+def test_a_part_shows_as_itself_alone() -> None:
+    for name in NAMES:
+        shown = {
+            who
+            for who in PARTS
+            if allows(name, "liveliness_token", "ingress", f"alive/{who}", NAMES)
+        }
+        assert shown == ({name} if RIGHTS[role_of(name)].announces else set()) & {
+            *PARTS
+        }
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_only_who_reads_everything_may_subscribe_to_everything(role: str) -> None:
+    reads = RIGHTS[role].reads  # type: ignore[index]
+    assert allows(role, "declare_subscriber", "ingress", "**") == (reads == ALL)
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize(
+    "who", ["coordinator", "world", "recorder", "cell/3", "worker/3", "watcher", "hub"]
+)
+def test_a_role_shows_as_alive_under_its_own_names_alone(role: str, who: str) -> None:
+    own = {
+        "coordinator": {"coordinator"},
+        "world": {"world"},
+        "recorder": {"recorder"},
+        "cell": {"cell/3"},
+        "worker": {"worker/3"},
+    }
+    for key in (f"alive/{who}", f"{PLACE}/{who}/oak.lan/4711"):
+        may = allows(role, "liveliness_token", "ingress", key)
+        assert may == (who in own.get(role, set()))
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_presence_is_for_those_who_need_it(role: str) -> None:
+    watches = role in ("coordinator", "recorder", "watcher")
+    for below in ("alive", PLACE):
+        asks = allows(role, "declare_liveliness_subscriber", "ingress", f"{below}/**")
+        gets = allows(role, "liveliness_token", "egress", f"{below}/cell/3")
+        assert (asks, gets) == (watches, watches)
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_everybody_may_ask_the_hub_whether_it_has_taken_everything(role: str) -> None:
+    assert allows(role, "query", "ingress", FLUSHED)
+    assert not allows(role, "query", "ingress", "**")
+
+
+def test_cells_and_workers_may_listen_to_what_they_listen_to() -> None:
+    for key in wire.cell_keys(3):
+        assert allows("cell", "declare_subscriber", "ingress", key)
+    for key in wire.worker_keys(3):
+        assert allows("worker", "declare_subscriber", "ingress", key)
+
+
+def test_every_topic_is_somebodys_to_publish_and_somebodys_to_read() -> None:
+    parts = [rights for role, rights in RIGHTS.items() if role != "hub"]
+    known = {*KEYS, READING}
+    assert {topic for rights in parts for topic in rights.publishes} == known
+    assert {topic for rights in parts for topic in rights.reads} == known
+
+
+@pytest.mark.parametrize("topic", ["wiring", "loom", "wave", "state", "decide"])
+def test_only_the_coordinator_conducts(topic: str) -> None:
+    may = {role for role, rights in RIGHTS.items() if topic in rights.publishes}
+    assert may == {"hub", "coordinator"}
+
+
+def test_what_is_outside_the_swarms_prefix_is_nobodys() -> None:
+    for role in ROLES:
+        for _, _, expression in granted(role):
+            assert expression.startswith("neurosnap/*/")
+
+
+@pytest.mark.parametrize(
+    ("who", "role"), [("cell/17", "cell"), ("world", "world"), ("worker/a", "worker")]
+)
+def test_a_parts_role_is_the_first_word_of_its_name(who: str, role: str) -> None:
+    assert role_of(who) == role
+
+
+READINGS = (READING, f"{READING}/door", f"{READING}/kitchen/door")
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("key", READINGS)
+def test_sensors_put_readings_and_the_world_gets_them(role: str, key: str) -> None:
+    wanted = {
+        "sensor": {("put", "ingress"), ("declare_subscriber", "egress")},
+        "world": {("declare_subscriber", "ingress"), ("put", "egress")},
+    }
+    if RIGHTS[role].reads == ALL:  # type: ignore[index]
+        wanted[role] = wanted["world"]
+    found = {
+        (message, flow)
+        for message in MESSAGES
+        for flow in ("ingress", "egress")
+        if allows(role, message, flow, key)
+    }
+    assert found == wanted.get(role, set())
+
+
+def test_a_sensor_is_told_of_who_listens_to_readings_and_to_nothing_else() -> None:
+    assert allows("sensor", "declare_subscriber", "egress", f"{READING}/**")
+    assert not allows("sensor", "declare_subscriber", "egress", "**")
+    assert not any(
+        allows("sensor", "declare_subscriber", flow, key)
+        for flow in ("ingress", "egress")
+        for key in KEYS.values()
+        if "{}" not in key
+    )
+
+
+def test_what_is_no_message_of_ours_has_keys_of_its_own() -> None:
+    assert {READING, PLACE, BRIEF, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_one_role_tells_what_the_run_is_and_one_may_ask(role: str) -> None:
+    tells, asks = role == "coordinator", role == "watcher"
+    for message, flow in (
+        ("declare_queryable", "ingress"),
+        ("query", "egress"),
+        ("reply", "ingress"),
+    ):
+        assert allows(role, message, flow, BRIEF) == tells
+        assert not allows(role, message, flow, "**")
+    assert allows(role, "query", "ingress", BRIEF) == asks
+    assert allows(role, "reply", "egress", BRIEF) == asks
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_who_is_there_may_be_asked_by_those_who_watch(role: str) -> None:
+    watches = role in ("coordinator", "recorder", "watcher")
+    assert allows(role, "liveliness_query", "ingress", "alive/**") == watches

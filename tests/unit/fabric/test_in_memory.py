@@ -1,0 +1,307 @@
+"""The hub in memory: order, reordering, and each fault it can make."""
+
+import asyncio
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap import wire
+from neurosnap.fabric.in_memory import Faults, MemoryHub, matches
+from tests.patience import PATIENCE
+
+Log = list[tuple[str, int]]  # who sent it, and its number
+
+
+def listener(hub: MemoryHub, who: str = "listener", *keys: str) -> Log:
+    """Add a part that notes what it hears."""
+    log: Log = []
+
+    def note(deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            sender = wire.decode(delivery.key, delivery.payload).sender
+            log.append((sender, delivery.sequence))
+
+    hub.fabric(who).listen(keys or ("**",), note)
+    return log
+
+
+def chatter(hub: MemoryHub, senders: int, each: int) -> None:
+    """Let some senders publish in turns."""
+    ends = [hub.fabric(f"s{number}") for number in range(senders)]
+    for _ in range(each):
+        for end in ends:
+            end.publish(wire.Leave(end.who))
+
+
+def numbers(log: Log, who: str) -> list[int]:
+    return [number for sender, number in log if sender == who]
+
+
+@pytest.mark.parametrize(
+    ("expression", "key", "expected"),
+    [
+        ("observe", "observe", True),
+        ("observe", "observe/1", False),
+        ("wave", "wave/3", False),
+        ("excite/3", "excite/3", True),
+        ("excite/3", "excite/33", False),
+        ("excite/*", "excite/3", True),
+        ("excite/*", "excite", False),
+        ("*/3", "inhibit/3", True),
+        ("**", "observe", True),
+        ("**", "excite/3", True),
+        ("excite/**", "excite/3", True),
+        ("excite/**", "excite", True),
+        ("excite/**", "inhibit/3", False),
+        ("*", "excite/3", False),
+    ],
+)
+def test_an_expression_stands_for_its_keys(
+    expression: str, key: str, expected: bool
+) -> None:
+    assert matches(expression, key) is expected
+
+
+# Order --------------------------------------------------------------------------------
+
+
+def test_without_a_seed_everything_comes_as_it_was_sent() -> None:
+    hub = MemoryHub()
+    log = listener(hub)
+    chatter(hub, senders=3, each=10)
+    assert hub.pending == 30
+    assert hub.run() == 30
+    assert log == [(f"s{s}", number) for number in range(10) for s in range(3)]
+    assert hub.pending == 0
+
+
+@given(st.integers(0, 2**32))
+def test_with_a_seed_senders_overtake_each_other_and_each_keeps_its_order(
+    seed: int,
+) -> None:
+    hub = MemoryHub(seed)
+    log = listener(hub)
+    chatter(hub, senders=3, each=20)
+    hub.run()
+    assert all(numbers(log, f"s{s}") == list(range(20)) for s in range(3))
+
+
+def test_with_a_seed_the_order_is_another_one() -> None:
+    def heard(seed: int | None) -> Log:
+        hub = MemoryHub(seed, Faults(duplicate=0.2, drop=0.1) if seed else None)
+        log = listener(hub)
+        chatter(hub, senders=3, each=20)
+        hub.run()
+        return log
+
+    assert len({tuple(heard(seed)) for seed in (None, 1, 2, 3)}) == 4
+    assert heard(1) == heard(1)
+
+
+def test_a_step_delivers_one_message() -> None:
+    hub = MemoryHub(1)
+    log = listener(hub)
+    chatter(hub, senders=2, each=2)
+    steps = 0
+    while hub.step():
+        steps += 1
+        assert len(log) == steps
+    assert steps == 4
+
+
+def test_a_message_goes_to_all_who_listen_to_its_key() -> None:
+    hub = MemoryHub()
+    logs = [listener(hub, f"l{n}", key) for n, key in enumerate(("leave/**", "**"))]
+    deaf = listener(hub, "deaf", "fault")
+    late = hub.fabric("late")
+    late.publish(wire.Leave("late"))
+    hub.run()
+    assert logs == [[("late", 0)]] * 2
+    assert deaf == []
+
+
+def test_who_listens_later_hears_what_comes_later() -> None:
+    hub = MemoryHub()
+    first = listener(hub, "first")
+    end = hub.fabric("sender")
+    end.publish(wire.Leave("sender"))
+    second = listener(hub, "second")
+    end.publish(wire.Leave("sender"))
+    hub.run()
+    assert (first, second) == ([("sender", 0), ("sender", 1)], [("sender", 1)])
+
+
+def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None:
+    hub = MemoryHub()
+    stays, leaves = listener(hub, "stays"), listener(hub, "leaves")
+    end = hub.fabric("sender")
+    end.publish(wire.Leave("sender"))
+    hub.leave("leaves")
+    assert hub.pending == 1
+    again = listener(hub, "leaves")
+    end.publish(wire.Leave("sender"))
+    hub.run()
+    assert (leaves, again) == ([], [("sender", 1)])
+    assert stays == [("sender", 0), ("sender", 1)]
+
+
+def test_an_answer_that_never_ends_is_noticed() -> None:
+    hub = MemoryHub()
+    end = hub.fabric("echo")
+    end.listen(("leave/**",), lambda _: end.publish(wire.Leave("echo")))
+    end.publish(wire.Leave("echo"))
+    with pytest.raises(
+        RuntimeError, match=r"^hub: must fall silent within 50 deliveries$"
+    ):
+        hub.run(50)
+
+
+# Faults -------------------------------------------------------------------------------
+
+
+def test_a_duplicate_comes_later_and_nothing_is_missing() -> None:
+    hub = MemoryHub(5, Faults(duplicate=0.3))
+    log = listener(hub)
+    chatter(hub, senders=2, each=200)
+    hub.run()
+    assert len(log) > 450
+    for who in ("s0", "s1"):
+        firsts = list(dict.fromkeys(numbers(log, who)))
+        assert firsts == list(range(200))
+
+
+def test_what_is_dropped_leaves_a_gap_in_the_numbers() -> None:
+    hub = MemoryHub(5, Faults(drop=0.3))
+    log = listener(hub)
+    chatter(hub, senders=1, each=300)
+    hub.run()
+    heard = numbers(log, "s0")
+    assert 150 < len(heard) < 270
+    assert heard == sorted(set(heard))
+
+
+def test_what_is_dropped_for_one_arrives_at_the_other() -> None:
+    hub = MemoryHub(5, Faults(drop=0.5))
+    one, other = listener(hub, "one"), listener(hub, "other")
+    chatter(hub, senders=1, each=100)
+    hub.run()
+    assert set(one) != set(other)
+    assert len(set(one) | set(other)) > max(len(one), len(other))
+
+
+def test_without_a_seed_there_are_no_faults() -> None:
+    hub = MemoryHub(None, Faults(duplicate=1.0, drop=1.0))
+    log = listener(hub)
+    chatter(hub, senders=1, each=10)
+    hub.run()
+    assert numbers(log, "s0") == list(range(10))
+
+
+@pytest.mark.parametrize("seed", [None, 3])
+def test_a_cut_link_loses_what_was_under_way_and_what_comes(seed: int | None) -> None:
+    hub = MemoryHub(seed)
+    far, near = listener(hub, "far"), listener(hub, "near")
+    end = hub.fabric("sender")
+
+    def send() -> None:
+        end.publish(wire.Leave("sender"))
+
+    send()
+    hub.run()
+    send()
+    hub.cut("sender", "far")
+    send()
+    hub.run()
+    hub.heal("far", "sender")
+    send()
+    hub.run()
+    assert numbers(far, "sender") == [0, 3]
+    assert numbers(near, "sender") == [0, 1, 2, 3]
+    assert hub.pending == 0
+
+
+def test_a_cut_link_is_cut_both_ways() -> None:
+    hub = MemoryHub()
+    logs = {who: listener(hub, who) for who in ("a", "b")}
+    hub.cut("a", "b")
+    for who in logs:
+        hub.fabric(who).publish(wire.Leave(who))
+    hub.run()
+    assert logs == {"a": [("a", 0)], "b": [("b", 0)]}
+
+
+# Parts --------------------------------------------------------------------------------
+
+
+def test_a_part_counts_what_it_sends() -> None:
+    hub = MemoryHub()
+    log = listener(hub)
+    end = hub.fabric("world", first=12)
+    end.publish(wire.Leave("world"))
+    end.publish(wire.Leave("world"))
+    hub.run()
+    assert end.sent == 14
+    assert log == [("world", 12), ("world", 13)]
+
+
+def test_who_has_left_gets_nothing_of_what_was_under_way() -> None:
+    hub = MemoryHub()
+    log = listener(hub)
+    chatter(hub, senders=1, each=5)
+    hub.step()
+    hub.leave("listener")
+    hub.run()
+    assert len(log) == 1
+
+
+def test_presence_is_told_to_those_who_watch() -> None:
+    hub = MemoryHub()
+    early: list[tuple[str, bool]] = []
+    late: list[tuple[str, bool]] = []
+    hub.watch("w", lambda *change: early.append(change))
+    hub.announce("cell/0")
+    hub.announce("cell/1")
+    hub.leave("cell/0")
+    hub.watch("w", lambda *change: late.append(change))
+    hub.leave("never there")
+    assert early == [("cell/0", True), ("cell/1", True), ("cell/0", False)]
+    assert late == [("cell/1", True)]
+
+
+async def test_where_a_loop_runs_the_hub_delivers_by_itself() -> None:
+    hub = MemoryHub()
+    heard = asyncio.Event()
+    log: list[int] = []
+
+    def note(deliveries: list[wire.Delivery]) -> None:
+        log.extend(delivery.sequence for delivery in deliveries)
+        if len(log) == 1000:
+            heard.set()
+
+    async with hub.fabric("listener") as end:
+        await end.subscribe(("leave/**",), note)
+        chatter(hub, senders=1, each=1000)
+        assert log == []  # never within `publish`
+        async with asyncio.timeout(PATIENCE):
+            await heard.wait()
+    assert log == list(range(1000))
+
+
+async def test_other_tasks_get_their_turn_in_a_flood() -> None:
+    hub = MemoryHub()
+    stop = asyncio.Event()
+
+    async with hub.fabric("echo") as end:
+        await end.subscribe(("leave/**",), lambda _: end.publish(wire.Leave("echo")))
+        end.publish(wire.Leave("echo"))
+        asyncio.get_running_loop().call_later(0.01, stop.set)
+        async with asyncio.timeout(PATIENCE):
+            await end.serve(stop)
+    assert end.sent > 1
+
+
+async def test_serving_needs_the_context() -> None:
+    end = MemoryHub().fabric("part")
+    with pytest.raises(RuntimeError, match=r"^serve: must be called inside"):
+        await end.serve(asyncio.Event())

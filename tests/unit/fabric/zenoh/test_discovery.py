@@ -1,0 +1,105 @@
+"""Which swarm is there, of all the incarnations of an id."""
+
+import asyncio
+from typing import Any
+
+import pytest
+import zenoh
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.zenoh.discovery import Lookout, incarnation, is_of
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 10])
+def test_an_incarnation_is_of_its_id_and_of_no_other(number: int) -> None:
+    name = incarnation("demo", number)
+    assert is_of(name, "demo")
+    assert not is_of(name, "dem")
+    assert not is_of(name, "demo1")
+
+
+def test_the_first_is_called_by_the_id() -> None:
+    assert [incarnation("a", number) for number in (0, 1, 2)] == ["a", "a-1", "a-2"]
+
+
+@pytest.mark.parametrize("name", ["demo-", "demo-x", "demo2", "demo-1-1", "-1", ""])
+def test_what_only_looks_like_one_is_none(name: str) -> None:
+    assert not is_of(name, "demo")
+
+
+def looking() -> Lookout:
+    """A lookout that is told what to see."""
+    return Lookout("demo", "tcp/127.0.0.1:1")
+
+
+async def test_the_last_that_came_is_returned_once() -> None:
+    lookout, stop = looking(), asyncio.Event()
+    lookout._take([("other", True), ("demo", True), ("demo-1", True)])
+    seen = await lookout.next(stop)
+    assert seen is not None
+    assert (seen.name, seen.gone.is_set()) == ("demo-1", False)
+    with pytest.raises(TimeoutError):
+        await lookout.next(stop, 0.01)
+    lookout._take([("demo-1", False)])
+    assert seen.gone.is_set()
+
+
+async def test_one_that_has_gone_again_is_not_returned() -> None:
+    lookout = looking()
+    lookout._take([("demo", True), ("demo", False)])
+    with pytest.raises(TimeoutError):
+        await lookout.next(asyncio.Event(), 0.01)
+
+
+async def test_one_that_comes_again_is_another() -> None:
+    lookout, stop = looking(), asyncio.Event()
+    lookout._take([("demo", True)])
+    first = await lookout.next(stop)
+    waiting = asyncio.create_task(lookout.next(stop))
+    await asyncio.sleep(0)
+    lookout._take([("demo", True)])  # known: a token may be told of twice
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    lookout._take([("demo", False), ("demo", True)])
+    second = await waiting
+    assert first is not None
+    assert second is not None
+    assert (first.name, second.name) == ("demo", "demo")
+    assert (first.gone.is_set(), second.gone.is_set()) == (True, False)
+
+
+async def test_a_wait_ends_when_asked_to() -> None:
+    lookout, stop = looking(), asyncio.Event()
+    waiting = asyncio.create_task(lookout.next(stop))
+    await asyncio.sleep(0)
+    stop.set()
+    assert await waiting is None
+
+
+class Refusing:
+    """A session that declares nothing."""
+
+    def __init__(self) -> None:
+        self.closed = False
+
+    def liveliness(self) -> Any:
+        raise zenoh.ZError("the session is closed")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+async def test_a_session_is_closed_where_nothing_can_be_looked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    session = Refusing()
+    monkeypatch.setattr(zenoh, "open", lambda _: session)
+    with pytest.raises(zenoh.ZError, match="the session is closed"):
+        async with looking():
+            pytest.fail("there is nothing to look at")
+    assert session.closed
+
+
+def test_it_looks_on_this_machine_alone_without_keys() -> None:
+    with pytest.raises(InvalidValueError, match=r"^endpoint: must be tcp/ on loopback"):
+        Lookout("demo", "tcp/192.0.2.1:7447")

@@ -1,0 +1,111 @@
+"""A large key-frame comes whole, or not at all; nothing else comes in pieces."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.zenoh.pieces import LARGEST, MOST, Assembly, Put, pieces
+from neurosnap.protocol.run_options import RunOptions, SnapshotKind
+
+PREFIX = "neurosnap/one/"
+LARGE = bytes(range(256)) * (LARGEST // 100)  # of three pieces, and a rest
+
+
+@dataclass
+class Bytes:
+    content: bytes
+
+    def to_bytes(self) -> bytes:
+        return self.content
+
+
+class Sample:
+    """As much of Zenoh's as is looked at."""
+
+    def __init__(self, key: str, put: Put) -> None:
+        self.key_expr = PREFIX + key
+        self.payload = Bytes(put.payload)
+        self.attachment = Bytes(put.beside)
+
+
+def sent(payload: bytes, key: str = "keyframe", number: int = 7) -> list[Any]:
+    delivery = wire.Delivery(key, number, 9, payload)
+    return [Sample(key, put) for put in pieces(delivery)]
+
+
+def taken(samples: list[Any]) -> list[wire.Delivery]:
+    take = Assembly(len(PREFIX)).take
+    return [one for sample in samples if (one := take(sample)) is not None]
+
+
+@pytest.mark.parametrize("key", ["keyframe", "settle/cell/3"])
+def test_what_is_small_goes_at_once(key: str) -> None:
+    (only,) = sent(b"small", key)
+    assert taken([only]) == [wire.Delivery(key, 7, 9, b"small")]
+
+
+def test_what_is_large_comes_whole() -> None:
+    samples = sent(LARGE)
+    assert len(samples) > 2
+    assert max(len(each.payload.content) for each in samples) < LARGEST
+    assert taken(samples) == [wire.Delivery("keyframe", 7, 9, LARGE)]
+
+
+def test_others_may_speak_in_between() -> None:
+    (small,) = sent(b"small", "settle/cell/3")
+    first, *rest = sent(LARGE)
+    assert [len(one.payload) for one in taken([first, small, *rest])] == [
+        len(b"small"),
+        len(LARGE),
+    ]
+
+
+@pytest.mark.parametrize("left_out", [0, 1, 2])
+def test_one_that_lacks_a_piece_is_lost_and_the_next_is_not(left_out: int) -> None:
+    damaged = sent(LARGE)
+    del damaged[left_out]
+    later = sent(LARGE, number=8)
+    assert [one.sequence for one in taken([*damaged, *later])] == [8]
+
+
+def test_only_a_key_frame_comes_in_pieces() -> None:
+    assert taken(sent(LARGE, "excite/3/cell/4")) == []
+
+
+def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:
+    assembly = Assembly(len(PREFIX))
+    for sample in sent(bytes(MOST + 1)):
+        assert assembly.take(sample) is None
+        assert sum(map(len, assembly._parts)) == 0
+
+
+def options(count: int, snapshot: SnapshotKind) -> RunOptions:
+    names = tuple(f"a-sensor-of-some-name-{number}" for number in range(count))
+    body = Body(own=names, actions=())
+    return RunOptions(source="readings.csv", body=body, ticks=1, snapshot=snapshot)
+
+
+@pytest.mark.parametrize(("kind", "most"), [("empirical", 4910), ("discounted", 3852)])
+def test_a_run_whose_key_frames_could_not_be_sent_is_refused(
+    kind: SnapshotKind, most: int
+) -> None:
+    options(most, kind).check_frame()
+    match = rf"^sensors: must be at most {most:,}, for a key-frame of 128 MiB, got 9000"
+    with pytest.raises(InvalidValueError, match=match):
+        options(9000, kind).check_frame()
+    with pytest.raises(InvalidValueError, match=r"^sensors: must be at most"):
+        options(most + 1, kind).check_frame()
+
+
+@pytest.mark.parametrize(("kind", "most"), [("empirical", 4910), ("discounted", 3852)])
+def test_the_largest_key_frame_that_is_allowed_can_be_sent(
+    kind: SnapshotKind, most: int
+) -> None:
+    sensors = most // 4
+    snapshot = options(sensors, kind).new_snapshot().to_bytes()
+    size = len(wire.encode(wire.KeyFrame(1, snapshot, waves=1)))
+    assert 0.9 * MOST < size * 16 <= MOST

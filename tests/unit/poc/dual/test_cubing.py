@@ -1,0 +1,212 @@
+"""Cubings: sizes that matter, convex sets as values, and what is refused."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.dual.counting import Counter
+from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.dual.examples import chain, exclusive, grid, simple
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.pocset import PocSet
+
+
+def test_the_simple_example() -> None:
+    """[GK] fig:duality for a simple relation: a square with a tail."""
+    cubing = Cubing(simple().poc)
+    assert cubing.face_vector() == (5, 5, 1)
+    assert cubing.dimension == 2
+    assert next(cubing.cubes(2))[1] == (0, 2)
+    tail = [0, 2, 5]
+    assert cubing.is_vertex(tail)
+    assert [len(cube) for cube in cubing.cubes_at([1, 3, 5])] == [0, 1, 2, 1, 1]
+
+
+def test_a_graph_and_its_poc_set_have_the_same_dual() -> None:
+    graph = PocGraph.from_implications(3, [(0, 2), (2, 4)])
+    vertices = [v.tolist() for v in Cubing(graph).vertices()]
+    assert vertices == [v.tolist() for v in Cubing(PocSet.from_graph(graph)).vertices()]
+    given: Any = "a < b"
+    with pytest.raises(
+        InvalidValueError, match=r"^poc: must be a PocSet or a PocGraph"
+    ):
+        Cubing(given)
+
+
+def test_a_path_of_500_sensors_and_a_grid_of_144_are_listed_at_once() -> None:
+    path = Cubing(chain("a", 500))
+    assert sum(1 for _ in path.vertices()) == 501
+    assert path.face_vector() == (501, 500)
+    board = Cubing(chain("x", 11) | chain("y", 11))
+    assert sum(1 for _ in board.vertices()) == 144
+    assert board.face_vector() == (144, 264, 121)
+
+
+def test_a_starfish_of_300_arms_is_a_tree() -> None:
+    names = [f"a{k}" for k in range(300)]
+    star = Cubing(PocSet(names, exclusive(names)))
+    assert star.face_vector() == (301, 300)
+    assert sum(1 for _ in star.vertices()) == 301
+
+
+def test_a_dual_too_large_to_list_is_refused_with_its_size() -> None:
+    cubing = Cubing(PocSet(40))
+    assert cubing.count() == 2**40
+    message = "dual: must have at most 1000000 vertices to be listed, or set limit=None"
+    with pytest.raises(InvalidValueError, match=rf"^{message}, got '1.0e\+12'"):
+        cubing.vertices()
+    assert next(cubing.vertices(limit=None))[::2].all()
+    with pytest.raises(InvalidValueError, match=r"got '2048'"):
+        Cubing(PocSet(11)).vertices(limit=2047)
+    assert sum(1 for _ in Cubing(PocSet(11)).vertices(limit=2048)) == 2048
+
+
+def test_a_dual_too_large_to_count_is_refused_with_an_estimate() -> None:
+    rng = np.random.default_rng(5)
+    pairs = rng.integers(0, 90, (140, 2)).tolist()
+    relations = [(2 * min(p), "<", 2 * max(p) + 1) for p in pairs if p[0] != p[1]]
+    cubing = Cubing(PocSet(90, relations))
+    with pytest.raises(InvalidValueError, match=r"got 'about \d\.\de\+\d+'"):
+        cubing.vertices()
+
+
+def test_an_estimate_is_near_and_a_count_is_exact() -> None:
+    decided = {a: 1 << a | 1 << (a ^ 1) for a in range(20)}
+    assert Counter(decided).sized((1 << 20) - 1) == (1024, True)
+    rng = np.random.default_rng(1)
+    edges = [(2 * int(a), 2 * int(b) + 1) for a, b in rng.integers(0, 22, (22, 2))]
+    cubing = Cubing(PocSet(22, [e for e in edges if e[0] != e[1] ^ 1]))
+    assert sum(1 for _ in cubing.vertices()) == cubing.count()
+
+
+def test_equal_sensors_are_one_step_apart_together() -> None:
+    cubing = Cubing(PocSet.parse("a, b, c : a = b*"))
+    assert cubing.count() == 4
+    assert cubing.face_vector() == (4, 4, 1)
+    assert cubing.distance([0, 3, 4], [1, 2, 4]) == 1
+    assert cubing.minimal([0, 3, 4]).nonzero()[0].tolist() == [0, 3, 4]
+    assert len(list(cubing.neighbours([0, 3, 4]))) == 2
+
+
+def test_the_median_of_the_grid() -> None:
+    """[GK] fig:median."""
+    example = grid()
+    cubing = Cubing(example.poc)
+    *three, median = example.marks()
+    assert (cubing.median(*three) == median).all()
+
+
+def test_convex_sets_are_values() -> None:
+    cubing = Cubing(PocSet.parse("a, b, c : a < b"))
+    half = cubing.halfspace("a")
+    assert repr(half) == "ConvexSet({a, b})"
+    assert half == cubing.convex_set([0]) == cubing.convex_set(half)
+    assert hash(half) == hash(cubing.convex_set([0, 2]))
+    assert half.literals.nonzero()[0].tolist() == [0, 2]
+    assert half <= cubing.halfspace("b")
+    assert not cubing.halfspace("b") <= half
+    assert cubing.halfspace(cubing.poc.maximum) == cubing.convex_set([])
+    empty = cubing.halfspace(cubing.poc.minimum)
+    assert empty == half & cubing.halfspace("b*")
+    assert (len(empty), list(empty), bool(empty)) == (0, [], False)
+    assert repr(empty) == "ConvexSet(empty)"
+    assert half != "a"
+    with pytest.raises(InvalidValueError, match=r"^convex set: must not be empty"):
+        empty.first()
+
+
+def test_convex_sets_of_other_cubings_are_refused() -> None:
+    one, two = Cubing(PocSet(2)), Cubing(PocSet(2))
+    with pytest.raises(InvalidValueError, match=r"^convex set: must be of the same"):
+        one.project(two.convex_set([0]), [])
+    with pytest.raises(InvalidValueError, match=r"^convex set: must be of the same"):
+        one.convex_set([]) & two.convex_set([])
+
+
+@pytest.mark.parametrize(
+    ("u", "message"),
+    [
+        (
+            [0, 1, 2],
+            "u: must be a *-selection, without a literal and its complement, got",
+        ),
+        ([0], "u: must be complete, with one literal of every sensor, got"),
+        (
+            [0, 3],
+            "u: must be coherent, without a literal below another's complement, got "
+            "'a and b*, although a <= b'",
+        ),
+        ([0, 4], "u: must be a literal, a whole number in [0, 4), got 4"),
+        (np.ones(3, bool), "u: must be (4,), got (3,)"),
+    ],
+)
+def test_what_is_no_vertex_is_refused(u: Any, message: str) -> None:
+    cubing = Cubing(PocSet.parse("a, b : a < b"))
+    calls: list[Any] = [
+        cubing.minimal,
+        cubing.neighbours,
+        cubing.cubes_at,
+        lambda v: cubing.nearest(v, []),
+        lambda v: cubing.geodesic(v, []),
+        lambda v: cubing.flip(v, []),
+    ]
+    for call in calls:
+        with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
+            call(u)
+
+
+def test_what_cannot_be_flipped_or_projected_to_is_refused() -> None:
+    cubing = Cubing(PocSet.parse("a, b : a < b"))
+    with pytest.raises(InvalidValueError, match=r"^literal: must be in u, got 'a\*'"):
+        cubing.flip([0, 2], [1])
+    with pytest.raises(InvalidValueError, match=r"^flipped: must be coherent"):
+        cubing.flip([0, 2], [2])
+    assert cubing.flip([0, 2], [0, 2]).nonzero()[0].tolist() == [1, 3]
+    message = r"^onto: must be coherent: no vertex holds all of it, got 'a and b\*"
+    with pytest.raises(InvalidValueError, match=message):
+        cubing.project([], [0, 3])
+    with pytest.raises(InvalidValueError, match=r"^k: must not be empty"):
+        cubing.gate(cubing.convex_set([0, 3]), [])
+    with pytest.raises(InvalidValueError, match=r"^vertices: must be at least one"):
+        cubing.convex_hull([])
+    with pytest.raises(ShapeError, match=r"^literals: must be \(4,\)"):
+        cubing.convex_set(np.zeros(6, np.bool_))
+
+
+def test_a_state_leaves_some_vertices_possible() -> None:
+    """The state of an agent is coherent and may be incomplete: ``h(S)``."""
+    poc = PocSet.parse("a, b, c : a < b, b < c")
+    state = poc.graph.coherent_projection([0, 3, 4])
+    assert state.nonzero()[0].tolist() == [4]
+    possible = Cubing(poc).convex_set(state)
+    assert sorted(v.nonzero()[0].tolist() for v in possible) == [
+        [0, 2, 4],
+        [1, 2, 4],
+        [1, 3, 4],
+    ]
+
+
+def test_the_dual_of_nothing_is_a_point() -> None:
+    cubing = Cubing(PocSet(0))
+    assert [v.tolist() for v in cubing.vertices()] == [[]]
+    assert cubing.face_vector() == (1,)
+    assert cubing.distance([], []) == 0
+    assert repr(cubing) == "Cubing(PocSet.parse(''))"
+
+
+def test_a_listing_stops_where_an_estimate_was_too_low(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("neurosnap.poc.dual.counting.PATIENCE", -1)
+    rng = np.random.default_rng(2)
+    pairs = [p for p in rng.integers(0, 12, (16, 2)).tolist() if p[0] != p[1]]
+    cubing = Cubing(PocSet(12, [(2 * a, 2 * b + 1) for a, b in pairs]))
+    listing = cubing.vertices(limit=300)
+    with pytest.raises(
+        InvalidValueError, match=r"^dual: must have at most 300 .* 'more'"
+    ):
+        list(listing)
+    assert cubing.count() == sum(1 for _ in cubing.vertices(limit=None)) == 358

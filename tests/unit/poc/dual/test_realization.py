@@ -1,0 +1,81 @@
+"""Realisations: what points show, what breaks a relation, what is refused."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.dual.realization import Realization
+from neurosnap.poc.order.pocset import PocSet
+
+FIELDS = [[1, 1, 0, 0], [0, 1, 1, 0]]
+
+
+def test_points_show_vertices_and_vertices_have_witnesses() -> None:
+    shown = Realization(FIELDS, ["a", "b"], ["w", "x", "y", "z"])
+    assert str(shown.poc_set()) == "a, b"
+    assert shown.vertex("x").nonzero()[0].tolist() == [0, 2]
+    assert (shown.vertex(3) == shown.vertex("z")).all()
+    assert len(shown.vertices()) == 4
+    assert shown.witnesses([0]).tolist() == [True, True, False, False]
+    assert shown.witnesses([0, 3]).tolist() == [True, False, False, False]
+    assert shown.witnesses([0, 1]).tolist() == [False] * 4
+    assert shown.punctured().betti_numbers() == (1, 0, 0)
+    assert repr(shown) == "Realization(2 sensors over 4 points)"
+
+
+def test_points_that_show_the_same_are_one_vertex() -> None:
+    shown = Realization([[0, 1, 1]])
+    assert [v.tolist() for v in shown.vertices()] == [[False, True], [True, False]]
+
+
+def test_a_broken_relation_is_named_and_its_points_leave_the_dual() -> None:
+    """[GK] defn:punctured dual: consistent vertices that are in the dual."""
+    shown = Realization(FIELDS, ["a", "b"])
+    believed = PocSet.parse("a, b : a < b*")
+    assert shown.breaks(believed) == ("a", "b*")
+    assert shown.breaks(shown.poc_set()) is None
+    assert len(shown.vertices(believed)) == 3
+    assert shown.punctured(believed).face_vector() == (3, 2)
+    with pytest.raises(InvalidValueError, match=r"^poc set: must be on \['a', 'b'\]"):
+        shown.breaks(PocSet.parse("a, c"))
+
+
+def test_equal_sensors_are_one_direction() -> None:
+    shown = Realization([[0, 1], [0, 1], [1, 0]])
+    assert shown.punctured().face_vector() == (2, 1)
+
+
+def test_fields_cannot_be_changed() -> None:
+    given = np.array(FIELDS, np.bool_)
+    shown = Realization(given)
+    given[:] = False
+    assert shown.fields.any()
+    assert not shown.fields.flags.writeable
+    assert shown.points == ("0", "1", "2", "3")
+    assert shown.sensorium.names == ("s0", "s1")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ([[1, 0], [1]],),
+            "field of s1: must have 2 points as the first has, got (1,)",
+        ),
+        ((FIELDS, ["a"]), "fields: must be 1, one a sensor, got 2"),
+        ((FIELDS, None, ["x"]), "points: must be 4, one a column, got 1"),
+        ((FIELDS, None, list("xxyz")), "points: must have different names, got"),
+    ],
+)
+def test_bad_realizations_are_refused(arguments: Any, message: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
+        Realization(*arguments)
+
+
+@pytest.mark.parametrize("point", [4, -1, "x", True, None])
+def test_unknown_points_are_refused(point: Any) -> None:
+    with pytest.raises(InvalidValueError, match=r"^point: must be one of 4 points"):
+        Realization(FIELDS).vertex(point)

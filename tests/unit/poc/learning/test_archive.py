@@ -1,0 +1,199 @@
+"""A snapshot's file: the same bytes, whole or not at all, and nothing foreign."""
+
+import errno
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.sensorium import Sensorium
+
+KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
+
+
+def seasoned(kind: type[Snapshot]) -> Snapshot:
+    snapshot = kind(Sensorium(["door", "Tür", "motion"]), 0.2)
+    for bits in [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 1, 1)] * 5:
+        snapshot.observe(bits)
+    return snapshot
+
+
+@KINDS
+def test_a_file_gives_back_everything(kind: type[Snapshot], tmp_path: Path) -> None:
+    snapshot = seasoned(kind)
+    snapshot.save(tmp_path / "memory.npz")
+    for reader in (kind, Snapshot):
+        twin = reader.load(str(tmp_path / "memory.npz"))
+        assert type(twin) is kind
+        assert twin.sensorium == snapshot.sensorium
+        assert twin.threshold == snapshot.threshold
+        assert twin.clock == 20
+        assert (twin.state == snapshot.state).all()
+        assert (twin.poc_graph().edges == snapshot.poc_graph().edges).all()
+        assert twin.to_bytes() == snapshot.to_bytes()
+    assert [path.name for path in tmp_path.iterdir()] == ["memory.npz"]
+
+
+@KINDS
+def test_squares_of_their_own_are_kept(kind: type[Snapshot], tmp_path: Path) -> None:
+    snapshot = seasoned(kind)
+    snapshot.observe([1, 0, 1], [True, False, True])
+    snapshot.save(tmp_path / "memory.npz")
+    twin = Snapshot.load(tmp_path / "memory.npz")
+    assert type(twin) is kind
+    assert (twin.poc_graph().edges == snapshot.poc_graph().edges).all()
+    assert twin.weight(0, 3) == snapshot.weight(0, 3)
+    assert twin.to_bytes() == snapshot.to_bytes()
+
+
+@KINDS
+def test_thresholds_one_a_pair_are_kept(kind: type[Snapshot]) -> None:
+    threshold = np.array([[0.25, 0.1], [0.1, 0.25]])
+    twin = kind.from_bytes(kind(2, threshold).to_bytes())
+    assert (np.asarray(twin.threshold) == threshold).all()
+
+
+def test_a_decay_is_kept() -> None:
+    snapshot = DiscountedSnapshot(2, decay=0.3)
+    assert DiscountedSnapshot.from_bytes(snapshot.to_bytes()).decay == 0.3
+
+
+def test_numpy_reads_the_file_too(tmp_path: Path) -> None:
+    seasoned(EmpiricalSnapshot).save(tmp_path / "memory.npz")
+    with np.load(tmp_path / "memory.npz", allow_pickle=False) as file:
+        assert file["names"].tolist() == ["door", "Tür", "motion"]
+        assert file["clock"] == 20
+
+
+def test_another_kind_is_refused() -> None:
+    data = EmpiricalSnapshot(2).to_bytes()
+    rule = r"^data: must be a DiscountedSnapshot written .*kind: must be Discounted"
+    with pytest.raises(InvalidValueError, match=rule):
+        DiscountedSnapshot.from_bytes(data)
+
+
+@pytest.mark.parametrize("cut", [0, 1, 100, -1])
+def test_a_file_cut_short_is_refused_by_name(cut: int, tmp_path: Path) -> None:
+    path = tmp_path / "memory.npz"
+    path.write_bytes(seasoned(EmpiricalSnapshot).to_bytes()[:cut])
+    with pytest.raises(InvalidValueError, match=r"^\S*memory.npz: must be a Snapshot "):
+        Snapshot.load(path)
+
+
+def test_a_file_that_is_not_there_is_the_systems_error(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Snapshot.load(tmp_path / "nowhere.npz")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "rule"),
+    [
+        ("schema", np.array(2), "schema: must be 1"),
+        ("kind", np.array("Snapshot"), "kind: must be Snapshot"),
+        ("kind", np.array("int"), "kind: must be Snapshot"),
+        ("kind", np.array(3), "kind: must be <U0"),
+        ("names", np.array(["a", "a", "b"]), "names: must be unique"),
+        ("names", np.array(["a", "b"]), "joints: must be uint32"),
+        ("names", np.array([["a", "b", "c"]]), "names: must be <U0"),
+        ("clock", np.array(-1), "clock: must be in"),
+        ("clock", np.array(2**32), "clock: must be in"),
+        ("clock", np.array(20.0), "clock: must be int64"),
+        ("clock", np.array(3), "weights: must be consistent"),
+        ("threshold", np.array(0.5), "threshold: must be in"),
+        ("threshold", np.full((2, 2), 0.1), "threshold: must be float64"),
+        ("marginals", np.full(3, 99, np.uint32), "weights: must be consistent"),
+        ("joints", np.full(3, 99, np.uint32), "weights: must be consistent"),
+        ("joints", np.zeros(3), "joints: must be uint32"),
+        ("state", np.array([3], np.uint8), "state: must not hold a literal"),
+        ("state", np.array([64], np.uint8), "packed bits: must be 0 beyond"),
+        ("state", np.zeros(2, np.uint8), "state: must be uint8"),
+        ("since", np.full(3, 21, np.uint32), "since: must not be after"),
+        ("since", np.zeros(3), "since: must be uint32"),
+        ("squares", np.zeros((4, 3)), "squares: must be uint32"),
+        ("squares", np.zeros((3, 3), np.uint32), r"squares: must be uint32 \(4, 3\)"),
+        ("squares", np.full((4, 3), 6, np.uint32), "weights: must be consistent"),
+    ],
+)
+def test_arrays_that_make_no_sense_are_refused(
+    key: str, value: NDArray[np.generic], rule: str
+) -> None:
+    arrays = unpack_arrays(seasoned(EmpiricalSnapshot).to_bytes())
+    with pytest.raises(InvalidValueError, match=rf"^data: must be a Snap.*({rule})"):
+        Snapshot.from_bytes(pack_arrays(arrays | {key: value}))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "rule"),
+    [
+        ("decay", np.array(1.0), "decay: must be in"),
+        ("codes", np.full(3, 5, np.uint8), "codes: must go with the weights"),
+        ("codes", np.full(3, 12, np.uint8), "codes: must go with the weights"),
+        ("codes", np.zeros(2, np.uint8), "codes: must be uint8"),
+        ("marginals", np.full(3, 1.5), "weights: must be consistent"),
+        ("joints", np.full(3, np.nan), "weights: must be consistent"),
+        ("joints", np.full(3, -0.1), "weights: must be consistent"),
+        ("squares", np.full((4, 3), np.nan), "weights: must be consistent"),
+        ("squares", np.full((4, 3), 0.3), "weights: must be consistent"),
+        ("squares", np.full((4, 3), 0.25), "codes: must go with the weights"),
+    ],
+)
+def test_discounted_arrays_that_make_no_sense_are_refused(
+    key: str, value: NDArray[np.generic], rule: str
+) -> None:
+    arrays = unpack_arrays(seasoned(DiscountedSnapshot).to_bytes())
+    with pytest.raises(InvalidValueError, match=rf"^data: must be a Snap.*({rule})"):
+        Snapshot.from_bytes(pack_arrays(arrays | {key: value}))
+
+
+@pytest.mark.parametrize("key", ["schema", "kind", "names", "codes", "state", "decay"])
+def test_a_missing_array_is_named(key: str) -> None:
+    arrays = unpack_arrays(seasoned(DiscountedSnapshot).to_bytes())
+    del arrays[key]
+    rule = rf"^data: must be a Snapshot written .*{key}: must be there"
+    with pytest.raises(InvalidValueError, match=rule):
+        Snapshot.from_bytes(pack_arrays(arrays))
+
+
+def test_pickles_and_compressed_members_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="allow_pickle"):
+        pack_arrays({"a": np.array([object()])})
+    np.savez(tmp_path / "pickled.npz", names=np.array([{}], object))
+    np.savez_compressed(tmp_path / "small.npz", names=np.zeros(1))
+    for name in ("pickled", "small"):
+        with pytest.raises(InvalidValueError, match=r"^\S*npz: must be a Snapshot "):
+            Snapshot.load(tmp_path / f"{name}.npz")
+
+
+def test_a_damaged_byte_fails_its_checksum() -> None:
+    data = bytearray(seasoned(EmpiricalSnapshot).to_bytes())
+    with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
+        place = archive.getinfo("joints.npy").header_offset
+    data[place + 175] ^= 1
+    with pytest.raises(InvalidValueError, match=r"^data: .*Bad CRC-32"):
+        Snapshot.from_bytes(bytes(data))
+
+
+def test_a_full_disk_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "memory.npz"
+    snapshot = seasoned(EmpiricalSnapshot)
+    snapshot.save(path)
+    before = path.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    snapshot.observe([1, 1, 1])
+    with pytest.raises(OSError, match="No space left"):
+        snapshot.save(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,196 @@
+"""What a snapshot refuses, where it starts, and how far it counts."""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.sensorium import Sensorium
+
+Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
+KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
+
+
+@KINDS
+def test_nothing_seen_means_no_edges_and_no_state(kind: Kind) -> None:
+    snapshot = kind(3)
+    assert snapshot.clock == 0
+    assert snapshot.sensorium == Sensorium.of(3)
+    assert not snapshot.state.any()
+    assert not snapshot.poc_graph().edges.any()
+    assert not snapshot.poc_graph(equivalences=False).edges.any()
+    assert not kind.from_bytes(snapshot.to_bytes()).poc_graph().edges.any()
+
+
+def test_the_first_weights_are_none_or_uniform() -> None:
+    assert EmpiricalSnapshot(2).weight(0, 3) == 0
+    assert DiscountedSnapshot(2).weight(1, 3) == 0.25
+
+
+@KINDS
+@pytest.mark.parametrize("sensors", [0, 1])
+def test_few_sensors_are_a_snapshot_too(kind: Kind, sensors: int) -> None:
+    for threshold in (0.1, np.full((sensors, sensors), 0.1)):
+        snapshot = kind(sensors, threshold)
+        assert snapshot.observe([True] * sensors).tolist() == [True, False] * sensors
+        assert kind.from_bytes(snapshot.to_bytes()).to_bytes() == snapshot.to_bytes()
+
+
+@KINDS
+def test_learning_leaves_the_state_to_whoever_adopts_one(kind: Kind) -> None:
+    snapshot = kind(2)
+    snapshot.observe([True, True])
+    before = snapshot.state
+    snapshot.learn([False, True])
+    assert (snapshot.state == before).all()
+    assert snapshot.clock == 2
+    snapshot.adopt(np.array([False, True, False, False]))
+    assert snapshot.state.tolist() == [False, True, False, False]
+
+
+def test_a_state_is_a_selection() -> None:
+    snapshot = EmpiricalSnapshot(2)
+    with pytest.raises(ShapeError, match=r"^state: must be \(4,\), got \(2,\)$"):
+        snapshot.adopt(np.zeros(2, np.bool_))
+    with pytest.raises(InvalidValueError, match=r"^state: must be bool, got dtype"):
+        snapshot.adopt(np.zeros(4))  # type: ignore[arg-type]
+    rule = r"^state: must not hold a literal and its complement, got 's1'$"
+    with pytest.raises(InvalidValueError, match=rule):
+        snapshot.adopt(np.array([False, False, True, True]))
+
+
+@KINDS
+def test_the_graph_is_the_same_object_until_it_changes(kind: Kind) -> None:
+    snapshot = kind(2, 0.25)
+    assert snapshot.learn([True, True]) == (kind is EmpiricalSnapshot)
+    graph = snapshot.poc_graph()
+    assert not snapshot.learn([True, True])
+    assert snapshot.poc_graph() is graph
+    changed = [snapshot.learn(bits) for bits in ([0, 0], [1, 0])]
+    assert any(changed)
+    assert snapshot.poc_graph() is not graph
+
+
+@KINDS
+def test_what_is_handed_out_is_a_copy(kind: Kind) -> None:
+    snapshot = kind(2, np.full((2, 2), 0.1))
+    snapshot.observe([True, False])[:] = False
+    snapshot.state[:] = False
+    assert snapshot.state.any()
+    threshold = snapshot.threshold
+    assert isinstance(threshold, np.ndarray)
+    threshold[:] = 9
+    assert (np.asarray(snapshot.threshold) == 0.1).all()
+
+
+@KINDS
+@pytest.mark.parametrize("bits", [[1], [1, 2], [1, np.nan]])
+def test_a_bad_observation_changes_nothing(kind: Kind, bits: list[float]) -> None:
+    snapshot = kind(2)
+    snapshot.observe([1, 0])
+    before = snapshot.to_bytes()
+    with pytest.raises(InvalidValueError, match=r"^observation: must "):
+        snapshot.observe(bits)
+    assert snapshot.to_bytes() == before
+
+
+@KINDS
+@pytest.mark.parametrize("threshold", [0, -0.1, 0.2500001, np.nan, np.inf, True])
+def test_a_threshold_is_at_most_a_quarter(kind: Kind, threshold: float) -> None:
+    rule = r"^threshold: must be in \(0, 0.25\], got "
+    with pytest.raises(InvalidValueError, match=rule):
+        kind(2, threshold)
+    with pytest.raises(InvalidValueError, match=rule):
+        kind(2, np.full((2, 2), threshold))
+
+
+def test_thresholds_are_one_a_pair() -> None:
+    with pytest.raises(ShapeError, match=r"^threshold: must be \(2, 2\), got \(2,\)$"):
+        EmpiricalSnapshot(2, [0.1, 0.1])
+    lopsided = [[0.1, 0.2], [0.1, 0.1]]
+    rule = r"^threshold: must be symmetric \(at 0, 1\), got \(0.2, 0.1\)$"
+    with pytest.raises(InvalidValueError, match=rule):
+        EmpiricalSnapshot(2, lopsided)
+    with pytest.raises(InvalidValueError, match=r"^threshold: must be a number or an"):
+        EmpiricalSnapshot(2, "much")
+
+
+@pytest.mark.parametrize("decay", [1, -0.1, np.nan, 2])
+def test_a_decay_is_below_one(decay: float) -> None:
+    with pytest.raises(InvalidValueError, match=r"^decay: must be in \[0, 1\), got "):
+        DiscountedSnapshot(2, decay=decay)
+
+
+def test_a_decay_is_a_number_and_sensors_are_counted() -> None:
+    with pytest.raises(InvalidValueError, match=r"^decay: must be a number, got 'x'$"):
+        DiscountedSnapshot(2, decay="x")  # type: ignore[arg-type]
+    with pytest.raises(InvalidValueError, match=r"^sensors: must be 0 or more, got -1"):
+        EmpiricalSnapshot(-1)
+
+
+def test_a_weight_is_of_a_proper_pair() -> None:
+    snapshot = EmpiricalSnapshot(2)
+    rule = r"^pair: must be of two sensors, got \(0, 1\)$"
+    with pytest.raises(InvalidValueError, match=rule):
+        snapshot.weight(0, 1)
+    with pytest.raises(InvalidValueError, match=r"^b: must be a literal, .* got 4$"):
+        snapshot.weight(0, 4)
+    assert type(snapshot.weight(0, 2)) is int
+    assert type(DiscountedSnapshot(2).weight(0, 2)) is float
+
+
+@pytest.mark.parametrize("clock", [2**31 - 2, 2**31, 2**32 - 3])
+def test_counts_are_right_beyond_31_bits(clock: int) -> None:
+    tau, half = 1 / 8, clock // 2
+    snapshot = EmpiricalSnapshot(3, tau)
+    limit = math.ceil(tau * (clock + 1))
+    # Of s0 without s1 there is just too much, of s0 without s2 just little enough.
+    marginals = [half, half + 9, half + 9]
+    joints = [half - limit, half - limit + 1, half + 4]
+    snapshot._clock = clock
+    snapshot._weights.marginals[:] = marginals
+    snapshot._weights.joints[:] = joints
+    snapshot.learn([False, False, True])
+    edges = snapshot.poc_graph().edges
+    for i, j, joint in [(1, 0, joints[0]), (2, 0, joints[1]), (2, 1, joints[2])]:
+        x, y = marginals[i] + (i == 2), marginals[j] + (j == 2)
+        w = {(0, 0): joint, (0, 1): x - joint, (1, 0): y - joint}
+        w[1, 1] = clock + 1 - x - y + joint
+        for s, t in w:
+            assert snapshot.weight(2 * i + s, 2 * j + t) == w[s, t]
+            against = w[s, 1 - t]
+            others = [value for key, value in w.items() if key != (s, 1 - t)]
+            expected = against < min(tau * (clock + 1), *others)
+            assert edges[2 * i + s, 2 * j + t] == expected
+    assert edges[0, 4]
+    assert not edges[0, 2]
+
+
+def test_the_clock_stops_where_counts_would_overflow() -> None:
+    snapshot = EmpiricalSnapshot(2)
+    snapshot._clock = 2**32 - 1
+    before = snapshot.to_bytes()
+    with pytest.raises(InvalidValueError, match=r"^clock: must stay below 2\*\*32, "):
+        snapshot.observe([True, False])
+    assert snapshot.to_bytes() == before
+
+
+@KINDS
+def test_observations_of_any_memory_layout_do(kind: Kind) -> None:
+    wide = np.array([True, False, False, True])
+    strided, frozen = wide[::3], wide[1:3].copy()
+    frozen.flags.writeable = False
+    snapshot = kind(2)
+    assert snapshot.observe(strided).tolist() == [True, False, True, False]
+    assert snapshot.learn(frozen) in (True, False)
+    assert snapshot.clock == 2
+
+
+def test_a_discounted_weight_is_zero_from_the_tolerance_down() -> None:
+    snapshot = DiscountedSnapshot(2, 0.25, decay=0.5)
+    since = [snapshot.learn([tick % 3 > 0] * 2) for tick in range(60)].index(True)
+    assert 2.0 ** -(since + 2) > 1e-12 > 2.0 ** -(since + 3)
+    assert snapshot.poc_graph().classes() == [(0, 2), (1, 3)]

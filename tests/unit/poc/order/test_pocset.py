@@ -1,0 +1,236 @@
+"""Poc sets: what may be written, what follows, and what is refused."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import neurosnap
+from neurosnap.errors import InvalidValueError, ShapeError, UnknownSensorError
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.pocset import PocSet
+from neurosnap.sensorium import Sensorium
+
+
+def test_the_public_names_are_there() -> None:
+    for name in ("PocSet", "Cubing", "PocMorphism", "Realization"):
+        assert getattr(neurosnap, name).__name__ == name
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("a,b,c : a<c*, b<c*", "a, b, c : a < c*, b < c*"),
+        ("a,b:a<b", "a, b : a < b"),
+        ("  a ,  b  :  b*   <=   a* ", "a, b : a < b"),
+        ("a, b, c : a <= b ≤ c", "a, b, c : a < b, b < c"),
+        ("a, b : a = b*", "a, b : a = b*"),
+        ("a, b : a <= b, b <= a", "a, b : a = b"),
+        ("a : a < a*", "a : a < a*"),
+        ("a, b", "a, b"),
+        ("a, b :", "a, b"),
+        ("a, b : a < b,", "a, b : a < b"),
+        ("", ""),
+    ],
+)
+def test_text_is_read_and_shown_again(text: str, shown: str) -> None:
+    poc = PocSet.parse(text)
+    assert str(poc) == shown
+    assert PocSet.parse(str(poc)) == poc
+
+
+def test_the_worked_example_of_generators_and_relations() -> None:
+    """[GK] example:generators and relations."""
+    poc = PocSet.parse("a, b, c : a < c, b < c")
+    assert poc.hasse(bounds=True) == [
+        (0, 4),
+        (1, 7),
+        (2, 4),
+        (3, 7),
+        (4, 7),
+        (5, 1),
+        (5, 3),
+        (6, 0),
+        (6, 2),
+        (6, 5),
+    ]
+    assert (poc.name(6), poc.name(7), poc.name(5)) == ("0", "1", "c*")
+
+
+def test_lists_say_the_same_by_name_and_by_number() -> None:
+    text = PocSet.parse("a, b, c : a < b, b <= c*, a = a")
+    assert text == PocSet(["a", "b", "c"], [("a", "<", "b"), ("b", "c*"), (0, "=", 0)])
+    assert text == PocSet(Sensorium(["a", "b", "c"]), ["a < b <= c*"])
+    assert hash(text) == hash(PocSet(["a", "b", "c"], [(0, 2), (2, 5)]))
+    assert text != PocSet(3, [(0, 2), (2, 5)])
+    assert text != "a, b, c"
+
+
+def test_a_poc_set_without_sensors_has_two_elements() -> None:
+    poc = PocSet(0)
+    assert (poc.minimum, poc.maximum, poc.height(), poc.width()) == (0, 1, 0, 0)
+    assert poc.leq(0, 1)
+    assert not poc.leq(1, 0)
+    assert poc.hasse(bounds=True) == [(0, 1)]
+
+
+def test_improper_literals_are_known_and_cross_nothing() -> None:
+    poc = PocSet.parse("a, b, c : a <= a*, b* < b")
+    assert poc.negligible.tolist() == [True, False, False, True, False, False]
+    assert poc.ubiquitous.tolist() == [False, True, True, False, False, False]
+    assert poc.proper.tolist() == [False] * 4 + [True] * 2
+    assert poc.nested("a", "c")
+    assert not poc.crosses(poc.minimum, "c")
+    assert not poc.is_coherent([0])
+    assert poc.clash([0]) == ("a", "a*")
+
+
+def test_height_and_width_count_literals_without_the_bounds() -> None:
+    chain = PocSet.parse("a, b, c : a < b < c")
+    assert (chain.height(), chain.width()) == (2, 2)
+    assert (PocSet(3).height(), PocSet(3).width()) == (0, 6)
+    star = PocSet.parse("a, b, c : a < b*, a < c*, b < c*")
+    assert (star.height(), star.width()) == (1, 3)
+    assert PocSet.parse("a, b : a = b").width() == 2
+
+
+def test_a_graph_with_names_and_without() -> None:
+    graph = PocGraph.from_implications(2, [(0, 2)])
+    assert str(PocSet.from_graph(graph)) == "s0, s1 : s0 < s1"
+    named = PocSet.from_graph(graph, Sensorium(["door", "motion"]))
+    assert str(named) == "door, motion : door < motion"
+    assert named.graph is graph
+    with pytest.raises(ShapeError, match=r"^sensorium: must have 2 sensors, got 1"):
+        PocSet.from_graph(graph, Sensorium(["door"]))
+    given: Any = "door"
+    with pytest.raises(InvalidValueError, match=r"^graph: must be a PocGraph"):
+        PocSet.from_graph(given)
+
+
+def test_fields_give_their_inclusions() -> None:
+    rows = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 0], [1, 1, 1]]
+    poc = PocSet.of_realization(rows, ["none", "a", "b", "same", "all"])
+    assert poc.negligible[poc.element("none")]
+    assert poc.ubiquitous[poc.element("all")]
+    assert poc.leq("none", "a")
+    assert poc.leq("a", "b")
+    assert poc.equal("b", "same")
+
+
+@pytest.mark.parametrize(
+    ("rows", "names", "message"),
+    [
+        (
+            [[1, 0], [1]],
+            None,
+            "field of s1: must have 2 points as the first has, got (1,)",
+        ),
+        ([[1, 0], [1, 2]], ["a", "b"], "field of b: must be made of bits, 0 or 1, got"),
+        ([[]], None, "fields: must be over at least one point, got (1, 0)"),
+        ([[1]], ["a", "b"], "fields: must be 2, one a sensor, got 1"),
+        ([["x"]], None, "field of s0: must be made of bits, 0 or 1, got ['x']"),
+        ("ab", None, "fields: must be one row of bits a sensor, got 'ab'"),
+        ([3], None, "field of s0: must have 0 points as the first has, got ()"),
+    ],
+)
+def test_bad_fields_are_refused(rows: Any, names: Any, message: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
+        PocSet.of_realization(rows, names)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "a, b : a < b, b < a",
+            "relations: must have no cycle through a strict one, got",
+        ),
+        (
+            "a, b : a < b, b <= a",
+            "relations: must have no cycle through a strict one, got",
+        ),
+        (
+            "a : a < a",
+            "relations: must have no cycle through a strict one, got 'a < a'",
+        ),
+        (
+            "a, b, c : a < b <= c, c <= a",
+            "relations: must have no cycle through a strict one, got 'a < b <= c <= a'",
+        ),
+        (
+            "a, b : a <= b, b < a*, a* <= b*, b* <= a",
+            "relations: must not make a literal equal to its complement, got "
+            "'a <= b < a* <= b* <= a'",
+        ),
+        (
+            "a : a = a*",
+            "relations: must not make a literal equal to its complement, got",
+        ),
+        ("a, b : a <", "relation: must be literals joined by <, <= or =, got 'a <'"),
+        ("a, b : a b", "relation: must be literals joined by <, <= or =, got 'a b'"),
+        ("a, b : a < < b", "relation: must be literals joined by <, <= or =, got"),
+        ("a < b", "generator: must hold no <, ≤ or =; relations follow a colon, got"),
+        ("a, , b", "sensor name: must not be empty, got ''"),
+        ("a, a*", "sensor name: must not end with *, got 'a*'"),
+        ("a, a", "names: must be unique, got 'a'"),
+    ],
+)
+def test_bad_text_is_refused_with_what_is_wrong(text: str, message: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
+        PocSet.parse(text)
+
+
+def test_unknown_names_and_numbers_are_refused() -> None:
+    with pytest.raises(UnknownSensorError, match=r"^literal: must name .* got 'x\*'"):
+        PocSet.parse("a : a < x*")
+    poc = PocSet.parse("a, b : a < b")
+    with pytest.raises(UnknownSensorError, match=r"^literal: must name"):
+        poc.leq("a", "c")
+    with pytest.raises(InvalidValueError, match=r"^element: must be .* got 6"):
+        poc.leq(0, 6)
+    with pytest.raises(InvalidValueError, match=r"^literal: must be a literal"):
+        PocSet(2, [(0, 4)])
+
+
+@pytest.mark.parametrize(
+    ("relations", "message"),
+    [
+        ([(0, ">", 2)], "relation sign: must be <, <= or =, got '>'"),
+        ([(0,)], "relation: must be (a, b), (a, sign, b) or text, got (0,)"),
+        ([7], "relation: must be (a, b), (a, sign, b) or text, got 7"),
+        ("a < b", "relations: must be several, not one text"),
+    ],
+)
+def test_bad_relations_are_refused(relations: Any, message: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
+        PocSet(2, relations)
+
+
+def test_sums_keep_names_apart() -> None:
+    one, two = PocSet.parse("a, b : a < b"), PocSet.parse("c")
+    assert str(one | two) == "a, b, c : a < b"
+    with pytest.raises(InvalidValueError, match=r"^sensor name: must not be in both"):
+        one.direct_sum(PocSet.parse("c, b"))
+    assert str(one | one.renamed(["x", "y"])) == "a, b, x, y : a < b, x < y"
+    given: Any = "c"
+    with pytest.raises(InvalidValueError, match=r"^summand: must be a PocSet"):
+        one.direct_sum(given)
+
+
+def test_parts_keep_what_holds_among_them() -> None:
+    poc = PocSet.parse("a, b, c, d : a < b < c*, d <= d*")
+    assert str(poc.restricted(["c", "a"])) == "c, a : c < a*"
+    assert poc.restricted(["d"]).negligible.tolist() == [True, False]
+    with pytest.raises(UnknownSensorError):
+        poc.restricted(["x"])
+
+
+def test_what_is_given_out_cannot_be_changed() -> None:
+    poc = PocSet.parse("a, b : a < b")
+    for array in (poc.order, poc.negligible, poc.heads):
+        assert not array.flags.writeable
+    proper = poc.proper
+    proper[:] = False
+    assert poc.proper.all()
+    assert isinstance(poc.order, np.ndarray)

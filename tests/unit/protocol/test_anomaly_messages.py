@@ -1,0 +1,63 @@
+"""Anomalies on the wire, and in words."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.protocol.anomaly import MOST, Watcher
+from neurosnap.protocol.anomaly_messages import Link, announcement, told
+from neurosnap.sensorium import Sensorium
+
+NAMES = Sensorium(["door", "motion", "light"])
+
+
+def broken() -> wire.Anomaly:
+    """What is announced once the door opens without motion."""
+    watcher, snapshot = Watcher(NAMES), EmpiricalSnapshot(NAMES, 0.25)
+    for bits in [(0, 0, 1), (0, 1, 0), (1, 1, 1), (1, 1, 0)]:
+        snapshot.observe(bits)
+    found = watcher.watch(5, snapshot.poc_graph(), (1, 0, 1), None, snapshot)
+    assert found is not None
+    return announcement(found, NAMES)
+
+
+def test_it_says_which_implication_breaks_and_what_speaks_for_it() -> None:
+    said = told(broken(), NAMES.names)
+    assert (said.tick, said.since, said.exact, said.more) == (5, 5, True, 0)
+    assert said.broken == (Link("door -> motion", 2.0, 0.0, 3),)
+    assert set(said.candidates) == {"door", "motion"}
+    assert len(said.culprits) == 1
+
+
+def test_there_is_a_bound_to_what_it_lists() -> None:
+    count = 40
+    names = Sensorium([f"s{k}" for k in range(count)])
+    snapshot = EmpiricalSnapshot(names, 0.25)
+    for k in range(60):  # one of them at a time, or none
+        snapshot.observe(np.arange(count) == k)
+    everything = np.ones(count, np.bool_)
+    found = Watcher(names).watch(1, snapshot.poc_graph(), everything, None, snapshot)
+    assert found is not None
+    message = announcement(found, names)
+    assert message.implications == count * (count - 1) // 2
+    assert len(message.sources) == MOST
+    assert told(message, names.names).more == message.implications - MOST
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"culprits": (3,)},
+        {"candidates": (9,)},
+        {"sources": (6,)},
+        {"targets": (7,)},
+        {"support": ()},
+        {"number": (0, 0)},
+    ],
+)
+def test_one_that_cannot_be_is_refused(changes: dict[str, object]) -> None:
+    with pytest.raises(MessageError, match="anomaly: must"):
+        told(msgspec.structs.replace(broken(), **changes), NAMES.names)

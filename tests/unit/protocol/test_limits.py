@@ -1,0 +1,78 @@
+"""Cells and workers take what may come about, and bound what they keep of it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap import wire
+from neurosnap.protocol.limits import (
+    AHEAD,
+    READINGS,
+    WAVES,
+    Latch,
+    is_far,
+    wrong_number,
+    wrong_room,
+    wrong_start,
+)
+from neurosnap.protocol.wave import DEEPEST
+
+
+def start(wave: int, credit: int = 0, below: int = 1) -> wire.WaveStart:
+    return wire.WaveStart(wave, 0, "signal", credit, below, (0,))
+
+
+@pytest.mark.parametrize("heard", [1, 7, 90_000])
+def test_a_number_may_be_so_far_beyond_the_last_and_no_further(heard: int) -> None:
+    assert wrong_number("epoch", heard + AHEAD, heard) is None
+    rule = f"epoch must be at most 4096 beyond {heard}, got {heard + AHEAD + 1}"
+    assert wrong_number("epoch", heard + AHEAD + 1, heard) == rule
+    assert wrong_number("epoch", 1, heard) is None
+
+
+def test_before_anything_was_heard_any_number_may_be_the_first() -> None:
+    assert not is_far(2**31 - 1, 0)
+
+
+def test_a_wave_that_is_known_always_has_room() -> None:
+    known = range(1, WAVES + 1)
+    assert wrong_room("pulse", WAVES, known) is None
+    assert wrong_room("pulse", WAVES + 1, known[1:]) is None
+    rule = "pulse: must be of 8192 waves in all, got wave 8193 too"
+    assert wrong_room("pulse", WAVES + 1, known) == rule
+
+
+@pytest.mark.parametrize(
+    ("wrong", "what"),
+    [
+        (start(7, below=8), "wave: must settle only what is before wave 7, got all be"),
+        (start(7, credit=DEEPEST + 1), f"wave: must have credit up to {DEEPEST}, got"),
+    ],
+    ids=["settled", "credit"],
+)
+def test_a_wave_that_cannot_begin_so_is_refused(
+    wrong: wire.WaveStart, what: str
+) -> None:
+    said = wrong_start(wrong)
+    assert said is not None
+    assert said.startswith(what)
+    assert wrong_start(start(7, credit=DEEPEST, below=7)) is None
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(1, 40)), max_size=60))
+def test_the_latest_readings_are_kept_that_a_wave_may_be_of(
+    said: list[tuple[bool, int]],
+) -> None:
+    latch, joined, kept = Latch[str](), 0, dict[int, str]()
+    for is_wave, tick in said:
+        wrong = latch.wrong_tick("observe", tick)
+        assert (wrong is not None) == (joined > 0 and tick > joined + READINGS)
+        if is_wave:
+            latch.join(tick)
+            joined = max(joined, tick)
+            kept = {t: r for t, r in kept.items() if t <= joined + READINGS}
+        elif wrong is None:
+            latch.keep(tick, f"read {tick}")
+            kept = {t: f"read {t}" for t in sorted({*kept, tick})[-READINGS:]}
+        there = {t: latch[t] for t in range(1, 41) if t in latch}
+        assert there == kept

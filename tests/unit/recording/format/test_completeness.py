@@ -1,0 +1,118 @@
+import random
+
+import msgspec
+import pytest
+
+from neurosnap.recording.format.completeness import Completeness, Sequences, added_up
+
+
+def test_in_order_nothing_is_missing() -> None:
+    sequences = Sequences()
+    assert all(sequences.receive("world", number) for number in range(5))
+    assert sequences.completeness({"world": 5}) == Completeness(5)
+    assert sequences.upcoming("world") == 5
+    assert sequences.upcoming("nobody") == 0
+
+
+def test_a_gap_is_named_and_closes_when_the_message_comes_late() -> None:
+    sequences = Sequences()
+    for number in (0, 4):
+        sequences.receive("cell/1", number)
+    assert sequences.gaps() == {"cell/1": [(1, 4)]}
+    assert sequences.receive("cell/1", 2)
+    assert sequences.gaps() == {"cell/1": [(1, 2), (3, 4)]}
+    assert sequences.receive("cell/1", 1)
+    assert sequences.receive("cell/1", 3)
+    assert sequences.gaps() == {}
+    assert sequences.completeness().whole
+
+
+def test_a_second_copy_is_a_duplicate_wherever_it_comes() -> None:
+    sequences = Sequences()
+    for number in (0, 1, 5, 3):
+        assert sequences.receive("cell/1", number)
+    for number in (0, 3, 5):
+        assert not sequences.receive("cell/1", number)
+    assert sequences.duplicates == 3
+    assert sequences.messages == 4
+
+
+def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
+    sequences = Sequences()
+    sequences.receive("cell/1", 0)
+    sequences.receive("cell/1", 2)
+    expected = {"cell/1": 5, "cell/2": 3, "world": 0}
+    assert sequences.gaps(expected) == {
+        "cell/1": [(1, 2), (3, 5)],
+        "cell/2": [(0, 3)],
+    }
+    completeness = sequences.completeness(expected, foreign=2)
+    assert completeness == Completeness(2, {"cell/1": 3, "cell/2": 3}, 0, 2)
+    assert not completeness.whole
+    assert sequences.gaps() == {"cell/1": [(1, 2)]}, "asking changes nothing"
+
+
+def test_a_sender_that_sent_more_than_it_says_lacks_nothing() -> None:
+    sequences = Sequences()
+    for number in range(4):
+        sequences.receive("cell/1", number)
+    assert sequences.completeness({"cell/1": 2}).whole
+
+
+def test_a_number_far_ahead_costs_one_gap() -> None:
+    sequences = Sequences()
+    sequences.receive("cell/1", 2**32 - 1)
+    assert sequences.gaps() == {"cell/1": [(0, 2**32 - 1)]}
+    assert sequences.messages == 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_order_comes_to_what_a_plain_set_comes_to(seed: int) -> None:
+    draw = random.Random(seed)
+    sequences, seen, duplicates = Sequences(), set[int](), 0
+    for number in draw.choices(range(60), k=80):
+        assert sequences.receive("cell/1", number) is (number not in seen)
+        duplicates += number in seen
+        seen.add(number)
+    missing = {
+        number
+        for start, stop in sequences.gaps({"cell/1": 60})["cell/1"]
+        for number in range(start, stop)
+    }
+    assert missing == set(range(60)) - seen
+    assert (sequences.messages, sequences.duplicates) == (len(seen), duplicates)
+
+
+def test_completeness_goes_through_json() -> None:
+    completeness = Completeness(3, {"cell/1": 2}, 1, 4)
+    encoded = msgspec.json.encode(completeness)
+    assert msgspec.json.decode(encoded, type=Completeness) == completeness
+
+
+# A share of them ----------------------------------------------------------------------
+
+
+def test_what_is_below_a_share_is_no_loss_and_no_message_of_it() -> None:
+    sequences = Sequences({"world": 7, "cell/0": 3})
+    sequences.begin("world", 5)  # it has begun already
+    assert sequences.first == {"world": 7, "cell/0": 3}
+    assert sequences.receive("world", 7)
+    assert not sequences.receive("world", 6)
+    assert sequences.completeness({"world": 8, "cell/0": 3}) == Completeness(1, {}, 1)
+    assert sequences.completeness({"cell/0": 5}).missing == {"cell/0": 2}
+
+
+def test_a_share_may_begin_with_what_comes_first() -> None:
+    sequences = Sequences({"world": 7}, anywhere=True)
+    for number in (20, 22):
+        assert sequences.receive("cell/0", number)
+    assert sequences.receive("world", 8)
+    assert sequences.gaps() == {"cell/0": [(21, 22)], "world": [(7, 8)]}
+    assert sequences.first == {"world": 7, "cell/0": 20}
+    assert sequences.messages == 3
+
+
+def test_files_that_vanished_are_added_up_too() -> None:
+    both = added_up([Completeness(1, vanished=("a.mcap",)), Completeness(2)])
+    assert both == Completeness(3, vanished=("a.mcap",))
+    assert not both.whole

@@ -1,0 +1,308 @@
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+import pytest
+from mcap.writer import Writer as McapWriter
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.recording.format.chunks import unpack
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.format.index_scan import glance
+from neurosnap.recording.format.records import PLACES, PROFILE, RUN, Chunk
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.write.writer import Writer
+from tests.unit.recording.samples import EACH, NOW, delivered, record, traffic
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "log.mcap"
+
+
+def cut_short(path: Path) -> None:
+    """Take the end off, summary and all, and leave every chunk."""
+    last = Recording.open(path).layout.chunks[-1]
+    os.truncate(path, last.offset + last.packed)
+
+
+@pytest.mark.parametrize("topic", wire.TOPICS)
+def test_a_message_of_each_kind_comes_back_as_it_was(path: Path, topic: str) -> None:
+    (delivery,) = delivered([EACH[topic]])
+    record(path, [delivery])
+    (read,) = Recording.open(path).messages()
+    assert read == Recorded(
+        EACH[topic], delivery.payload, 0, delivery.sent, delivery.sent + 1000
+    )
+    assert read.delivery == delivery
+
+
+def test_payloads_come_back_byte_for_byte(path: Path) -> None:
+    spaced = b' {"wave": 1,  "type":"pulse", "source":7,"target":4,"hops":1,"credit":3}'
+    record(path, [wire.Delivery("excite/2/cell/3", 0, NOW, spaced)])
+    (read,) = Recording.open(path).messages()
+    assert read.payload == spaced
+
+
+def test_a_finished_recording_says_so(path: Path) -> None:
+    completeness = record(path, traffic(100), every=30)
+    recording = Recording.open(path)
+    assert recording.finished
+    assert recording.cut is None
+    assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": "2"}
+    assert recording.totals is not None
+    assert recording.completeness() == completeness == Completeness(100)
+
+
+def test_an_empty_recording_is_one(path: Path) -> None:
+    record(path, [])
+    recording = Recording.open(path)
+    assert list(recording.messages()) == []
+    assert recording.completeness() == Completeness(0)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
+    places = {"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)}
+    with Writer(path) as writer:
+        writer.start({})
+        writer.note_places({"world": Place("ash", 1)})
+        writer.add(next(delivered([EACH["observe"]])), NOW)
+        writer.note_places(places)
+        if whole:
+            writer.finish({}, {})
+    assert Recording.open(path).places == places
+    assert Recording.seen(path, glance(path).layout).places == places
+
+
+@pytest.mark.parametrize("text", ["", "oak", "oak/\x1b", "oak/" + "1" * 11])
+def test_a_place_that_cannot_be_is_refused(path: Path, text: str) -> None:
+    writer = McapWriter(str(path))
+    writer.start(PROFILE)
+    writer.add_metadata(RUN, {"schema": "2"})
+    writer.add_metadata(PLACES, {"world": text})
+    writer.finish()
+    recording = Recording.open(path)
+    rule = r": neurosnap\.places: must hold a place for each part, got '"
+    with pytest.raises(RecordingError, match=rule):
+        assert recording.places
+
+
+def test_a_recording_of_one_machine_says_nothing_of_places(path: Path) -> None:
+    record(path, traffic(20))
+    recording = Recording.open(path)
+    assert recording.places == {}
+    assert PLACES not in recording.layout.metadata
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_topics_and_times_select(path: Path, whole: bool) -> None:
+    deliveries = traffic(400)
+    record(path, deliveries, every=7)
+    if not whole:
+        cut_short(path)
+    recording = Recording.open(path)
+    everything = list(recording.messages())
+    assert [recorded.delivery for recorded in everything] == deliveries
+    start, end = NOW + 1000 + 50, NOW + 1000 + 333
+    for topics in ({"observe"}, ["settle", "inhibit"], {"leave"}, set(wire.TOPICS)):
+        assert list(recording.messages(topics)) == [
+            recorded
+            for recorded in everything
+            if wire.topic(recorded.message.key) in topics
+        ]
+        assert list(recording.messages(topics, start=start, end=end)) == [
+            recorded
+            for recorded in everything[50:333]
+            if wire.topic(recorded.message.key) in topics
+        ]
+
+
+def test_chunks_without_the_topic_are_not_unpacked(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record(path, traffic(100), every=10)
+    recording = Recording.open(path)
+    unpacked: list[int] = []
+
+    def note(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
+        unpacked.append(chunk.number)
+        return unpack(path, file, chunk)
+
+    monkeypatch.setattr("neurosnap.recording.format.chunks.unpack", note)
+    assert len(list(recording.messages({"observe"}))) == 5
+    assert unpacked == [1, 3, 5, 7, 9]
+    unpacked.clear()
+    assert list(recording.messages({"fault"})) == []
+    assert list(recording.messages(end=NOW)) == []
+    assert unpacked == []
+
+
+def test_two_readers_at_once_do_not_disturb_each_other(path: Path) -> None:
+    deliveries = traffic(100)
+    record(path, deliveries, every=9)
+    recording = Recording.open(path)
+    for one, other in zip(recording.messages(), recording.messages(), strict=True):
+        assert one == other
+
+
+def test_an_unknown_topic_is_refused_at_once(path: Path) -> None:
+    record(path, [])
+    with pytest.raises(
+        InvalidValueError, match=r"^topics: must be of observe, .*'/wave"
+    ):
+        Recording.open(path).messages({"/wave"})
+
+
+def test_a_missing_file_is_refused(path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"^log: must exist, got '/.*log.mcap'$"):
+        Recording.open(path)
+
+
+def test_a_file_that_is_gone_meanwhile_is_an_error(path: Path) -> None:
+    record(path, delivered(EACH.values()))
+    recording = Recording.open(path)
+    path.unlink()
+    with pytest.raises(RecordingError, match=r"^log: must exist, got"):
+        next(recording.messages())
+    with pytest.raises(RecordingError, match=r"^log: must exist, got"):
+        assert recording.snapshot is None
+
+
+def test_a_file_that_is_another_meanwhile_is_an_error(path: Path) -> None:
+    record(path, delivered(EACH.values()))
+    recording = Recording.open(path)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(RecordingError, match="chunk 1 must start at"):
+        next(recording.messages())
+    with pytest.raises(RecordingError, match="must still be what was opened, got"):
+        assert recording.snapshot is None
+
+
+def test_a_folder_is_refused(path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"^log: must be a file, got '/.*'$"):
+        Recording.open(path.parent)
+
+
+def test_a_pipe_is_refused_and_not_waited_for(path: Path) -> None:
+    os.mkfifo(path)
+    with pytest.raises(RecordingError, match=r"^log: must be a file, got '/.*'$"):
+        Recording.open(path)
+
+
+def test_a_name_that_is_none_is_refused() -> None:
+    with pytest.raises(RecordingError, match=r"^log: must be readable, got 'nul"):
+        Recording.open("nul\0l")
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\x89MCAP", b"PK\x03\x04 a snapshot, say", b"x" * 100_000]
+)
+def test_what_is_no_mcap_is_refused(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"^log: must be an MCAP recording, got"):
+        Recording.open(path)
+
+
+def write_mcap(
+    path: Path,
+    *,
+    profile: str = "neurosnap",
+    schema: str | None = "1",
+    topic: str = "/excite",
+    encoding: str = "json",
+    payload: bytes = wire.encode(EACH["excite"]),
+) -> None:
+    """Write what our writer would not."""
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile, "a stranger")
+        if schema is not None:
+            writer.add_metadata("neurosnap.run", {"schema": schema})
+        kind = writer.register_schema("neurosnap.Pulse", "jsonschema", b"{}")
+        channel = writer.register_channel(topic, encoding, kind)
+        writer.add_message(channel, NOW, payload, NOW)
+        writer.finish()
+
+
+def test_a_stranger_who_writes_what_we_write_is_read(path: Path) -> None:
+    write_mcap(path)
+    (read,) = Recording.open(path).messages()
+    assert read.message == EACH["excite"]
+
+
+def test_a_foreign_mcap_is_refused(path: Path) -> None:
+    write_mcap(path, profile="ros2")
+    with pytest.raises(
+        RecordingError, match=r"profile: must be 'neurosnap', got 'ros2'$"
+    ):
+        Recording.open(path)
+
+
+@pytest.mark.parametrize("schema", ["3", "0", "", "-1", "one", "1.0", "9" * 30])
+def test_a_schema_that_is_not_known_is_refused(path: Path, schema: str) -> None:
+    write_mcap(path, schema=schema)
+    with pytest.raises(
+        RecordingError, match=rf"schema: must be in \[1, 2\], got '{schema}"
+    ):
+        Recording.open(path)
+
+
+def test_a_recording_that_says_nothing_of_its_run_is_refused(path: Path) -> None:
+    write_mcap(path, schema=None)
+    with pytest.raises(RecordingError, match=r"metadata: must hold neurosnap.run, got"):
+        Recording.open(path)
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload"),
+    [
+        ("/excite", wire.encode(EACH["inhibit"])),
+        ("/inhibit", wire.encode(EACH["excite"])),
+        ("/observe", wire.encode(EACH["excite"])),
+        ("/excite", b"garbage"),
+        ("/excite", b'{"type":"pulse"}'),
+        ("/leave", b'{"type":"leave","who":"\xff"}'),
+    ],
+)
+def test_a_message_under_a_topic_not_its_own_is_an_error(
+    path: Path, topic: str, payload: bytes
+) -> None:
+    write_mcap(path, topic=topic, payload=payload)
+    recording = Recording.open(path)
+    with pytest.raises(
+        RecordingError, match=rf"chunk 1: {topic} must hold its own mess"
+    ):
+        list(recording.messages())
+
+
+@pytest.mark.parametrize(
+    "stranger",
+    [
+        lambda path: write_mcap(path, topic="/nothing"),
+        lambda path: write_mcap(path, encoding="protobuf"),
+    ],
+)
+def test_an_unknown_channel_is_an_error(
+    path: Path, stranger: Callable[[Path], None]
+) -> None:
+    stranger(path)
+    recording = Recording.open(path)
+    with pytest.raises(RecordingError, match="channel: must be a topic in json, got /"):
+        list(recording.messages())
+
+
+def test_totals_without_a_balance_are_an_error(path: Path) -> None:
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("neurosnap", "a stranger")
+        writer.add_metadata("neurosnap.run", {"schema": "1"})
+        writer.add_metadata("neurosnap.totals", {"expected": "{}"})
+        writer.finish()
+    with pytest.raises(
+        RecordingError, match="must hold completeness and expected, got"
+    ):
+        Recording.open(path).completeness()

@@ -1,0 +1,287 @@
+"""Recordings of runs with unknown readings, and of runs before reports had an epoch."""
+
+import asyncio
+import random
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.inline import run_inline
+from neurosnap.runtime.run import describe
+from tests.unit.runtime.scripted import Live, Scripted
+
+TICKS = 20
+ACTIONS = ("go", "stay")
+Rows = list[list[bool | None]]
+
+
+def rows(*, unknown: bool) -> Rows:
+    """Readings of three sensors, the first of which implies the second."""
+    chance = random.Random(0)
+    found: Rows = []
+    for _ in range(2 * TICKS):
+        row: list[bool | None] = [chance.random() < 0.5 for _ in range(3)]
+        row[1] = row[1] or row[0]
+        if unknown:
+            row = [None if chance.random() < 0.3 else on for on in row]
+            row[2] = row[2] is not None and row[2]
+        found.append(row)
+    return found
+
+
+def options(workers: int, ticks: int = TICKS) -> RunOptions:
+    return RunOptions(
+        source="scripted",
+        body=Body.full(["s0", "s1", "s2"], ACTIONS),
+        ticks=ticks,
+        threshold=0.2,
+        cells="worker" if workers else "inline",
+        workers=max(workers, 1),
+    )
+
+
+def record(
+    source: Scripted,
+    log: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    workers: int = 0,
+    past: Past | None = None,
+    ticks: int = TICKS,
+) -> Path:
+    """Record a run in one process."""
+    monkeypatch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
+    given = options(workers, ticks)
+
+    async def once() -> None:
+        facts = describe(given)
+        await run_inline(given, log, facts, past, asyncio.Event(), lambda _: None)
+
+    asyncio.run(once())
+    return log
+
+
+def rewritten(
+    log: Path,
+    change: Callable[[Recorded], bytes],
+    schema: int = wire.SCHEMA,
+    before: Callable[[Recorded], wire.Message | None] = lambda _: None,
+) -> Path:
+    """Return a recording with other payloads, and with more messages between them."""
+    recording, path = Recording.open(log), log.with_name("rewritten.mcap")
+    expected = dict(recording.noted().expected)
+    with Writer(path) as writer, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wire, "SCHEMA", schema)
+        writer.start({k: v for k, v in recording.metadata.items() if k != "schema"})
+        patch.undo()
+        for one in recording.messages():
+            if (more := before(one)) is not None:
+                number = expected[more.sender]
+                expected[more.sender] += 1
+                said = wire.Delivery(more.key, number, one.sent, wire.encode(more))
+                writer.add(said, one.log_time)
+            delivery = one.delivery._replace(payload=change(one))
+            writer.add(delivery, one.log_time)
+        writer.finish({}, expected)
+    return path
+
+
+def observations(log: Path) -> list[wire.Observation]:
+    found = (one.message for one in Recording.open(log).messages(("observe",)))
+    return [message for message in found if isinstance(message, wire.Observation)]
+
+
+# Unknown readings ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_run_with_unknown_readings_is_derived_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    source = Scripted(rows(unknown=True), ACTIONS)
+    log = record(source, tmp_path / "log.mcap", monkeypatch, workers)
+    assert sum(bool(one.known) for one in observations(log)) > TICKS / 2
+    verdict = verify(log)
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert verdict.states == TICKS
+
+
+@pytest.mark.parametrize("sensor", [2, 3, 5])
+def test_a_reading_said_to_be_unknown_that_is_known_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sensor: int
+) -> None:
+    """An own one shows in what is learned, a made one in what it is made of."""
+    source = Scripted(rows(unknown=False), ACTIONS)
+    log = record(source, tmp_path / "log.mcap", monkeypatch)
+    names = options(0).sensors
+
+    def change(one: Recorded) -> bytes:
+        message = one.message
+        if not isinstance(message, wire.Observation) or message.tick != 9:
+            return one.payload
+        mask = ((1 << len(names)) - 1) ^ (1 << sensor)
+        size = len(message.bits)
+        bits = int.from_bytes(message.bits, "little") & mask
+        return wire.encode(
+            msgspec.structs.replace(
+                message,
+                bits=bits.to_bytes(size, "little"),
+                known=mask.to_bytes(size, "little"),
+            )
+        )
+
+    difference = verify(rewritten(log, change)).difference
+    assert difference is not None
+    assert difference.startswith("tick 9: /")
+    if sensor >= 3:
+        assert f"/observe: {names[sensor]} does not follow" in difference
+
+
+@pytest.mark.parametrize("kind", [Scripted, Live])
+def test_a_run_with_unknown_readings_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Scripted]
+) -> None:
+    def source() -> Scripted:
+        made = kind(rows(unknown=True), ACTIONS)
+        if isinstance(made, Live):
+            made.let_go(2 * TICKS)
+        return made
+
+    log = record(source(), tmp_path / "log.mcap", monkeypatch)
+    _, past = look_back(log)
+    again = tmp_path / "again.mcap"
+    record(source(), again, monkeypatch, past=past, ticks=TICKS + 10)
+    verdict = verify(again)
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert verdict.ticks == TICKS + 10
+    begins = [one.tick for one in observations(again) if one.begins]
+    assert begins == ([1, TICKS + 1] if kind is Live else [1])
+    if kind is Scripted:
+        whole = tmp_path / "whole.mcap"
+        record(source(), whole, monkeypatch, ticks=TICKS + 10)
+        assert observations(whole) == observations(again)
+
+
+# Runs from before reports had an epoch ------------------------------------------------
+
+
+def undated(one: Recorded) -> bytes:
+    """Return a payload as schema 1 had it."""
+    return re.sub(rb',"(epoch":\d+|known":"")(?=})', b"", one.payload)
+
+
+def of_schema_1(log: Path) -> Path:
+    def change(one: Recorded) -> bytes:
+        told = isinstance(one.message, wire.Wiring | wire.Loom)
+        return one.payload if told else undated(one)
+
+    return rewritten(log, change, schema=1)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_reports_that_do_not_say_by_which_wiring_they_are_are_taken_for_the_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    source = Scripted(rows(unknown=False), ACTIONS)
+    old = of_schema_1(record(source, tmp_path / "log.mcap", monkeypatch, workers))
+    recording = Recording.open(old)
+    assert recording.metadata["schema"] == "1"
+    reports = list(recording.messages(("settle", "tally", "observe")))
+    assert not any(
+        b"epoch" in one.payload or b"known" in one.payload for one in reports
+    )
+    verdict = verify(old)
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert verdict.states == TICKS
+
+
+def test_a_run_from_before_goes_on_and_is_derived_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = record(
+        Scripted(rows(unknown=False), ACTIONS), tmp_path / "log.mcap", monkeypatch
+    )
+    _, past = look_back(of_schema_1(log))
+    again = tmp_path / "again.mcap"
+    source = Scripted(rows(unknown=False), ACTIONS)
+    record(source, again, monkeypatch, past=past, ticks=TICKS + 10)
+    verdict = verify(again)
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert verdict.ticks == TICKS + 10
+
+
+def test_a_report_by_a_wiring_not_in_force_is_left_out_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Scripted(rows(unknown=False), ACTIONS)
+    log = record(source, tmp_path / "log.mcap", monkeypatch)
+
+    def change(one: Recorded) -> bytes:
+        message = one.message
+        if (
+            isinstance(message, wire.Settled)
+            and message.wave == 15
+            and message.cell == 1
+        ):
+            return wire.encode(msgspec.structs.replace(message, epoch=10**6))
+        return one.payload
+
+    difference = verify(rewritten(log, change)).difference
+    assert difference is not None
+    assert "derived nothing" in difference
+
+
+def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Scripted(rows(unknown=False), ACTIONS)
+    log = record(source, tmp_path / "log.mcap", monkeypatch)
+
+    def before(one: Recorded) -> wire.Message | None:
+        message = one.message
+        if not isinstance(message, wire.Settled) or message.cell != 1:
+            return None
+        both = {"literals": (2, 3), "hops": (0, 0), "epoch": 10**6}
+        return msgspec.structs.replace(message, **both)
+
+    verdict = verify(rewritten(log, lambda one: one.payload, before=before))
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert verdict.states == TICKS
+
+
+# Key-frames ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("change", ["less", "other"])
+def test_a_key_frame_may_note_less_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+) -> None:
+    source = Scripted(rows(unknown=False), ACTIONS)
+    log = record(source, tmp_path / "log.mcap", monkeypatch)
+
+    def older(one: Recorded) -> bytes:
+        if not isinstance(one.message, wire.KeyFrame):
+            return one.payload
+        arrays = unpack_arrays(one.message.snapshot)
+        if change == "less":
+            del arrays["since"]
+        else:
+            arrays["marginals"] = arrays["marginals"] + arrays["marginals"].dtype.type(
+                1
+            )
+        packed = pack_arrays(arrays)
+        return wire.encode(msgspec.structs.replace(one.message, snapshot=packed))
+
+    verdict = verify(rewritten(log, older))
+    assert (verdict.difference is None) == (change == "less")

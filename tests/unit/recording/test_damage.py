@@ -1,0 +1,384 @@
+"""Recordings cut anywhere, flipped anywhere, and made to hurt."""
+
+import random
+import re
+import tracemalloc
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk, Header, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from neurosnap.errors import RecordingError
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.format.records import LIMIT
+from neurosnap.recording.read.info import describe, render
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import options_of
+from neurosnap.recording.write import writer
+from tests.unit.recording.samples import EACH, delivered, record, traffic
+
+MAGIC = b"\x89MCAP0\r\n"
+DELIVERIES = [*traffic(150), *delivered([EACH["keyframe"]])]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("finished") / "log.mcap"
+    record(path, DELIVERIES, every=20)
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def abandoned(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("abandoned") / "log.mcap"
+    record(path, DELIVERIES, every=20, finish=False)
+    return path.read_bytes()
+
+
+def whole_chunks(path: Path) -> list[bytes]:
+    """Return the payloads up to the last whole chunk, as the library finds them."""
+    payloads = []
+    with path.open("rb") as file:
+        try:
+            for record in StreamReader(file, validate_crcs=True).records:
+                if isinstance(record, Message):
+                    payloads.append(record.data)
+        except Exception:  # noqa: BLE001  # many kinds, and all mean: no further
+            pass
+    return payloads
+
+
+@pytest.mark.slow
+def test_cut_anywhere_it_gives_the_whole_chunks(
+    finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.mcap"
+    known = [delivery.payload for delivery in DELIVERIES]
+    header = len(MAGIC) + 9 + int.from_bytes(finished[9:17], "little")
+    path.write_bytes(finished)
+    ends = [c.offset + c.packed for c in Recording.open(path).layout.chunks]
+    offsets = {*range(header, len(finished), 41), header, len(finished) - 1}
+    offsets |= {end + near for end in ends for near in (-1, 0, 1, 8, 9)}
+    assert len(offsets) > 100
+    lengths = set()
+    for offset in sorted(offsets):
+        path.write_bytes(finished[:offset])
+        recording = Recording.open(path)
+        payloads = [recorded.payload for recorded in recording.messages()]
+        assert payloads == known[: len(payloads)]
+        assert payloads == whole_chunks(path)
+        assert recording.cut is not None
+        assert recording.cut.size == offset
+        assert recording.cut.chunks == sum(end <= offset for end in ends)
+        lengths.add(len(payloads))
+    assert lengths == {0, 20, 40, 60, 80, 100, 120, 140, 151}
+
+
+def test_cut_in_its_header_it_is_refused(finished: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    header = len(MAGIC) + 9 + int.from_bytes(finished[9:17], "little")
+    for offset in range(header):
+        path.write_bytes(finished[:offset])
+        with pytest.raises(RecordingError, match=r"must be an MCAP|whole header"):
+            Recording.open(path)
+
+
+def test_cut_behind_its_totals_it_keeps_them(finished: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(finished[:-3])
+    recording = Recording.open(path)
+    assert not recording.finished
+    assert recording.totals is not None
+    assert recording.snapshot == bytes(range(256))
+    assert recording.completeness() == Completeness(151)
+
+
+def test_cut_before_its_totals_gaps_show_but_not_the_tail(tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    early = [delivery for delivery in DELIVERIES if delivery.key == "observe"]
+    record(path, [*early[:2], *early[3:5]], finish=False)
+    assert Recording.open(path).completeness() == Completeness(4, {"world": 1})
+
+
+def flipped(whole: bytes, seed: int, count: int) -> Iterator[tuple[int, bytes]]:
+    """Yield copies with one bit flipped, and where; the first and last 64 bytes too."""
+    draw = random.Random(seed)
+    ends = (*range(64), *range(len(whole) - 64, len(whole)))
+    for offset in (*ends, *draw.sample(range(len(whole)), count)):
+        damaged = bytearray(whole)
+        damaged[offset] ^= 1 << draw.randrange(8)
+        yield offset, bytes(damaged)
+
+
+@pytest.mark.slow
+def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
+    finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "flipped.mcap"
+    lost = set()
+    for offset, damaged in flipped(finished, 1, 800):
+        path.write_bytes(damaged)
+        recording = Recording.open(path)
+        read = [recorded.delivery for recorded in recording.messages()]
+        assert read == [one for one in DELIVERIES if one in read]
+        assert not recording.whole, offset
+        assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": "2"}
+        lost.add(len(DELIVERIES) - len(read))
+    assert lost == {0, 11, 20}
+
+
+@pytest.mark.slow
+def test_a_flipped_bit_in_a_cut_recording_costs_one_chunk_at_most(
+    abandoned: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "flipped.mcap"
+    lost = set()
+    for _, damaged in flipped(abandoned, 2, 800):
+        path.write_bytes(damaged)
+        recording = Recording.open(path)
+        read = [recorded.delivery for recorded in recording.messages()]
+        assert read == [one for one in DELIVERIES if one in read]
+        assert not recording.whole
+        lost.add(len(DELIVERIES) - len(read))
+    assert lost == {0, 11, 20}
+
+
+def hurt(whole: bytes, path: Path, number: int) -> int:
+    """Flip a bit in the middle of a chunk; return where its record starts."""
+    path.write_bytes(whole)
+    chunk = Recording.open(path).layout.chunks[number - 1]
+    damaged = bytearray(whole)
+    damaged[chunk.offset + chunk.packed // 2] ^= 1
+    path.write_bytes(damaged)
+    return chunk.start_offset
+
+
+def test_damage_names_its_place(
+    abandoned: bytes, finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "flipped.mcap"
+    for whole in (abandoned, finished):
+        start = hurt(whole, path, 4)
+        (said,) = Recording.open(path).damage
+        assert re.search(rf"flipped.mcap: bytes {start} to \d+: chunk 4 must", said)
+
+
+def test_what_comes_before_and_behind_the_damage_is_still_given(
+    abandoned: bytes, finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "flipped.mcap"
+    for whole in (abandoned, finished):
+        hurt(whole, path, 4)
+        read = [recorded.delivery for recorded in Recording.open(path).messages()]
+        assert read == DELIVERIES[:60] + DELIVERIES[80:]
+
+
+def test_without_its_first_chunk_the_messages_say_which_channel_is_which(
+    abandoned: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "flipped.mcap"
+    hurt(abandoned, path, 1)
+    read = [recorded.delivery for recorded in Recording.open(path).messages()]
+    assert read == DELIVERIES[20:]
+
+
+def test_a_summary_that_is_damaged_is_no_damage_of_the_data(
+    finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "summary.mcap"
+    path.write_bytes(finished[:-100] + b"?" + finished[-99:])
+    recording = Recording.open(path)
+    assert [recorded.delivery for recorded in recording.messages()] == DELIVERIES
+    assert recording.finished
+    assert not recording.whole
+    (said,) = recording.damage
+    rule = r"the summary must have checksum 0x\w{8}, got 0x\w{8}"
+    assert re.search(rule, said)
+    assert recording.totals is not None
+
+
+def test_zeros_behind_a_cut_are_a_cut(finished: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "zeros.mcap"
+    start = hurt(finished, path, 5)
+    for at in (start - 3, start, start + 1, start + 60):
+        path.write_bytes(finished[:at] + bytes(len(finished) - at))
+        recording = Recording.open(path)
+        assert recording.damage == ()
+        assert recording.cut is not None
+        assert recording.cut.offset <= max(at, start)
+        read = [recorded.delivery for recorded in recording.messages()]
+        assert read == DELIVERIES[:80]
+
+
+def test_zeros_in_the_middle_cost_what_they_cover(
+    abandoned: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "zeros.mcap"
+    start = hurt(abandoned, path, 5)
+    path.write_bytes(abandoned[: start - 9] + bytes(30) + abandoned[start + 21 :])
+    recording = Recording.open(path)
+    read = [recorded.delivery for recorded in recording.messages()]
+    assert read == DELIVERIES[:80] + DELIVERIES[100:]
+    assert recording.completeness().missing
+
+
+def test_zeros_at_the_very_start_cost_what_they_cover(
+    abandoned: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "zeros.mcap"
+    path.write_bytes(bytes(200) + abandoned[200:])
+    recording = Recording.open(path)
+    read = [recorded.delivery for recorded in recording.messages()]
+    assert read == DELIVERIES[20:]
+    assert recording.metadata["seed"] == "7"
+
+
+def test_facts_without_a_checksum_are_not_believed_in_a_damaged_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As recordings were written once.
+    monkeypatch.setattr(writer, "sealed_facts", lambda _, facts: dict(facts))
+    path = tmp_path / "old.mcap"
+    record(path, DELIVERIES, every=20)
+    recording = Recording.open(path)
+    assert recording.whole
+    assert recording.metadata["seed"] == "7"
+    hurt(path.read_bytes(), path, 4)
+    recording = Recording.open(path)
+    assert len(list(recording.messages())) == len(DELIVERIES) - 20
+    assert recording.totals is None
+    with pytest.raises(RecordingError, match=r"options: must have a checksum of their"):
+        options_of(recording)
+    assert "run (may be wrong: it has no checksum):" in render(describe(recording))
+
+
+def test_bytes_behind_the_end_are_noticed(finished: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "longer.mcap"
+    for more in (b"\0", MAGIC, finished):
+        path.write_bytes(finished + more)
+        recording = Recording.open(path)
+        assert [one.delivery for one in recording.messages()] == DELIVERIES
+        (said,) = recording.damage
+        assert f"the file must end behind its footer, got {len(more)} bytes" in said
+
+
+def crafted(path: Path, chunk: Chunk | Message) -> Recording:
+    """Open a file that was never finished and holds one record besides its metadata."""
+    builder = RecordBuilder()
+    builder.write(MAGIC)
+    Header("neurosnap", "a stranger").write(builder)
+    Metadata("neurosnap.run", {"schema": "1"}).write(builder)
+    chunk.write(builder)
+    path.write_bytes(builder.end())
+    return Recording.open(path)
+
+
+def zstd_chunk(packed: bytes, claimed: int, compression: str = "zstd") -> Chunk:
+    return Chunk(
+        compression=compression,
+        data=packed,
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=0,
+        uncompressed_size=claimed,
+    )
+
+
+def test_a_chunk_that_claims_too_much_is_left_unread(tmp_path: Path) -> None:
+    recording = crafted(tmp_path / "bomb", zstd_chunk(b"", LIMIT + 1))
+    assert recording.layout.chunks == []
+    assert recording.cut is not None
+
+
+@pytest.mark.parametrize("says_its_size", [True, False])
+def test_a_chunk_that_unpacks_to_more_than_it_claims_takes_no_memory(
+    tmp_path: Path, says_its_size: bool
+) -> None:
+    compressor = zstandard.ZstdCompressor(write_content_size=says_its_size)
+    bomb = compressor.compress(bytes(64 * 2**20))
+    tracemalloc.start()
+    recording = crafted(tmp_path / "bomb", zstd_chunk(bomb, 1000))
+    assert list(recording.messages()) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert recording.cut is not None
+    assert peak < 2 * 2**20  # what is read at a time
+
+
+def test_a_record_that_claims_too_much_is_left_unread(tmp_path: Path) -> None:
+    path = tmp_path / "bomb"
+    crafted(path, zstd_chunk(b"", 0))
+    size = path.stat().st_size
+    with path.open("ab") as file:
+        file.write(b"\x06" + (LIMIT + 1).to_bytes(8, "little"))
+    recording = Recording.open(path)
+    assert recording.cut is not None
+    assert recording.cut.offset <= size
+
+
+def test_a_file_of_what_looks_like_chunks_is_given_up_on(tmp_path: Path) -> None:
+    path = tmp_path / "many"
+    crafted(path, zstd_chunk(b"", 0))
+    with path.open("ab") as file:
+        file.write(b"\0" * 9)
+        for left in range(2000, 0, -1):  # each claims all that follows
+            rest = left * 49 - 49
+            head = (32 + 8 + rest).to_bytes(8, "little") + bytes(16)
+            size = rest.to_bytes(8, "little")
+            file.write(b"\x06" + head + size + b"\1\0\0\0" + bytes(4) + size)
+    assert Recording.open(path).layout.chunks == []
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd", ""])
+def test_a_chunk_without_a_right_checksum_is_left_out(
+    tmp_path: Path, compression: str
+) -> None:
+    chunk = zstd_chunk(b"\x03" + bytes(8), 9, compression)
+    recording = crafted(tmp_path / "unsure", chunk)
+    assert list(recording.messages()) == []
+    assert recording.cut is not None
+
+
+def test_a_message_outside_chunks_is_left_out(tmp_path: Path) -> None:
+    message = Message(1, 0, b"no checksum covers it", 0, 0)
+    recording = crafted(tmp_path / "loose", message)
+    assert list(recording.messages()) == []
+    assert recording.cut is not None
+
+
+@pytest.mark.parametrize(
+    ("content", "rule"),
+    [
+        (
+            b"\x05" + (99).to_bytes(8, "little") + bytes(30),
+            "record must end by 39, got",
+        ),
+        (
+            b"\x05" + (3).to_bytes(8, "little") + bytes(3),
+            "must have a whole head, got 3",
+        ),
+        (b"\x05" + (22).to_bytes(8, "little") + bytes(22), "must be registered, got 0"),
+        (b"\x05\x00", "record must have a whole head, got"),
+        (
+            b"\x99" + (1).to_bytes(8, "little") + b"x",
+            "a message or its channel, got 153",
+        ),
+        (
+            b"\x04" + (1).to_bytes(8, "little") + b"x",
+            "channel must be well-formed, got",
+        ),
+    ],
+)
+def test_a_chunk_that_holds_nonsense_under_a_good_checksum_is_refused(
+    tmp_path: Path, content: bytes, rule: str
+) -> None:
+    chunk = zstd_chunk(content, len(content), "")
+    chunk.uncompressed_crc = zlib.crc32(content)
+    recording = crafted(tmp_path / "nonsense", chunk)
+    with pytest.raises(RecordingError, match=rf"chunk 1: .*{rule}"):
+        list(recording.messages())

@@ -1,0 +1,112 @@
+"""The recorder knows who is there and where, and believes only what it has written."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.fabric.zenoh.location import Place
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write import recorder
+from neurosnap.recording.write.recorder import _Listener
+from neurosnap.recording.write.rotation import Parts
+from tests.unit.recording.samples import EACH
+
+OAK, ELM = Place("oak", 4711), Place("elm", 2)
+
+
+@pytest.mark.parametrize(
+    ("said", "noted"),
+    [
+        ({"world": OAK, "cell/0": ELM}, {"world": OAK, "cell/0": ELM}),
+        ({"world": OAK, "cell/7": ELM, "watcher": ELM}, {"world": OAK}),
+        ({}, {}),
+    ],
+    ids=["all", "some, and strangers", "none"],
+)
+def test_places_are_noted_when_all_parts_are_there(
+    tmp_path: Path, said: dict[str, Place], noted: dict[str, Place]
+) -> None:
+    log = tmp_path / "log.mcap"
+    with Parts(log, {}) as writer:
+        listener = _Listener(writer, ("world", "cell/0"), MemoryHub().fabric("x"))
+        for who, place in said.items():
+            listener.locate(who, place)
+        for who in ("recorder", "cell/0", "cell/0"):
+            listener.change(who, True)
+        assert Recording.open(log).places == {}
+        listener.change("world", True)
+        assert Recording.open(log).places == noted
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a last word be given up at once."""
+    monkeypatch.setattr(recorder, "_LAST_WORD", 0.0)
+
+
+async def settle() -> None:
+    """Let the loop run what is due."""
+    for _ in range(3):
+        await asyncio.sleep(0)
+
+
+@pytest.mark.usefixtures("soon")
+async def test_who_comes_back_at_once_is_not_gone(tmp_path: Path) -> None:
+    with Parts(tmp_path / "log.mcap", {}) as writer:
+        listener = _Listener(writer, ("world",), MemoryHub().fabric("recorder"))
+        for alive in (True, False, True):
+            listener.change("world", alive)
+        await settle()
+        assert not listener.all_left.is_set()
+        listener.change("world", False)
+        await settle()
+        assert listener.all_left.is_set()
+
+
+@pytest.mark.usefixtures("soon")
+async def test_who_comes_back_later_is_there_again(tmp_path: Path) -> None:
+    with Parts(tmp_path / "log.mcap", {}) as writer:
+        fabric = MemoryHub().fabric("recorder")
+        listener = _Listener(writer, ("world", "cell/0"), fabric)
+        listener.change("world", False)
+        await settle()
+        listener.change("world", True)
+        listener.change("cell/0", False)
+        listener.change("cell/0", False)  # said twice
+        await settle()
+        assert not listener.all_left.is_set()
+
+
+async def test_only_what_is_written_counts(tmp_path: Path) -> None:
+    log, hub = tmp_path / "log.mcap", MemoryHub()
+    faults: list[wire.Delivery] = []
+    hub.fabric("ear").listen(("fault/**",), faults.extend)
+    state, leave = EACH["state"], wire.Leave("world")
+    assert isinstance(state, wire.State)
+    with Parts(log, {}) as writer:
+        listener = _Listener(writer, ("world", "cell/0"), hub.fabric("recorder"))
+        listener.handle(
+            [
+                wire.Delivery(message.key, 2**32, 0, wire.encode(message))
+                for message in (state, leave)
+            ]
+        )
+        hub.run()
+        assert [wire.decode("fault/recorder", one.payload) for one in faults] == [
+            wire.Fault("recorder", f"{key}: must hold a message that can be recorded")
+            for key in ("state", "leave/world")
+        ]
+        assert listener.totals() == {"ticks": "0"}
+        assert listener.expected() == {"world": 1, "cell/0": 1}
+        listener.handle(
+            [
+                wire.Delivery("state", 0, 0, wire.encode(state)),
+                wire.Delivery("leave/world", 4, 0, wire.encode(leave)),
+            ]
+        )
+        assert listener.totals() == {"ticks": str(state.tick)}
+        assert listener.expected() == {"world": 5, "cell/0": 1}
+    assert [one.message for one in Recording.open(log).messages()] == [state, leave]

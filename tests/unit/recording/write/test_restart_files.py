@@ -1,0 +1,286 @@
+"""What becomes of a run's files when it goes on: no tick is ever deleted."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.records import SMALLEST
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.write.restart_files import Lives
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import Argument, open_source
+
+
+def options_for(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
+    arguments: dict[str, Argument] = {"places": 5}
+    source = open_source("neurosnap/Path-v0", seed, arguments)
+    source.close()
+    return RunOptions(
+        source="neurosnap/Path-v0",
+        arguments=arguments,
+        body=body_of(source, "walker"),
+        ticks=ticks,
+        seed=seed,
+        cells="inline",
+        keyframe_every=20,
+        split=split,
+    )
+
+
+@pytest.fixture(scope="module")
+def recordings(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[tuple[int, int], bytes]:
+    """Finished recordings, by their ticks and their seed."""
+    folder, found = tmp_path_factory.mktemp("runs"), {}
+    for ticks, seed in ((5, 3), (30, 3), (60, 3), (30, 4)):
+        path = folder / f"{ticks}-{seed}"
+        asyncio.run(run(options_for(ticks, seed=seed), path, asyncio.Event()))
+        found[ticks, seed] = path.read_bytes()
+    return found
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "run.mcap"
+
+
+def flipped(content: bytes, at: int) -> bytes:
+    return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
+
+
+def in_chunk(path: Path) -> int:
+    """Return a byte in the first chunk of a recording."""
+    return Recording.open(path).layout.chunks[0].offset + 10
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def observed(*files: Path) -> set[tuple[int, bytes]]:
+    """Return the readings in all files that can be read."""
+    found: set[tuple[int, bytes]] = set()
+    for path in files:
+        try:
+            for recorded in Recording.open(path).messages(("observe",)):
+                message = recorded.message
+                if isinstance(message, wire.Observation):
+                    found.add((message.tick, message.bits))
+        except RecordingError:
+            continue
+    return found
+
+
+def gone_on(
+    lives: Lives, options: RunOptions, before: Past | None = None
+) -> Past | None:
+    """Let a life go on from what there is."""
+    return lives.go_on(lives.furthest(options), before)[1]
+
+
+def test_a_damaged_recording_is_kept_beside(
+    log: Path, recordings: dict[tuple[int, int], bytes]
+) -> None:
+    log.write_bytes(recordings[30, 3])
+    bad = flipped(recordings[30, 3], in_chunk(log))
+    log.write_bytes(bad)
+    lives = Lives(log)
+    past = gone_on(lives, options_for(30))
+    left = log.with_name("run.mcap.broken" if past else "run.damaged-1.mcap")
+    assert left.read_bytes() == bad
+    # Even once the run has come to its end.
+    log.write_bytes(recordings[60, 3])
+    lives.settle()
+    (kept,) = lives.kept
+    assert kept == log.with_name("run.damaged-1.mcap")
+    assert kept.read_bytes() == bad
+    assert log.read_bytes() == recordings[60, 3]
+
+
+def test_a_recording_whose_length_is_damaged_is_no_cut_one(
+    log: Path, recordings: dict[tuple[int, int], bytes]
+) -> None:
+    log.write_bytes(recordings[30, 3])
+    chunks = Recording.open(log).layout.chunks
+    # As it grows: without its end. The length of the last chunk is too large then.
+    grown = recordings[30, 3][: chunks[-1].offset + chunks[-1].packed + 50]
+    length_at = chunks[-1].offset - 8 - 4 - 4 - 28 - 8
+    bad = flipped(grown, length_at + 3)
+    log.write_bytes(bad)
+    lives = Lives(log)
+    gone_on(lives, options_for(30))
+    log.write_bytes(recordings[5, 3])
+    lives.settle()
+    (kept,) = lives.kept
+    assert kept.read_bytes() == bad
+
+
+def test_what_the_recording_holds_is_not_kept(
+    log: Path, recordings: dict[tuple[int, int], bytes]
+) -> None:
+    log.write_bytes(recordings[30, 3])
+    lives = Lives(log)
+    past = gone_on(lives, options_for(30))
+    assert past is not None
+    assert (past.tick, names(log.parent)) == (29, ["run.mcap.broken"])
+    # A life that got no further leaves nothing.
+    log.write_bytes(recordings[5, 3])
+    assert gone_on(lives, options_for(5), past) == past
+    assert names(log.parent) == ["run.mcap.broken"]
+    log.write_bytes(recordings[60, 3])
+    lives.settle()
+    assert names(log.parent) == ["run.mcap"]
+    assert lives.kept == []
+
+
+def test_readings_that_another_life_did_not_see_are_kept(
+    log: Path, recordings: dict[tuple[int, int], bytes]
+) -> None:
+    log.write_bytes(recordings[30, 3])
+    lives = Lives(log)
+    past = gone_on(lives, options_for(30))
+    log.write_bytes(recordings[30, 4])  # as many ticks, of another world
+    assert gone_on(lives, options_for(30, seed=4), past) == past
+    assert names(log.parent) == ["run.damaged-1.mcap", "run.mcap.broken"]
+    log.write_bytes(recordings[60, 3])
+    lives.settle()
+    assert lives.kept == [log.with_name("run.damaged-1.mcap")]
+    assert lives.kept[0].read_bytes() == recordings[30, 4]
+
+
+def test_what_is_kept_gets_the_next_free_name(
+    log: Path, recordings: dict[tuple[int, int], bytes]
+) -> None:
+    earlier = log.with_name("run.damaged-1.mcap")
+    earlier.write_bytes(b"of an earlier run")
+    lives = Lives(log)
+    for content in (b"no recording" * 9, b"another one" * 9):
+        log.write_bytes(content)
+        assert gone_on(lives, options_for(30)) is None
+    assert [path.name for path in lives.kept] == [
+        "run.damaged-2.mcap",
+        "run.damaged-3.mcap",
+    ]
+    assert earlier.read_bytes() == b"of an earlier run"
+
+
+def test_an_empty_file_is_nothing_to_keep(log: Path) -> None:
+    log.touch()
+    lives = Lives(log)
+    assert gone_on(lives, options_for(30)) is None
+    assert (names(log.parent), lives.kept) == ([], [])
+
+
+def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
+    options = options_for(900, split=SMALLEST)
+    asyncio.run(run(options, log, asyncio.Event()))
+    last = max(part_paths(log))
+    assert last >= 2
+    middle = part_paths(log)[last - 1]
+    middle.write_bytes(b"no recording" * 9)
+    lives = Lives(log)
+    # The walker's actions are in all files, so the run begins anew; nothing is lost.
+    # A newest file may hold nothing but the end of the run, and no tick.
+    before = {
+        path.read_bytes()
+        for path in part_paths(log).values()
+        if path == middle or any(Recording.open(path).messages(("observe",)))
+    }
+    past = gone_on(lives, options)
+    assert {path.read_bytes() for path in log.parent.iterdir()} >= before
+    assert past is None or past.part <= last
+
+
+def test_who_is_killed_between_two_steps_leaves_every_tick(
+    tmp_path: Path,
+    recordings: dict[tuple[int, int], bytes],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rename, unlink, steps = Path.rename, Path.unlink, [0]
+
+    class KilledError(Exception):
+        pass
+
+    def step() -> None:
+        if not steps[0]:
+            raise KilledError
+        steps[0] -= 1
+
+    def renamed(path: Path, target: Path) -> Path:
+        step()
+        return rename(path, target)
+
+    def unlinked(path: Path, missing_ok: bool = False) -> None:
+        step()
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "rename", renamed)
+    monkeypatch.setattr(Path, "unlink", unlinked)
+
+    def dance(folder: Path, most: int) -> tuple[bool, int]:
+        """Let a run go on and end, at most so many steps; return how far it got."""
+        folder.mkdir()
+        log, furthest = folder / "run.mcap", 0
+        steps[0] = most
+        lives, past = Lives(log), None
+        try:
+            for ticks in (5, 30, 5):
+                log.write_bytes(recordings[ticks, 3])
+                furthest = max(furthest, ticks)
+                past = gone_on(lives, options_for(ticks), past)
+            log.write_bytes(recordings[60, 3])
+            lives.settle()
+        except KilledError:
+            return False, furthest
+        return True, 60
+
+    folder = tmp_path
+    for most in range(100):
+        folder = tmp_path / str(most)
+        done, furthest = dance(folder, most)
+        if done:
+            break
+        assert len(observed(*folder.iterdir())) >= furthest
+        if "run.mcap.broken" in names(folder):
+            with pytest.raises(InvalidValueError, match="replay FILE --resume"):
+                Lives(folder / "run.mcap").check_free()
+    # Two lives are moved, the first and an unwanted one deleted, then the second.
+    assert most == 5
+    assert names(folder) == ["run.mcap"]
+
+
+def test_of_two_lives_that_saw_other_things_none_is_deleted(
+    log: Path, recordings: dict[tuple[int, int], bytes]
+) -> None:
+    log.write_bytes(recordings[30, 4])
+    log.with_name("run.mcap.broken").write_bytes(recordings[60, 3])
+    lives = Lives(log)
+    lives.keep_furthest()
+    assert log.read_bytes() == recordings[60, 3]
+    (kept,) = lives.kept
+    assert kept.read_bytes() == recordings[30, 4]
+    assert len(names(log.parent)) == 2
+
+
+@pytest.mark.parametrize("content", [b"", bytes(300)], ids=["empty", "zeros"])
+def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
+    content: bytes, log: Path
+) -> None:
+    options = options_for(500, split=SMALLEST)
+    asyncio.run(run(options, log, asyncio.Event()))
+    last = max(part_paths(log))
+    assert last >= 1
+    before = Lives(log).furthest(options)
+    assert before is not None
+    assert before.part >= 1
+    blank = log.with_name(f"run_{last + 1:04d}.mcap")
+    blank.write_bytes(content)
+    assert Lives(log).furthest(options) == before

@@ -1,0 +1,330 @@
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+from mcap.reader import make_reader
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
+from tests.unit.recording.samples import EACH, NOW, delivered, record, sent_by, traffic
+
+PULSE = next(delivered([EACH["excite"]]))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "log.mcap"
+
+
+@contextmanager
+def no_file_beyond(size: int) -> Iterator[None]:
+    """Let the operating system refuse to make any file larger, as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_any_mcap_reader_reads_it(path: Path) -> None:
+    deliveries = list(delivered(EACH.values()))
+    record(path, deliveries, every=4)
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "neurosnap"
+        assert reader.get_header().library.startswith("neurosnap ")
+        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        assert metadata["neurosnap.run"]["seed"] == "7"
+        assert metadata["neurosnap.run"]["schema"] == str(wire.SCHEMA)
+        assert metadata["neurosnap.totals"]["ticks"] == "3"
+        (snapshot,) = reader.iter_attachments()
+        assert snapshot.name == "snapshot.npz"
+        assert snapshot.data == bytes(range(256))
+        read = list(reader.iter_messages(log_time_order=False))
+    for (schema, channel, message), delivery in zip(read, deliveries, strict=True):
+        assert schema is not None
+        assert schema.encoding == "jsonschema"
+        assert channel.topic == f"/{wire.topic(delivery.key)}"
+        assert channel.message_encoding == "json"
+        assert message.data == delivery.payload
+        assert message.sequence == delivery.sequence
+        assert message.publish_time == delivery.sent
+        assert message.log_time == delivery.sent + 1000
+
+
+def test_every_topic_has_a_channel_even_without_messages(path: Path) -> None:
+    record(path, [PULSE])
+    layout = Recording.open(path).layout
+    topics = [channel.topic for channel in layout.channels.values()]
+    assert topics == [f"/{topic}" for topic in wire.TOPICS]
+
+
+def test_only_the_owner_may_read_it(path: Path) -> None:
+    record(path, [])
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_an_existing_file_is_refused_and_left_alone(path: Path) -> None:
+    path.write_bytes(b"precious")
+    with pytest.raises(RecordingError, match=r"^log: must not exist yet, got '/.*'$"):
+        Writer(path)
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_link_to_nowhere_is_refused(path: Path) -> None:
+    path.symlink_to(path.with_name("elsewhere"))
+    with pytest.raises(RecordingError, match=r"^log: must not exist yet, got"):
+        Writer(path)
+
+
+def test_a_missing_folder_is_refused(path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"^log: must be in a folder that exists"):
+        Writer(path / "below" / "log.mcap")
+
+
+@pytest.mark.parametrize("name", ["log.mcap/below", "nul\0l", "x" * 300])
+def test_a_place_that_takes_no_file_is_refused(path: Path, name: str) -> None:
+    path.write_bytes(b"a file is no folder")
+    with pytest.raises(RecordingError, match=r"^log: must be writable, got"):
+        Writer(path.parent / name)
+
+
+def test_options_out_of_range_are_refused_before_a_file_is_made(path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"^chunk: must be in \[1, 67108864\]"):
+        Writer(path, chunk=0)
+    with pytest.raises(InvalidValueError, match=r"^compression: must be zstd or none"):
+        Writer(path, compression="lz4")  # type: ignore[arg-type]
+    assert not path.exists()
+
+
+def test_duplicates_are_left_out_and_gaps_named(path: Path) -> None:
+    deliveries = traffic(200)
+    lost = [deliveries[50], deliveries[120], deliveries[-1]]
+    kept = [delivery for delivery in deliveries if delivery not in lost]
+    with Writer(path) as writer:
+        writer.start({})
+        for delivery in (*kept, *kept[:7]):
+            writer.add(delivery, delivery.sent)
+        completeness = writer.finish({}, sent_by(deliveries))
+    assert completeness == Completeness(197, sent_by(lost), duplicates=7)
+    recording = Recording.open(path)
+    assert [recorded.delivery for recorded in recording.messages()] == kept
+    assert recording.completeness() == completeness
+
+
+def test_a_repaired_loss_is_recorded_where_it_came(path: Path) -> None:
+    first, second, third = delivered([EACH["observe"]] * 3)
+    completeness = record(path, [first, third, second])
+    assert completeness == Completeness(3)
+    read = [recorded.sequence for recorded in Recording.open(path).messages()]
+    assert read == [0, 2, 1]
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        PULSE._replace(payload=b""),
+        PULSE._replace(payload=b"\xff\xfe\x00"),
+        PULSE._replace(payload=b"{}"),
+        PULSE._replace(payload=b"[" * 100_000),
+        PULSE._replace(payload=b'{"type":"pulse","x":' + b"[" * 100_000),
+        PULSE._replace(payload=PULSE.payload + b"x"),
+        PULSE._replace(payload=PULSE.payload.replace(b'"hops":1', b'"hops":0')),
+        PULSE._replace(payload=wire.encode(EACH["inhibit"])),
+        PULSE._replace(payload=wire.encode(EACH["observe"])),
+        PULSE._replace(key="nothing/of/ours"),
+        PULSE._replace(key=""),
+        PULSE._replace(sequence=-1),
+        PULSE._replace(sent=-1),
+        PULSE._replace(sent=2**64),
+    ],
+    ids=repr,
+)
+def test_what_is_no_message_is_counted_and_left_out(
+    path: Path, foreign: wire.Delivery
+) -> None:
+    with Writer(path) as writer:
+        writer.start({})
+        writer.add(foreign, NOW)
+        writer.add(PULSE, NOW)
+        completeness = writer.finish({}, {"cell/3": 1})
+    assert completeness == Completeness(1, foreign=1)
+    (read,) = Recording.open(path).messages()
+    assert read.delivery == PULSE
+
+
+def test_a_message_too_large_to_be_read_back_is_left_out(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("neurosnap.recording.write.writer._LARGEST_PAYLOAD", 1000)
+    large = next(delivered([wire.KeyFrame(1, bytes(1000))]))
+    with Writer(path) as writer:
+        writer.start({})
+        writer.add(large, NOW)
+        completeness = writer.finish({}, {"coordinator": 1})
+    assert completeness == Completeness(0, {"coordinator": 1}, foreign=1)
+
+
+def test_a_number_that_does_not_fit_is_foreign(path: Path) -> None:
+    # Raising would let a stranger end the recording.
+    with Writer(path) as writer:
+        writer.start({})
+        writer.add(PULSE._replace(sequence=2**32 - 1), NOW)
+        writer.add(PULSE._replace(sequence=2**32), NOW)
+        writer.add(PULSE, NOW)
+        assert writer.finish({}, {}).foreign == 1
+    assert len(list(Recording.open(path).messages())) == 2
+
+
+def test_a_log_time_that_is_none_is_an_error(path: Path) -> None:
+    with Writer(path) as writer:
+        writer.start({})
+        with pytest.raises(
+            InvalidValueError, match=r"^log_time: must be in \[0, 2\^64"
+        ):
+            writer.add(PULSE, -1)
+        writer.add(PULSE, NOW)
+        assert writer.finish({}, {"cell/3": 1}).whole
+
+
+def test_what_was_flushed_is_there_while_it_is_written(path: Path) -> None:
+    deliveries = traffic(60)
+    with Writer(path) as writer:
+        writer.start({"seed": "1"})
+        assert Recording.open(path).metadata["seed"] == "1"
+        for count, delivery in enumerate(deliveries, start=1):
+            writer.add(delivery, delivery.sent)
+            if count % 20 == 0:
+                writer.flush()
+                assert len(list(Recording.open(path).messages())) == count
+
+
+def test_flushing_what_is_flushed_adds_nothing(path: Path) -> None:
+    with Writer(path) as writer:
+        writer.start({})
+        writer.add(PULSE, NOW)
+        writer.flush()
+        size = path.stat().st_size
+        writer.flush()
+        assert path.stat().st_size == size
+
+
+@pytest.mark.parametrize("started", [False, True])
+def test_abandoned_it_stays_readable_and_takes_nothing_more(
+    path: Path, started: bool
+) -> None:
+    writer = Writer(path)
+    if started:
+        writer.start({})
+        writer.add(PULSE, NOW)
+    writer.abandon()
+    writer.abandon()
+    with pytest.raises(RecordingError, match=r"^log: must be started and open, got"):
+        writer.add(PULSE, NOW)
+    with pytest.raises(RecordingError, match=r"^log: must be open, got"):
+        writer.flush()
+    with pytest.raises(RecordingError, match=r"^log: must be started and open, got"):
+        writer.finish({}, {})
+    recording = Recording.open(path)
+    assert len(list(recording.messages())) == started
+    assert recording.cut is not None
+    assert recording.totals is None
+
+
+def test_it_must_be_started_once(path: Path) -> None:
+    with Writer(path) as writer:
+        with pytest.raises(RecordingError, match=r"^log: must be started and open"):
+            writer.add(PULSE, NOW)
+        writer.start({})
+        with pytest.raises(RecordingError, match=r"^log: must be started once"):
+            writer.start({})
+
+
+def test_text_that_cannot_be_written_is_refused_whole(path: Path) -> None:
+    with Writer(path) as writer:
+        with pytest.raises(InvalidValueError, match=r"^command: must be text in UTF-8"):
+            writer.start({"seed": "1", "command": "\udcff"})
+        writer.start({"seed": "2"})
+        with pytest.raises(InvalidValueError, match=r"^why: must be text in UTF-8"):
+            writer.finish({"why": "\udcff"}, {})
+        writer.finish({}, {})
+    assert Recording.open(path).metadata["seed"] == "2"
+
+
+def test_the_last_keyframe_becomes_the_attached_snapshot(path: Path) -> None:
+    frames: list[wire.Message] = [wire.KeyFrame(n, bytes((n,)) * 9) for n in (1, 2, 3)]
+    record(path, delivered(frames))
+    assert Recording.open(path).snapshot == b"\x03" * 9
+
+
+def test_without_a_keyframe_there_is_no_snapshot(path: Path) -> None:
+    record(path, [PULSE])
+    assert Recording.open(path).snapshot is None
+
+
+def test_totals_say_what_is_missing(path: Path) -> None:
+    with Writer(path) as writer:
+        writer.start({})
+        writer.add(PULSE, NOW)
+        completeness = writer.finish({"ticks": "9"}, {"cell/3": 4})
+    totals = Recording.open(path).totals
+    assert totals is not None
+    assert totals["ticks"] == "9"
+    noted = msgspec.json.decode(totals["completeness"], type=Completeness)
+    assert noted == completeness == Completeness(1, {"cell/3": 3})
+
+
+@pytest.mark.parametrize("at", ["add", "flush", "finish", "abandon"])
+def test_a_full_disk_is_an_error_and_what_was_written_stays(
+    path: Path, at: str
+) -> None:
+    deliveries = traffic(3000)
+    writer = Writer(path, compression="none", chunk=4096)
+    writer.start({})
+    for delivery in deliveries[:1000]:
+        writer.add(delivery, NOW)
+    writer.flush()
+    room = {"add": 50_000, "flush": 10, "finish": 10, "abandon": 10}[at]
+    with (
+        no_file_beyond(path.stat().st_size + room),
+        pytest.raises(
+            RecordingError, match=r"^log: must take what is recorded, got Fi"
+        ),
+    ):
+        for delivery in deliveries[1000 : 3000 if at == "add" else 1010]:
+            writer.add(delivery, NOW)
+        {
+            "add": writer.flush,
+            "flush": writer.flush,
+            "finish": lambda: writer.finish({}, {}),
+            "abandon": writer.abandon,
+        }[at]()
+    with pytest.raises(RecordingError, match=r"^log: must be started and open"):
+        writer.add(deliveries[0], NOW)
+    writer.abandon()
+    recording = Recording.open(path)
+    read = [recorded.delivery for recorded in recording.messages()]
+    assert len(read) >= 1000
+    assert read == deliveries[: len(read)]
+    assert recording.cut is not None
+
+
+@pytest.mark.parametrize("compression", ["zstd", "none"])
+def test_chunks_are_closed_when_full(path: Path, compression: str) -> None:
+    deliveries = traffic(2000)
+    with Writer(path, compression=compression, chunk=20_000) as writer:  # type: ignore[arg-type]
+        writer.start({})
+        for delivery in deliveries:
+            writer.add(delivery, NOW)
+        writer.finish({}, {})
+    recording = Recording.open(path)
+    assert len(recording.layout.chunks) > 5
+    assert all(chunk.unpacked < 21_000 for chunk in recording.layout.chunks)
+    assert [recorded.delivery for recorded in recording.messages()] == deliveries

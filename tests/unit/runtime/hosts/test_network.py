@@ -1,0 +1,75 @@
+"""Which keys a host needs: those of its own parts."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.security.credentials import AUTHORITY
+from neurosnap.fabric.security.make_keys import make_keys
+from neurosnap.fabric.security.roles import Role
+from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.network import Network
+
+WHERE = "tls/127.0.0.1:7447"
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("network") / "keys"
+    make_keys(folder)
+    return folder
+
+
+def host(keys: Path, folder: Path, *roles: Role) -> str:
+    """Return a folder with the files of some roles, as one host has them."""
+    folder.mkdir()
+    shutil.copy(keys / f"{AUTHORITY}.pem", folder)
+    for role in roles:
+        for suffix in ("pem", "key"):
+            shutil.copy(keys / f"{role}.{suffix}", folder)
+    return str(folder)
+
+
+@pytest.mark.parametrize("role", ["world", "recorder", "cell", "worker"])
+def test_a_service_needs_its_own_keys_and_the_watchers(
+    role: Role, keys: Path, tmp_path: Path
+) -> None:
+    tls = host(keys, tmp_path / "here", role, "watcher")
+    network = Network(connect=WHERE, tls=tls)
+    network.check("watcher")
+    seats = Seats(network)
+    assert seats.seat("watcher", "demo").credentials is not None
+    who = role if role in ("world", "recorder") else f"{role}/0"
+    own = seats.seat(who, "demo", 5)
+    assert own.credentials is not None
+    assert (own.credentials.name, own.endpoint, own.first) == (role, WHERE, 5)
+    with pytest.raises(InvalidValueError, match=r"coordinator\.pem: must be a file"):
+        network.check()
+
+
+def test_a_launcher_needs_the_keys_of_the_parts_it_starts(
+    keys: Path, tmp_path: Path
+) -> None:
+    tls = host(keys, tmp_path / "here", "coordinator")
+    Network(connect=WHERE, tls=tls).check()
+    Network(connect=WHERE, tls=tls).check("coordinator")
+    with pytest.raises(InvalidValueError, match=r"world\.pem: must be a file"):
+        Network(connect=WHERE, tls=tls).check("coordinator", "world")
+    with pytest.raises(InvalidValueError, match=r"hub\.pem: must be a file"):
+        Network(listen=WHERE, tls=tls).check()
+
+
+def test_the_keys_of_a_role_are_read_once(keys: Path, tmp_path: Path) -> None:
+    tls = host(keys, tmp_path / "here", "cell")
+    seats = Seats(Network(connect=WHERE, tls=tls))
+    first = seats.seat("cell/0", "demo")
+    shutil.rmtree(tls)
+    assert seats.seat("cell/1", "demo").credentials is first.credentials
+
+
+def test_without_a_network_parts_meet_on_the_swarms_own_socket() -> None:
+    seat = Seats(Network(), "unixsock-stream/own", located=True).seat("world", "demo")
+    assert (seat.endpoint, seat.credentials) == ("unixsock-stream/own", None)
+    assert seat.located

@@ -1,0 +1,143 @@
+"""The shell feeds its core in turn, and lets no failure pass unheard."""
+
+import asyncio
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.runtime.parts import coordinator_loop
+from neurosnap.runtime.parts.coordinator_loop import _Shell, conduct
+from neurosnap.runtime.parts.world_deadline import Answer
+from tests.patience import PATIENCE
+
+
+class Core:
+    """A core that starts waves and notes what it is asked, until told to finish."""
+
+    def __init__(self, waves: int = 0) -> None:
+        self.finished = False
+        self.asked: list[str] = []
+        self._waves = waves
+        self._next = 1
+        self._flying: list[int] = []
+
+    @property
+    def tick(self) -> int:
+        return 7
+
+    @property
+    def in_flight(self) -> tuple[int, ...]:
+        return tuple(self._flying)
+
+    def begin(self) -> list[wire.Message]:
+        self.asked.append("begin")
+        return [self._start(0) for _ in range(self._waves)]
+
+    def receive(self, message: wire.Message) -> list[wire.Message]:
+        """Let the wave settle that a report is on; what else comes is an error."""
+        assert isinstance(message, wire.Settled), "nothing else is expected"
+        self.asked.append(f"settled {message.wave}")
+        self._flying.remove(message.wave)
+        return []
+
+    def overdue(self, number: int) -> list[wire.Message]:
+        self.asked.append(f"overdue {number}")
+        self._flying.remove(number)
+        return [self._start(number)]
+
+    def stop(self) -> list[wire.Message]:
+        self.asked.append("stop")
+        self.finished = True
+        return []
+
+    def _start(self, repeats: int) -> wire.Message:
+        self._flying.append(self._next)
+        self._next += 1
+        return wire.WaveStart(
+            self._next - 1, 1, "state", 0, 1, repeats=repeats, fence=1
+        )
+
+
+class Clock:
+    """What the shell takes for `time`."""
+
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+async def test_late_waves_are_repeated_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A repeat wires all cells anew, which another's reports would fall into."""
+    clock, core = Clock(), Core(3)
+    monkeypatch.setattr(coordinator_loop, "time", clock)
+    fabric = MemoryHub().fabric("coordinator")
+    shell_ = _Shell(core, fabric, 1.0, Answer(None), lambda _: None, ())
+
+    def settle(wave: int) -> None:
+        report = wire.Settled(wave, 0, 0, (0,), (0,), (0,), 0)
+        payload = wire.encode(report)
+        shell_.handle([wire.Delivery(report.key, 0, 0, payload)])
+
+    shell_.begin()
+    clock.now = 1.5
+    shell_._find_overdue()
+    shell_._find_overdue()
+    assert core.asked == ["begin", "overdue 1"]
+    settle(4)
+    assert core.asked[2:] == ["settled 4", "overdue 2"]
+    clock.now = 3.0
+    shell_._find_overdue()
+    assert core.asked[4:] == ["overdue 5"]  # a repeat that is late itself goes first
+    settle(6)
+    assert core.asked[5:] == ["settled 6", "overdue 3"]
+    settle(7)
+    assert core.asked[7:] == ["settled 7"]
+
+
+class Broken(MemoryFabric):
+    """A network that takes no more once a wave has been started."""
+
+    def publish(self, *messages: wire.Message) -> None:
+        if any(isinstance(m, wire.WaveStart) and m.repeats for m in messages):
+            raise RuntimeError("the session is closed")
+        super().publish(*messages)
+
+
+async def test_whatever_goes_wrong_at_a_deadline_ends_the_run() -> None:
+    async with asyncio.timeout(PATIENCE), Broken(MemoryHub(), "coordinator") as fabric:
+        with pytest.raises(RuntimeError, match="the session is closed"):
+            await conduct(Core(1), fabric, asyncio.Event(), parts=(), deadline=0.02)
+
+
+async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
+    hub, core = MemoryHub(), Core()
+    async with asyncio.timeout(PATIENCE), hub.fabric("coordinator") as fabric:
+        observation = wire.Observation(1, b"\x01")
+        publish = hub.fabric("world").publish
+        asyncio.get_running_loop().call_soon(publish, observation)
+        with pytest.raises(AssertionError, match="nothing else is expected"):
+            await conduct(core, fabric, asyncio.Event(), parts=("cell/0",), deadline=10)
+    assert core.asked == []
+
+
+async def test_it_says_that_it_goes_on_even_if_nothing_happens(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(coordinator_loop, "_WORD", 0.001)
+    core, stop, said = Core(), asyncio.Event(), list[int]()
+
+    def on_progress(tick: int) -> None:
+        said.append(tick)
+        if len(said) == 4:
+            stop.set()
+
+    async with asyncio.timeout(PATIENCE), MemoryHub().fabric("coordinator") as fabric:
+        await conduct(
+            core, fabric, stop, parts=(), deadline=100, on_progress=on_progress
+        )
+    assert said[:4] == [7] * 4
+    assert core.asked == ["begin", "stop"]

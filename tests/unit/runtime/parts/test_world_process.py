@@ -1,0 +1,316 @@
+"""The world's part: what it makes of a source, and how it waits for a live one."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import MessageError, NeurosnapError
+from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.replay.resume_point import Past
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.inline import run_inline
+from neurosnap.runtime.parts.world_process import World, run_world
+from neurosnap.runtime.run import describe
+from neurosnap.sensorium import pack
+from tests.patience import PATIENCE
+from tests.unit.runtime.scripted import Live, Scripted
+
+PLAIN = Body(own=("s0", "s1"))
+ACTING = Body.full(["s0", "s1"], ["go", "stay"])
+ROWS: list[list[bool | None]] = [
+    [True, False],
+    [None, True],
+    [True, None],
+    [False, False],
+]
+
+
+def told(world: World, tick: int, action: int = -1) -> wire.Observation | None:
+    """Return what the world answers to a decision it hears."""
+    decision = world.hear(wire.Decision(tick, action, "as asked"))
+    assert decision is not None
+    return world.answer(decision)
+
+
+def believe(world: World, tick: int) -> None:
+    """Let it hear a state that says nothing."""
+    literals = pack([False] * (2 * len(ACTING.sensors)))
+    world.hear(wire.State(tick, 1, literals, False, 0, 0, 0, 0, 0))
+
+
+def past(tick: int, *actions: int, sensors: int = 2, state: bytes = b"") -> Past:
+    packed = state or pack([False] * (2 * sensors))
+    return Past("log", tick, actions, packed, {}, (tick,))
+
+
+# What it makes of a source ------------------------------------------------------------
+
+
+def test_what_is_unknown_is_off_and_said_to_be_unknown() -> None:
+    world = World(Scripted(ROWS), PLAIN)
+    assert [told(world, tick) for tick in range(5)] == [
+        wire.Observation(1, b"\x01", True),
+        wire.Observation(2, b"\x02", known=b"\x02"),
+        wire.Observation(3, b"\x01", known=b"\x01"),
+        wire.Observation(4, b"\x00"),
+        None,
+    ]
+
+
+def test_what_a_sensor_in_context_is_made_of_may_be_unknown() -> None:
+    world = World(Scripted(ROWS, ACTING.actions), ACTING)
+    names = ACTING.sensors
+    for tick in range(3):
+        observation = told(world, tick, 0)
+        assert observation is not None
+        if tick:
+            # The state holds what is known of the own sensors, and nothing else.
+            row = ROWS[tick - 1]
+            unknown = {f"s{k}" for k, on in enumerate(row) if on is None}
+            expected = {f"go&{name}" for name in unknown}
+            expected |= {f"go&~{name}" for name in unknown}
+            expected |= {f"s{k}" for k, on in enumerate(ROWS[tick]) if on is None}
+            known = observation.known or b"\xff\xff"
+            flags = np.unpackbits(np.frombuffer(known, np.uint8), bitorder="little")
+            assert {
+                n for n, on in zip(names, flags, strict=False) if not on
+            } == expected
+        literals = [False] * (2 * len(names))
+        for k, on in enumerate(ROWS[tick]):
+            if on is not None:
+                literals[2 * k + (not on)] = True
+        state = wire.State(tick + 1, 1, pack(literals), False, 0, 0, 0, 0, 0)
+        assert world.hear(state) is None
+
+
+def test_a_decision_that_came_before_changes_nothing() -> None:
+    world = World(Scripted(ROWS), PLAIN)
+    told(world, 0)
+    assert world.hear(wire.Decision(0, -1, "again")) is None
+    decision = world.hear(wire.Decision(1, -1, "once"))
+    # Nor does one that comes again while the source is still being waited for.
+    assert world.hear(wire.Decision(1, -1, "once")) is None
+    assert decision is not None
+    assert world.answer(decision) == wire.Observation(2, b"\x02", known=b"\x02")
+
+
+@pytest.mark.parametrize(("tick", "action"), [(2, 0), (1, 2), (1, -1)])
+def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> None:
+    world = World(Scripted(ROWS, ACTING.actions), ACTING)
+    told(world, 0)
+    with pytest.raises(
+        MessageError, match=r"^decide: must be for tick 1, of 2 choices"
+    ):
+        world.hear(wire.Decision(tick, action, "?"))
+    believe(world, 1)
+    assert told(world, 1, 0) is not None
+
+
+def test_a_decision_without_its_state_is_refused_where_that_is_looked_at() -> None:
+    world = World(Scripted(ROWS, ACTING.actions), ACTING)
+    told(world, 0)
+    rule = r"^decide: must come after the state of tick 1, got that of 0$"
+    with pytest.raises(MessageError, match=rule):
+        world.hear(wire.Decision(1, 0, "too early"))
+    believe(world, 1)
+    assert told(world, 1, 0) is not None
+
+
+def test_a_state_that_cannot_be_right_is_refused() -> None:
+    world = World(Scripted(ROWS, ACTING.actions), ACTING)
+    told(world, 0)
+    with pytest.raises(
+        MessageError, match=r"^state: packed bits: must be 3 bytes long"
+    ):
+        world.hear(wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0))
+
+
+def test_a_source_is_brought_to_where_it_was() -> None:
+    source = Scripted(ROWS, ACTING.actions)
+    sensors = len(ACTING.sensors)
+    world = World(source, ACTING, past(2, 1, sensors=sensors))
+    assert source.taken == [1]
+    observation = told(world, 2, 0)
+    assert observation is not None
+    assert (observation.tick, observation.begins) == (3, False)
+    # What was unknown at tick 2 still is, in the context of what is done now.
+    flags = np.unpackbits(np.frombuffer(observation.known, np.uint8), bitorder="little")
+    unknown = {ACTING.sensors[k] for k in np.flatnonzero(flags[:sensors] == 0)}
+    assert unknown == {"s1", "go&s0", "go&~s0"}
+
+
+def test_a_live_source_goes_on_where_it_is_and_that_follows_no_action() -> None:
+    source = Live(ROWS, ACTING.actions)
+    source.let_go(2)
+    world = World(source, ACTING, past(7, 1, 1, 0, sensors=len(ACTING.sensors)))
+    assert source.taken == []
+    first = told(world, 7, 1)
+    believe(world, 8)
+    second = told(world, 8, 0)
+    assert first is not None
+    assert second is not None
+    assert source.taken == [1, 0]
+    assert (first.tick, first.begins, first.bits) == (8, True, b"\x01\x00")
+    assert (second.tick, second.begins) == (9, False)
+    assert second.bits[0] & 4  # the action is sensed
+
+
+# How it waits -------------------------------------------------------------------------
+
+
+class Watched:
+    """A running world: what it says, and a way to tell it decisions."""
+
+    def __init__(self, hub: MemoryHub) -> None:
+        self.said: asyncio.Queue[wire.Message] = asyncio.Queue()
+        self.stop = asyncio.Event()
+        self._end = hub.fabric("coordinator")
+        self._end.listen(("observe", "fault/**"), self._hear)
+
+    def _hear(self, deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            self.said.put_nowait(wire.decode(delivery.key, delivery.payload))
+
+    def decide(self, tick: int) -> None:
+        self._end.publish(wire.Decision(tick, -1, "as asked"))
+
+    async def hear(self) -> wire.Message:
+        async with asyncio.timeout(PATIENCE):
+            return await self.said.get()
+
+
+@asynccontextmanager
+async def running(
+    source: Scripted,
+) -> AsyncIterator[tuple[Watched, asyncio.Task[None]]]:
+    hub = MemoryHub()
+    watched = Watched(hub)
+    async with hub.fabric("world") as fabric, asyncio.TaskGroup() as group:
+        task = group.create_task(run_world(source, PLAIN, fabric, watched.stop))
+        listens = asyncio.Event()
+        hub.watch("coordinator", lambda _who, _alive: listens.set())
+        await listens.wait()
+        yield watched, task
+
+
+async def until_it_waits(source: Live) -> None:
+    assert await asyncio.to_thread(source.waits.wait, 10)
+
+
+async def test_others_go_on_while_a_live_source_is_waited_for() -> None:
+    source = Live(ROWS)
+    async with running(source) as (world, _):
+        world.decide(0)
+        await until_it_waits(source)
+        world.decide(5)  # heard, and refused, meanwhile
+        fault = await world.hear()
+        assert isinstance(fault, wire.Fault)
+        assert fault.what.startswith("decide: must be for tick 0")
+        source.let_go()
+        assert await world.hear() == wire.Observation(1, b"\x01", True)
+        world.stop.set()
+
+
+async def test_a_decision_told_twice_is_answered_once() -> None:
+    source = Live(ROWS)
+    async with running(source) as (world, _):
+        world.decide(0)
+        await until_it_waits(source)
+        world.decide(0)
+        source.let_go(2)
+        assert await world.hear() == wire.Observation(1, b"\x01", True)
+        world.decide(0)
+        world.decide(1)
+        assert await world.hear() == wire.Observation(2, b"\x02", known=b"\x02")
+        world.stop.set()
+    assert source.taken == [-1]
+    assert world.said.empty()
+
+
+async def test_stop_ends_it_while_a_live_source_is_waited_for() -> None:
+    source = Live(ROWS)
+    async with running(source) as (world, task):
+        world.decide(0)
+        await until_it_waits(source)
+        world.stop.set()
+        async with asyncio.timeout(PATIENCE):
+            await asyncio.wait([task])
+    assert source.closed
+    assert world.said.empty()
+
+
+async def test_a_live_source_that_is_over_ends_it() -> None:
+    source = Live(ROWS[:1])
+    source.let_go(2)
+    async with running(source) as (world, task):
+        world.decide(0)
+        assert await world.hear() == wire.Observation(1, b"\x01", True)
+        world.decide(1)
+        async with asyncio.timeout(PATIENCE):
+            await asyncio.wait([task])
+    assert source.closed
+
+
+async def test_a_live_source_that_fails_says_why() -> None:
+    source = Live(ROWS)
+    source.fails = True
+    source.let_go()
+    with pytest.raises(ExceptionGroup) as caught:
+        async with running(source) as (world, task):
+            world.decide(0)
+            await asyncio.wait([task])
+    (error,) = caught.value.exceptions
+    assert isinstance(error, NeurosnapError)
+    assert str(error) == "sensors: must answer, got nothing"
+    assert source.closed
+
+
+async def test_a_source_that_is_not_live_is_closed_by_whoever_opened_it() -> None:
+    source = Scripted(ROWS[:1])
+    async with running(source) as (world, task):
+        world.decide(0)
+        world.decide(1)
+        async with asyncio.timeout(PATIENCE):
+            await asyncio.wait([task])
+    assert await world.hear() == wire.Observation(1, b"\x01", True)
+    assert not source.closed
+
+
+# In one process with all the others ---------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+async def test_a_swarm_in_one_process_ends_while_a_live_source_is_waited_for(
+    workers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, log = Live(ROWS), tmp_path / "log.mcap"
+    source.let_go(3)
+    monkeypatch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
+    options = RunOptions(
+        source="scripted",
+        body=PLAIN,
+        cells="worker" if workers else "inline",
+        workers=max(workers, 1),
+    )
+    stop = asyncio.Event()
+
+    def on_progress(tick: int) -> None:
+        if tick == 3:
+            stop.set()
+
+    async with asyncio.timeout(PATIENCE):
+        ending = await run_inline(
+            options, log, describe(options), None, stop, on_progress
+        )
+    assert ending.stopped
+    assert ending.result.totals.ticks == 3
+    assert source.closed
+    verdict = verify(log)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, 3)

@@ -1,0 +1,66 @@
+"""What a launcher tells of a run, and which parts are its own."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.launch import Plan, _parts_here, _report
+from neurosnap.runtime.supervisor import Supervisor
+
+
+async def be_nobody(*_: Any) -> None:
+    """Be no part: nothing is started."""
+
+
+async def test_progress_is_passed_on_when_it_is_said_and_not_again() -> None:
+    supervisor, heard = Supervisor(), list[int]()
+    reporting = asyncio.create_task(_report(supervisor, heard.append))
+    for tick in (3, 4, 4):
+        supervisor.tick = tick
+        supervisor.progressed.set()
+        for _ in range(5):
+            await asyncio.sleep(0)
+    assert heard == [3, 4, 4]
+    reporting.cancel()
+    await asyncio.wait({reporting})
+
+
+async def test_an_error_of_who_is_told_ends_the_run() -> None:
+    def refuse(_: int) -> None:
+        raise LookupError("no such part")
+
+    supervisor = Supervisor()
+    supervisor.progressed.set()
+    await _report(supervisor, refuse)
+    with pytest.raises(LookupError, match="no such part"):
+        await supervisor.wait(asyncio.Event())
+
+
+OWN = frozenset({"hub", "coordinator", "cell/0", "cell/1"})
+ELSEWHERE = frozenset({"world", "cell/1"})
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        ({}, OWN),
+        ({"world": be_nobody, "outlet": be_nobody}, OWN | {"world", "watcher/outlet"}),
+        (
+            {"log": Path("log"), "workers": 1},
+            {"hub", "coordinator", "recorder", "worker/0"},
+        ),
+        (
+            {"network": Network(connect="tcp/127.0.0.1:7"), "elsewhere": ELSEWHERE},
+            {"coordinator", "cell/0"},
+        ),
+        ({"world": be_nobody, "elsewhere": ELSEWHERE}, OWN - {"cell/1"}),
+    ],
+)
+def test_the_parts_here_are_those_that_nobody_else_starts(
+    given: dict[str, Any], parts: set[str]
+) -> None:
+    plan = Plan(cells=2, conductor=be_nobody, conductor_arguments=(), **given)
+    assert _parts_here(plan) == parts

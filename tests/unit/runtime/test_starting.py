@@ -1,0 +1,215 @@
+"""A core made of a key-frame says what the one that said it goes on to say."""
+
+import random
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.in_memory import matches
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.cell_wiring import CellWires, Wires
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.run_options import RunOptions, SnapshotKind
+from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_wiring import WorkerWires
+from neurosnap.sensorium import pack
+
+SENSORS = ("a", "b", "c", "d")
+TICKS = 40
+EVERY = 10
+
+
+def options(workers: int, snapshot: SnapshotKind, **more: object) -> RunOptions:
+    given: dict[str, object] = {
+        "source": "none",
+        "body": Body(own=SENSORS, actions=("go", "stay")),
+        "ticks": TICKS,
+        "seed": 3,
+        "snapshot": snapshot,
+        "threshold": 0.08 if snapshot == "empirical" else 0.15,
+        "decay": None if snapshot == "empirical" else 0.9,
+        "cells": "worker" if workers else "inline",
+        "workers": max(workers, 1),
+        "keyframe_every": EVERY,
+        "watch": True,
+    }
+    return RunOptions(**(given | more))  # type: ignore[arg-type]
+
+
+def rows() -> list[tuple[list[bool], list[bool]]]:
+    """Readings, and which of them are known; with exceptions to what is learned."""
+    chance = random.Random(5)
+    found = []
+    for tick in range(TICKS):
+        a, b, d = (chance.random() < 0.5 for _ in range(3))
+        row = [a, b, (a or b) != (tick % 13 == 12), d]
+        known = [chance.random() < 0.9 for _ in range(3)] + [True]
+        found.append(([x and k for x, k in zip(row, known, strict=True)], known))
+    return found
+
+
+class Swarm:
+    """A core, and cells or workers that do what it says; nothing gets lost."""
+
+    def __init__(self, core: Coordinator, given: RunOptions) -> None:
+        self.core = core
+        self.said: list[wire.Message] = []
+        workers = given.sharing
+        hosted = shares(len(SENSORS), workers) if workers else []
+        self._hosts: Sequence[Cell | Worker] = (
+            [Worker(number, hosted) for number in range(workers)]
+            if workers
+            else [Cell(number) for number in range(len(SENSORS))]
+        )
+
+    def run(self, first: list[wire.Message]) -> None:
+        """Answer what the core says until it asks for nothing more."""
+        waiting = list(first)
+        while waiting:
+            message = waiting.pop(0)
+            if message.sender == "coordinator":
+                self.said.append(message)
+            if isinstance(message, wire.Decision):
+                if message.tick < TICKS:
+                    row, known = rows()[message.tick]
+                    mask = b"" if all(known) else pack(np.array(known))
+                    observation = wire.Observation(
+                        message.tick + 1, pack(np.array(row)), known=mask
+                    )
+                    waiting += self._told(observation)
+                    waiting += self.core.receive(observation)
+            elif isinstance(message, wire.Settled | wire.Tally):
+                waiting += self.core.receive(message)
+            else:
+                waiting += self._told(message)
+
+    def _told(self, message: wire.Message) -> list[wire.Message]:
+        answers: list[wire.Message] = []
+        for number, host in enumerate(self._hosts):
+            keys = (
+                wire.cell_keys(number)
+                if isinstance(host, Cell)
+                else wire.worker_keys(number)
+            )
+            if any(matches(key, message.key) for key in keys):
+                answers += host.receive([message])
+        return answers
+
+
+def payloads(messages: Sequence[wire.Message]) -> list[bytes]:
+    return [wire.encode(message) for message in messages]
+
+
+@pytest.mark.parametrize("snapshot", ["empirical", "discounted"])
+@pytest.mark.parametrize("workers", [0, 1, 2])
+def test_a_core_made_of_a_key_frame_goes_on_byte_for_byte(
+    workers: int, snapshot: SnapshotKind
+) -> None:
+    given = options(workers, snapshot)
+    swarm = Swarm(Coordinator.of(given), given)
+    swarm.run(swarm.core.begin())
+    assert swarm.core.tick == TICKS
+    assert any(isinstance(message, wire.Anomaly) for message in swarm.said)
+    places = [
+        place
+        for place, message in enumerate(swarm.said)
+        if isinstance(message, wire.KeyFrame)
+    ]
+    assert len(places) == TICKS // EVERY
+    for place in places:
+        frame = swarm.said[place]
+        assert isinstance(frame, wire.KeyFrame)
+        again = Swarm(Coordinator.of(given, frame), given)
+        again.core.go_on(TICKS)
+        # It says it again: that is where whoever goes on starts from.
+        again.run(again.core.begin() if frame.tick < TICKS else [frame])
+        assert payloads(again.said) == payloads(swarm.said[place:])
+        assert again.core.totals == swarm.core.totals
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_after_a_key_frame_everybody_is_wired_whole(workers: int) -> None:
+    given = options(workers, "empirical")
+    swarm = Swarm(Coordinator.of(given), given)
+    swarm.run(swarm.core.begin())
+    for place, message in enumerate(swarm.said):
+        if not isinstance(message, wire.KeyFrame) or message.tick == TICKS:
+            continue
+        rest = swarm.said[place + 1 :]
+        start = next(n for n, m in enumerate(rest) if isinstance(m, wire.WaveStart))
+        wirings = [m for m in rest[:start] if isinstance(m, wire.Wiring | wire.Loom)]
+        assert {wiring.after for wiring in wirings} == {0}
+        assert len(wirings) == (workers or len(SENSORS))
+        assert max(w.epoch for w in wirings) == max(message.epochs) + 1
+
+
+def test_a_key_frame_of_another_run_is_refused() -> None:
+    given = options(2, "empirical")
+    core = Coordinator.of(given)
+    frame = wire.KeyFrame(5, core.snapshot.to_bytes(), waves=9, epochs=(1, 2, 3))
+    with pytest.raises(InvalidValueError, match=r"^epochs: must be one for each of 2"):
+        Coordinator.of(given, frame)
+    with pytest.raises(InvalidValueError, match=r"^data: must be a Snapshot written"):
+        Coordinator.of(given, msgspec.structs.replace(frame, snapshot=b"none"))
+
+
+@pytest.mark.parametrize("make", [lambda: CellWires(3), lambda: WorkerWires(3, 2)])
+def test_what_is_recalled_was_never_forgotten(make: type[Wires]) -> None:
+    some = np.array([0 << 32 | 2, 3 << 32 | 1])
+    more = np.array([0 << 32 | 2, 2 << 32 | 4, 3 << 32 | 1])
+    plain, recalled = make(), make()
+    said = []
+    for wires in (plain, recalled):
+        told = wires.rewire_to(some)
+        if wires is recalled:
+            wires.forget()
+            assert wires.is_forgotten
+            wires.recall()
+        said.append([told, wires.rewire_to(more), wires.rewire_whole()])
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("make", [lambda: CellWires(3), lambda: WorkerWires(3, 2)])
+def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
+    make: type[Wires],
+) -> None:
+    """Whoever starts from the key-frame knows of no wiring before it."""
+    wires = make()
+    some = np.array([0 << 32 | 2, 3 << 32 | 1])
+    wires.rewire_to(some)
+    before = wires.epochs
+    wires.forget()
+    wires.rewire_to(some)
+    fresh = make()
+    fresh.start_at(before)
+    fresh.rewire_to(some)
+    assert wires.epochs == fresh.epochs
+    for each in (wires, fresh):
+        for epoch, fits in ((before[0], False), (each.epochs[0], True)):
+            report: wire.Settled | wire.Tally = (
+                wire.Settled(1, 0, 0, (0,), (0,), (0,), 0, epoch)
+                if isinstance(each, CellWires)
+                else wire.Tally(1, 0, 0, b"", b"", (0,), 0, epoch)
+            )
+            try:
+                each.check_epoch(report, each.cells_of(report))
+            except ValueError:
+                assert not fits
+            else:
+                assert fits
+
+
+def test_waves_go_on_being_numbered() -> None:
+    conductor = Conductor(3)
+    conductor.start_at(41, (7,))
+    assert (conductor.waves, conductor.epochs) == (41, (7,))
+    (start,) = conductor.start("state", 5)
+    assert isinstance(start, wire.WaveStart)
+    assert (start.wave, start.fence, start.settled_below) == (42, 42, 42)

@@ -1,0 +1,152 @@
+"""Nothing outlives a supervisor, not even what was being started."""
+
+import asyncio
+import os
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.supervisor import Supervisor, _without_main
+
+
+class Process:
+    """A child that is nothing but a pipe, which closes when it is killed."""
+
+    def __init__(self, name: str, starts: Callable[[str], None]) -> None:
+        self.name = name
+        self.exitcode: int | None = None
+        self.sentinel, self._end = os.pipe()
+        self._starts = starts
+
+    def start(self) -> None:
+        self._starts(self.name)
+
+    def kill(self) -> None:
+        if self.exitcode is None:
+            self.exitcode = -9
+            os.close(self._end)
+
+    def join(self) -> None:
+        assert self.exitcode is not None, "nobody waits for one that goes on"
+
+    def close(self) -> None:
+        os.close(self.sentinel)
+
+
+class Children:
+    """Makes such children; each start waits until it is let go on, or is refused."""
+
+    def __init__(self, refused: bool = False) -> None:
+        self._refused = refused
+        self.started: list[str] = []
+        self.is_starting = asyncio.Event()
+        self.go_on = threading.Event()
+        self._made: list[Process] = []
+        self._loop = asyncio.get_running_loop()
+
+    def process(self, name: str) -> Process:
+        self._made.append(Process(name, self._start))
+        return self._made[-1]
+
+    def _start(self, name: str) -> None:
+        if self._refused:
+            raise OSError("no more processes")
+        self._loop.call_soon_threadsafe(self.is_starting.set)
+        assert self.go_on.wait(5)
+        self.started.append(name)
+
+    def close(self) -> dict[str, int | None]:
+        """Return how those ended that were started; free the others."""
+        for process in self._made:
+            if process.name not in self.started:
+                process.kill()
+                process.close()
+        return {p.name: p.exitcode for p in self._made if p.name in self.started}
+
+
+async def nothing(*_: object) -> None:
+    """Do nothing: no child of these tests gets that far."""
+
+
+class Supervised(Supervisor):
+    """A supervisor of such children."""
+
+    def __init__(self, children: Children) -> None:
+        super().__init__()
+        self._makes = children.process
+
+    def _process(self, job: Any, seat: Seat, line: Any, arguments: Any) -> Any:
+        self.line = line
+        return self._makes(seat.who)
+
+
+def seats(count: int) -> list[tuple[Seat, tuple[object, ...]]]:
+    return [(Seat(f"cell/{number}", "demo", ""), ()) for number in range(count)]
+
+
+@pytest.mark.parametrize("many", [True, False])
+async def test_who_is_cancelled_while_it_starts_leaves_nobody(many: bool) -> None:
+    children = Children()
+
+    async def start() -> None:
+        async with Supervised(children) as supervisor:
+            if many:
+                await supervisor.start_many(nothing, seats(3))
+            else:
+                await supervisor.start(nothing, seats(1)[0][0])
+
+    starting = asyncio.create_task(start())
+    await children.is_starting.wait()
+    starting.cancel()
+    for _ in range(3):  # it is leaving, and has to wait for the one under way
+        await asyncio.sleep(0)
+    assert not starting.done()
+    children.go_on.set()
+    with pytest.raises(asyncio.CancelledError):
+        await starting
+    assert children.close() == {"cell/0": -9}
+
+
+async def test_a_line_is_closed_here_even_if_its_child_does_not_start() -> None:
+    children = Children(refused=True)
+    async with Supervised(children) as supervisor:
+        with pytest.raises(OSError, match="no more processes"):
+            await supervisor.start(nothing, seats(1)[0][0])
+        assert supervisor.line.closed
+    assert children.close() == {}
+
+
+async def test_whoever_waits_hears_what_was_blamed() -> None:
+    async with Supervised(Children()) as supervisor:
+        ready = asyncio.Event()
+        ready.set()
+        await supervisor.wait(ready)
+        waiting = asyncio.create_task(supervisor.wait(asyncio.Event()))
+        await asyncio.sleep(0)
+        supervisor.blame(ValueError("no"))
+        with pytest.raises(ValueError, match="no"):
+            await waiting
+        with pytest.raises(ValueError, match="no"):
+            await supervisor.wait(ready)
+
+
+def test_two_that_hide_the_main_module_leave_it_as_it_was() -> None:
+    main, inside, leave = sys.modules["__main__"], threading.Event(), threading.Event()
+
+    def hide() -> None:
+        with _without_main():
+            inside.set()
+            leave.wait(5)
+
+    other = threading.Thread(target=hide)
+    with _without_main():
+        other.start()
+        assert not inside.wait(0.05), "they must take turns"
+    leave.set()
+    other.join()
+    assert inside.is_set()
+    assert sys.modules["__main__"] is main

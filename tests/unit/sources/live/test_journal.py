@@ -1,0 +1,208 @@
+"""A journal of rows: read again as written, or as a right beginning, never wrong."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.sources.live.journal import Journal, Row, cut, decoded, read_journal
+from neurosnap.sources.live.journal_frames import frame, records
+
+NAMES = ["door", "motion"]
+SOME = st.lists(st.binary(max_size=40), max_size=8)
+
+
+@given(SOME, st.data())
+def test_what_is_cut_off_anywhere_leaves_a_right_beginning(
+    several: list[bytes], data: st.DataObject
+) -> None:
+    whole = b"".join(map(frame, several))
+    end = data.draw(st.integers(0, len(whole)))
+    found = [*records(whole[:end])]
+    assert found == several[: len(found)]
+    ends = [len(b"".join(map(frame, several[:n]))) for n in range(len(several) + 1)]
+    assert len(found) == sum(each <= end for each in ends) - 1
+
+
+@given(SOME.filter(bool), st.data())
+def test_a_flipped_bit_hides_records_and_changes_none(
+    several: list[bytes], data: st.DataObject
+) -> None:
+    damaged = bytearray(b"".join(map(frame, several)))
+    bit = data.draw(st.integers(0, 8 * len(damaged) - 1))
+    damaged[bit // 8] ^= 1 << bit % 8
+    found = [*records(bytes(damaged))]
+    assert len(found) < len(several)
+    assert found == several[: len(found)]
+
+
+@given(SOME, st.integers(1, 100))
+def test_zeros_are_no_records(several: list[bytes], zeros: int) -> None:
+    assert [*records(b"".join(map(frame, several)) + bytes(zeros))] == several
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_records_or_none(data: bytes) -> None:
+    assert [*decoded(data)] == []
+    assert [*decoded(frame(data))] == []
+
+
+def written(folder: Path, count: int) -> Journal:
+    journal = Journal(folder, NAMES)
+    for number in range(count):
+        journal.row(bytes([number % 4]), b"\3", begins=number == 0)
+    return journal
+
+
+def row(number: int) -> Row:
+    return Row(number, bytes([(number - 1) % 4]), b"\3", number == 1)
+
+
+def numbers(folder: Path) -> list[int]:
+    return [row.number for row in read_journal(folder).rows]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "run.mcap.journal"
+
+
+def test_rows_are_read_again_by_whoever_comes_next(folder: Path) -> None:
+    written(folder, 3).close()
+    journal = Journal(folder, NAMES)
+    assert journal.last == 3
+    journal.row(b"\0", b"\3", begins=True)
+    journal.close()
+    kept = read_journal(folder)
+    assert kept.sensors == ("door", "motion")
+    assert kept.rows == (row(1), row(2), row(3), Row(4, b"\0", b"\3", True))
+
+
+def test_only_the_owner_may_read_it(folder: Path) -> None:
+    written(folder, 1).close()
+    modes = [path.stat().st_mode & 0o777 for path in (folder, *folder.iterdir())]
+    assert modes == [0o700, 0o600]
+
+
+def test_who_goes_on_gets_the_rows_after_its_tick(folder: Path) -> None:
+    journal = written(folder, 600)  # in several files
+    before, rows, missing = journal.after(590)
+    assert before == row(590)
+    assert rows == [row(number) for number in range(591, 601)]
+    assert missing == 0
+    journal.close()
+
+
+def test_files_are_cut_off_once_all_their_rows_are_safe(folder: Path) -> None:
+    journal = written(folder, 600)
+    assert len([*folder.iterdir()]) == 3
+    cut(folder, 255)
+    assert numbers(folder)[0] == 1
+    cut(folder, 256)
+    assert numbers(folder)[0] == 257
+    cut(folder, 600)
+    assert numbers(folder)[0] == 513  # the last file is being written
+    assert journal.after(512).rows[0] == row(513)
+    journal.close()
+
+
+def test_a_journal_that_is_not_there_needs_no_cutting(folder: Path) -> None:
+    cut(folder, 5)
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "zeroed"])
+@pytest.mark.parametrize("at", [0.0, 0.3, 0.6, 0.999])
+def test_a_damaged_file_costs_its_rows_from_there_on_and_no_more(
+    folder: Path, damage: str, at: float
+) -> None:
+    written(folder, 600).close()
+    first, *_ = sorted(folder.iterdir())
+    data = bytearray(first.read_bytes())
+    place = int(at * len(data))
+    match damage:
+        case "cut":
+            del data[place:]
+        case "flipped":
+            data[place] ^= 1
+        case _:
+            data[place:] = bytes(len(data) - place)
+    first.write_bytes(data)
+    kept = read_journal(folder).rows
+    left = [each for each in kept if each.number <= 256]
+    assert left == [row(number) for number in range(1, len(left) + 1)]
+    assert len(left) < 256
+    assert [*kept[len(left) :]] == [row(number) for number in range(257, 601)]
+
+
+def test_what_is_missing_is_counted_and_the_rest_follows_on(folder: Path) -> None:
+    written(folder, 600).close()
+    first, *_ = sorted(folder.iterdir())
+    first.unlink()
+    journal = Journal(folder, NAMES)
+    _, rows, missing = journal.after(250)
+    assert missing == 6
+    assert [each.number for each in rows] == [*range(251, 251 + 344)]
+    assert rows[0].bits == row(257).bits
+    assert journal.last == 594
+    journal.close()
+    assert numbers(folder) == [*range(251, 595)]
+
+
+def test_a_recording_that_is_further_than_the_journal_goes_on_behind_it(
+    folder: Path,
+) -> None:
+    journal = written(folder, 3)
+    before, rows, missing = journal.after(10)
+    assert (before, rows, missing) == (None, [], 0)
+    journal.row(b"\1", b"\3", begins=False)
+    journal.close()
+    assert numbers(folder)[-1] == 11
+
+
+def test_an_action_is_noted_once_whoever_notes_it(folder: Path) -> None:
+    journal = written(folder, 1)
+    assert journal.act(1)
+    assert not journal.act(1)
+    journal.close()
+    again = Journal(folder, NAMES)
+    assert not again.act(1)
+    assert again.act(2)
+    again.close()
+
+
+def test_a_journal_of_other_sensors_is_refused(folder: Path) -> None:
+    written(folder, 1).close()
+    with pytest.raises(InvalidValueError, match=r"^journal: must be of the sensors"):
+        Journal(folder, ["window"])
+
+
+def test_a_full_disk_is_named_and_leaves_whole_rows(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = written(folder, 2)
+    write = os.write
+    room = 7  # bytes that still go in
+
+    def full(descriptor: int, data: bytes) -> int:
+        nonlocal room
+        if not room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        some = write(descriptor, data[:room])
+        room -= some
+        return some
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", full)
+        rule = (
+            r"^journal: must be writable, got No space left on device for '.*journal'"
+        )
+        with pytest.raises(NeurosnapError, match=rule):
+            journal.row(b"\0", b"\3", begins=False)
+    journal.row(b"\2", b"\3", begins=False)
+    journal.close()
+    assert read_journal(folder).rows == (row(1), row(2), row(3))

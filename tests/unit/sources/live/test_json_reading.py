@@ -1,0 +1,106 @@
+"""Readings in JSON: what is one, what it says, and what is wrong with any other."""
+
+import contextlib
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.sources.live.json_reading import LIMIT, Names, Single, Whole, read, value
+
+ON = [True, 1, "on", "ON", "True", "1", " on "]
+OFF = [False, 0, "off", "Off", "FALSE", "0"]
+
+
+@pytest.mark.parametrize("said", ON)
+def test_on(said: object) -> None:
+    assert value(said) is True
+
+
+@pytest.mark.parametrize("said", OFF)
+def test_off(said: object) -> None:
+    assert value(said) is False
+
+
+@pytest.mark.parametrize("said", [2, -1, 1.0, "", "open", "null", [], {}])
+def test_no_value(said: object) -> None:
+    rule = r"^reading: must be true, false, 1, 0, on, off or null, got "
+    with pytest.raises(InvalidValueError, match=rule):
+        value(said)
+
+
+@given(
+    st.text(st.characters(codec="utf-8"), min_size=1),
+    st.sampled_from([*ON, *OFF, None]),
+    st.none() | st.floats(0, 1e10),
+)
+def test_a_single_reading_says_what_was_written(
+    sensor: str, on: bool | int | str | None, at: float | None
+) -> None:
+    said = read(msgspec.json.encode({"sensor": sensor, "on": on, "at": at}))
+    assert said == Single(sensor, value(on), at)
+
+
+@given(
+    st.dictionaries(st.sampled_from("abcde"), st.sampled_from([*ON, *OFF, None])),
+    st.lists(st.sampled_from("abcde"), unique=True),
+)
+def test_a_whole_reading_by_name_knows_what_it_names(
+    bits: dict[str, bool | int | str | None], sensors: list[str]
+) -> None:
+    said = read(msgspec.json.encode({"tick": 3, "bits": bits}))
+    assert isinstance(said, Whole)
+    assert said.in_order(sensors) == tuple(
+        value(bits[name]) if name in bits else None for name in sensors
+    )
+    assert said.strangers(sensors) == {name for name in bits if name not in sensors}
+
+
+def test_a_whole_reading_in_order() -> None:
+    said = read(b'{"bits": [1, "off", null], "at": 7}')
+    assert said == Whole((True, False, None), 7.0)
+    assert said.in_order(["a", "b", "c"]) == (True, False, None)
+    assert said.strangers(["a"]) == set()
+    with pytest.raises(ShapeError, match=r"^bits: must be 2, one a sensor, got 3$"):
+        said.in_order(["a", "b"])
+
+
+def test_names() -> None:
+    assert read(b'{"sensors": ["door", "motion"]}') == Names(("door", "motion"))
+
+
+@pytest.mark.parametrize(
+    ("payload", "rule"),
+    [
+        (b"", "must be a reading in JSON"),
+        (b"[1, 0]", "must be a reading in JSON"),
+        (b"\xff", "must be a reading in JSON"),
+        (b"[" * 100_000, "must be a reading in JSON"),
+        (b'{"bits": ' + b"[" * 100_000, "must be a reading in JSON"),
+        (b'{"bits": [0], "att": 1}', "must be a reading in JSON"),
+        (b'{"sensor": "a", "on": 1, "at": 1e999}', "must be a reading in JSON"),
+        (b'{"sensor": "\\ud800", "on": 1}', "must be a reading in JSON"),
+        (b'{"sensor": 7, "on": 1}', "must be a reading in JSON"),
+        (b"{}", "must have the fields sensor and on, or bits, or sensors"),
+        (b'{"sensor": "a"}', "must have the fields"),
+        (b'{"sensor": "a", "on": 1, "bits": [1]}', "must have the fields"),
+        (b'{"sensor": "a", "on": 1, "tick": 1}', "must have the fields"),
+        (b'{"sensors": ["a"], "at": 1}', "must have the fields"),
+        (b'{"bits": [2]}', "must be true, false, 1, 0, on, off or null"),
+        (b'{"sensors": ["a", "a"]}', "must be unique"),
+        (b" " * LIMIT + b"{}", f"must be up to {LIMIT} bytes"),
+    ],
+)
+def test_what_is_no_reading(payload: bytes, rule: str) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        read(payload)
+    assert rule in caught.value.rule
+    assert len(str(caught.value)) < 500
+
+
+@given(st.binary(max_size=40))
+def test_any_bytes_are_a_reading_or_refused(payload: bytes) -> None:
+    with contextlib.suppress(InvalidValueError):
+        assert isinstance(read(payload), Single | Whole | Names)

@@ -1,0 +1,204 @@
+"""A source with a journal: who goes on after a death is given what was given before."""
+
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from neurosnap.errors import NeurosnapError
+from neurosnap.sources.live.journal import Journal, read_journal
+from neurosnap.sources.live.latest_readings import Bits, Board
+from neurosnap.sources.live.live_source import WAITING, OutsideSource
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange, Pace
+from tests.unit.sources.live.fakes import FakeTime
+
+NAMES = ["door", "motion"]
+
+
+class Kept:
+    """Opens sources on one journal, one after the other, as restarts do."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._open: list[OutsideSource] = []
+
+    def source(
+        self,
+        pace: Pace | None = None,
+        time: FakeTime | None = None,
+        *,
+        most: int | None = None,
+        done: list[int] | None = None,
+    ) -> OutsideSource:
+        time = FakeTime() if time is None else time
+        source = OutsideSource(
+            Board(NAMES),
+            OnChange() if pace is None else pace,
+            actions=() if done is None else ("rest", "ring"),
+            actuate=None if done is None else done.append,
+            journal=Journal(self.folder, NAMES),
+            most=most,
+            clock=time.clock,
+            wall=time.clock,
+            condition=time,
+        )
+        self._open.append(source)
+        return source
+
+    def rows(self) -> int:
+        return len(read_journal(self.folder).rows)
+
+    def close(self) -> None:
+        for source in self._open:
+            source.close()
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Iterator[Kept]:
+    kept = Kept(tmp_path / "run.mcap.journal")
+    yield kept
+    kept.close()
+
+
+def taken(source: OutsideSource, count: int) -> list[list[bool]]:
+    """Return the next rows."""
+    rows = [source.step(0) if source.given else source.first() for _ in range(count)]
+    return [row.tolist() for row in rows if row is not None]
+
+
+def give(source: OutsideSource, *numbers: int) -> None:
+    for row in bits(*numbers):
+        source.give(row)
+
+
+def bits(*numbers: int) -> list[list[bool]]:
+    return [[number & 1 > 0, number >> 1 & 1 > 0] for number in numbers]
+
+
+def test_what_was_given_is_given_again_and_what_waited_follows(kept: Kept) -> None:
+    source = kept.source()
+    source.go_on(0)
+    give(source, 1, 2, 3, 0)
+    assert taken(source, 3) == bits(1, 2, 3)
+    source.go_on(1)
+    give(source, 1)
+    assert taken(source, 4) == bits(2, 3, 0, 1)
+
+
+def test_so_it_is_for_another_source_on_the_same_journal(kept: Kept) -> None:
+    before = kept.source()
+    before.go_on(0)
+    give(before, 1, 2, 3)
+    assert taken(before, 2) == bits(1, 2)
+    after = kept.source()
+    assert after.resumed
+    after.go_on(1)
+    give(after, 0)
+    said = []
+    for number in (2, 3, 0):
+        assert taken(after, 1) == bits(number)
+        said.append(after.begins)
+    # Something may have been missed between what was written and what came then.
+    assert said == [False, False, True]
+
+
+def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
+    source = kept.source()
+    source.go_on(0)
+    source.give([True, None])
+    source.give([True, True])
+    taken(source, 2)
+    source.go_on(1)
+    known: Bits | None = source.known
+    assert known is not None
+    assert known.tolist() == [True, False]
+    source.go_on(2)
+    assert source.known is None
+
+
+def test_each_change_that_nobody_asks_for_is_kept(kept: Kept) -> None:
+    time = FakeTime()
+    source = kept.source(OnChange(), time)
+    source.go_on(0)
+    source.put("door", True)
+    source.put("motion", False)
+    assert taken(source, 1) == bits(1)
+    for moment, on in [(1.0, False), (2.0, True), (2.0, True), (2.0, False)]:
+        time.at(moment, lambda on=on: source.put("door", on))  # type: ignore[misc]
+    time.at(5.0, source.let_go)
+    source.keep_changes()
+    source.go_on(1)
+    assert taken(source, 3) == bits(0, 1, 0)
+
+
+def test_ticks_by_the_clock_do_not_pile_up_while_nobody_asks(kept: Kept) -> None:
+    time = FakeTime()
+    source = kept.source(Clocked(0.1), time)
+    source.go_on(0)
+    source.put_all({"door": True, "motion": True})
+    assert taken(source, 1) == bits(3)
+    time.at(50.0, lambda: source.put("door", False))
+    time.at(100.0, source.let_go)
+    source.keep_changes()
+    assert kept.rows() == 2
+
+
+def test_what_nobody_asks_for_is_bounded(kept: Kept) -> None:
+    time = FakeTime()
+    source = kept.source(OnChange(), time)
+    source.go_on(0)
+    source.put_all({"door": True, "motion": True})
+    taken(source, 1)
+    for number in range(2 * WAITING):
+        time.at(number + 1.0, lambda n=number: source.put("door", n % 2 == 1))  # type: ignore[misc]
+    time.at(3.0 * WAITING, source.let_go)
+    source.keep_changes()
+    assert kept.rows() == 1 + WAITING
+
+
+def test_an_action_is_carried_out_once_however_often_it_is_decided(kept: Kept) -> None:
+    done: list[int] = []
+    source = kept.source(done=done)
+    source.go_on(0)
+    give(source, 1, 2, 3)
+    assert source.first() is not None
+    assert source.step(1) is not None
+    source.go_on(1)
+    assert source.step(1) is not None  # at the same tick
+    assert done == [1]
+    again = kept.source(done=done)
+    again.go_on(1)
+    assert again.step(1) is not None
+    assert done == [1]
+    assert again.step(0) is not None
+    assert done == [1, 0]
+
+
+def test_no_more_is_taken_in_than_the_run_has_ticks(kept: Kept) -> None:
+    source = kept.source(most=2)
+    source.go_on(0)
+    give(source, 1, 2, 3)
+    assert source.is_full
+    assert not source.wait_for_room()
+    assert kept.rows() == 2
+
+
+def test_a_full_disk_fails_the_run_once_what_was_written_is_used(
+    kept: Kept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = kept.source()
+    source.go_on(0)
+    give(source, 1)
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "write", full)
+    give(source, 2)
+    assert taken(source, 1) == bits(1)
+    with pytest.raises(NeurosnapError, match=r"^journal: .* No space left on device"):
+        source.step(0)
+    assert np.all(source.statistics().dropped == 0)

@@ -1,0 +1,487 @@
+"""An outside source: what it shows and when, and two threads that meet in it."""
+
+import logging
+import threading
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.errors import FabricError, ShapeError
+from neurosnap.sources.live.latest_readings import Bits, Board
+from neurosnap.sources.live.live_source import WAITING, OutsideSource
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange, Pace
+from tests.unit.sources.live.fakes import FakeTime, Told
+
+NAMES = ["door", "motion"]
+EPOCH = 1_690_000_000.0
+END = 60.0
+
+Shown = tuple[tuple[bool, ...], tuple[bool, ...]]
+Put = tuple[int, int, bool | None]
+
+
+def source_of(
+    time: FakeTime, pace: Pace, stale_after: float | None = None
+) -> OutsideSource:
+    return OutsideSource(
+        Board(NAMES, stale_after=stale_after),
+        pace,
+        clock=time.clock,
+        wall=lambda: EPOCH + time.now,
+        condition=time,
+    )
+
+
+def shown(source: OutsideSource, bits: Sequence[bool] | np.ndarray) -> Shown:
+    known = np.ones(len(bits), bool) if source.known is None else source.known
+    return tuple(map(bool, bits)), tuple(map(bool, known))
+
+
+def run(
+    source: OutsideSource, time: FakeTime, puts: list[Put], busy: Sequence[int]
+) -> list[tuple[float, Shown]]:
+    """Return the ticks and their times; the world is busy for a while after each."""
+    for when, sensor, on in puts:
+        time.at(when, lambda s=sensor, o=on: source.put(NAMES[s], o))  # type: ignore[misc]
+    time.at(END, source.close)
+    ticks: list[tuple[float, Shown]] = []
+    bits = source.first()
+    while bits is not None:
+        ticks.append((time.now, shown(source, bits)))
+        time.pass_until(time.now + busy[len(ticks) % len(busy)])
+        bits = source.step(-1)
+    return ticks
+
+
+def view(puts: list[Put], now: float, stale: float | None) -> Shown:
+    """Return what all readings up to `now` come to."""
+    bits, known = [], []
+    for sensor in range(len(NAMES)):
+        mine = [(t, on) for t, s, on in puts if s == sensor and t <= now]
+        when, on = mine[-1] if mine else (0, None)
+        known.append(on is not None and (stale is None or now < when + stale))
+        bits.append(known[-1] and on is True)
+    return tuple(bits), tuple(known)
+
+
+PUTS = st.lists(
+    st.tuples(
+        st.integers(0, 25), st.integers(0, 1), st.sampled_from([True, False, None])
+    ),
+    max_size=15,
+).map(lambda puts: sorted(puts, key=lambda p: p[0]))
+BUSY = st.lists(st.integers(0, 6), min_size=1, max_size=5)
+STALE = st.none() | st.integers(1, 8).map(float)
+
+
+@given(PUTS, BUSY, STALE, st.integers(1, 4), st.none() | st.integers(4, 9))
+def test_on_change_every_moment_is_judged_by_all_readings_so_far(
+    puts: list[Put],
+    busy: list[int],
+    stale: float | None,
+    least: int,
+    most: int | None,
+) -> None:
+    time = FakeTime()
+    pace = OnChange(float(least), None if most is None else float(most))
+    ticks = run(source_of(time, pace, stale), time, puts, busy)
+
+    expected: list[tuple[float, Shown]] = []
+    free = 0.0
+    for moment in np.arange(0.0, END):
+        if moment < free:
+            continue
+        seen = view(puts, moment, stale)
+        since = moment - expected[-1][0] if expected else np.inf
+        changed = not expected or seen != expected[-1][1]
+        must = bool(expected) and most is not None and since >= most
+        if any(seen[1]) and ((changed and since >= least) or must):
+            expected.append((float(moment), seen))
+            free = moment + busy[len(expected) % len(busy)]
+    assert ticks == expected
+
+
+@given(PUTS, BUSY, STALE, st.integers(1, 6))
+def test_by_the_clock_a_late_tick_comes_at_once_and_hides_those_before_it(
+    puts: list[Put], busy: list[int], stale: float | None, interval: int
+) -> None:
+    time, pace = FakeTime(), Clocked(float(interval))
+    ticks = run(source_of(time, pace, stale), time, puts, busy)
+
+    expected: list[tuple[float, Shown]] = []
+    free, due, skipped = 0.0, 0.0, 0
+    for moment in np.arange(0.0, END):
+        seen = view(puts, moment, stale)
+        if moment >= max(free, due) and any(seen[1]):
+            expected.append((float(moment), seen))
+            free = moment + busy[len(expected) % len(busy)]
+            while (due := due + interval) <= moment:
+                skipped += 1
+    assert ticks == expected
+    assert pace.skipped == skipped
+
+
+@given(PUTS, BUSY)
+def test_every_reading_is_shown_replaced_or_waiting(
+    puts: list[Put], busy: list[int]
+) -> None:
+    time = FakeTime()
+    source = source_of(time, OnChange(2.0))
+    ticks = run(source, time, puts, busy)
+    said = source.statistics()
+    assert said.ticks == len(ticks)
+    assert said.taken == len(puts)
+    # Between two ticks every sensor shows its last reading; those before are replaced.
+    moments = [0.0 - 1, *(when for when, _ in ticks), END]
+    replaced = 0
+    for low, high in pairwise(moments):
+        for sensor in range(len(NAMES)):
+            count = sum(s == sensor and low < t <= high for t, s, _ in puts)
+            replaced += max(0, count - 1)
+    assert said.coalesced == replaced
+
+
+def test_whole_readings_have_a_tick_each_and_the_board_shows_after_them() -> None:
+    time = FakeTime()
+    source = source_of(time, OnChange())
+    source.give([True, None])
+    source.give([True, None])
+    source.give([None, None])  # says nothing, so there is nothing to show
+    source.give([False, True])
+    source.put("door", True)
+    source.end()
+    ticks = [shown(source, bits) for bits in [source.first()] if bits is not None]
+    while (bits := source.step(-1)) is not None:
+        ticks.append(shown(source, bits))
+    assert ticks == [
+        ((True, False), (True, False)),
+        ((True, False), (True, False)),
+        ((False, True), (True, True)),
+        ((True, True), (True, True)),
+    ]
+
+
+def test_what_a_whole_reading_replaces_was_not_shown() -> None:
+    source = source_of(FakeTime(), OnChange())
+    source.put("door", True)
+    source.give([False, True], at=EPOCH)
+    source.put("motion", False)
+    assert source.first() is not None  # the whole one
+    source.put("motion", True)
+    source.give([True, True], at=EPOCH - 10.0)  # late: the board keeps its own
+    assert source.step(-1) is not None
+    assert source.step(-1) is not None
+    source.put("motion", False)
+    said = source.statistics()
+    assert (said.taken, said.coalesced, said.late) == (6, 2, 2)
+
+
+def test_what_comes_while_nobody_looks_is_bounded_and_the_rest_is_counted() -> None:
+    source = source_of(FakeTime(), OnChange())
+    for number in range(WAITING + 7):
+        source.give([number % 2 == 0, True])
+    source.end()
+    first = source.first()
+    assert first is not None
+    assert first.tolist() == [True, True]
+    rest = [source.step(-1) for _ in range(WAITING + 1)]
+    # Of the seven that had to go the board shows the last.
+    assert [bits is None for bits in rest] == [False] * WAITING + [True]
+    assert source.statistics().dropped == 7
+
+
+def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    time = FakeTime()
+    source = source_of(time, Clocked(1.0))
+    for _ in range(WAITING + 7):
+        source.give([True, True])
+    source.put("door", True, at=EPOCH - 5.0)
+    source.put("door", True, at=EPOCH + 5.0)
+    assert source.first() is not None
+    time.pass_until(3.5)
+    assert source.step(-1) is not None
+    source.close()
+    source.close()
+    assert caplog.messages == [
+        "source: lost or out of time: 7 whole readings dropped,"
+        " 1 late readings dropped, 1 readings from a clock that is ahead,"
+        " 2 ticks skipped"
+    ]
+    caplog.clear()
+    source_of(FakeTime(), OnChange()).close()
+    assert caplog.messages == []
+
+
+def test_what_came_before_a_failure_is_shown_before_it() -> None:
+    source = source_of(FakeTime(), OnChange())
+    source.give([True, False])
+    source.give([False, True])
+    source.fail(FabricError("hub: gone"))
+    ticks = [source.first(), source.step(-1)]
+    assert [None if bits is None else bits.tolist() for bits in ticks] == [
+        [True, False],
+        [False, True],
+    ]
+    with pytest.raises(FabricError, match=r"^hub: gone$"):
+        source.step(-1)
+
+
+def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
+    time = FakeTime()
+    source = source_of(time, OnChange(min_interval=50.0))
+    source.put("door", True)
+    assert source.first() is not None
+    source.put("door", False)
+    source.end()
+    bits = source.step(-1)
+    assert bits is not None
+    assert shown(source, bits) == ((False, False), (True, False))
+    assert source.step(-1) is None
+    assert time.now == 0.0
+
+
+def test_only_the_first_tick_begins_and_so_does_one_that_goes_on() -> None:
+    def begins(bits: Bits | None) -> bool:
+        assert bits is not None
+        return source.begins
+
+    source = source_of(FakeTime(), Clocked(1.0))
+    source.put("door", True)
+    said = [begins(source.first()), begins(source.step(0)), begins(source.first())]
+    assert said == [True, False, True]
+    assert not source.resumed
+
+    source = source_of(FakeTime(), Clocked(1.0))
+    source.put("door", True)
+    assert [begins(source.step(0)) for _ in range(3)] == [True, False, False]
+    assert source.resumed
+
+
+def test_starting_over_shows_the_board_again() -> None:
+    source = source_of(FakeTime(), OnChange())
+    source.put("door", True)
+    once, twice = source.first(), source.first()
+    assert once is not None
+    assert twice is not None
+    assert np.array_equal(once, twice)
+
+
+def test_actions_are_carried_out_before_their_consequence() -> None:
+    done: list[int] = []
+    source = OutsideSource(
+        Board(NAMES), Clocked(1.0), actions=["ring", "wait"], actuate=done.append
+    )
+    source.put("door", True)
+    assert source.first() is not None
+    source.close()
+    assert source.step(1) is None
+    assert done == [1]
+
+
+def test_stamps_are_times_since_the_epoch() -> None:
+    time = FakeTime(500.0)
+    source = source_of(time, OnChange(), stale_after=10.0)
+    source.put("door", True, at=EPOCH + 495.0)
+    source.put("door", False, at=EPOCH + 494.0)
+    source.put("motion", True, at=EPOCH + 480.0)
+    time.at(600.0, source.close)
+    bits = source.first()
+    assert bits is not None
+    assert shown(source, bits) == ((True, False), (True, False))
+    assert source.statistics().late == 1
+    assert source.step(-1) is None  # at 505 nothing is known any more
+    assert time.now == 600.0
+
+
+def test_a_wall_clock_that_is_put_right_is_followed() -> None:
+    time, wall = FakeTime(), [1000.0]
+    source = OutsideSource(
+        Board(NAMES, stale_after=10.0),
+        OnChange(),
+        clock=time.clock,
+        wall=lambda: wall[0],
+        condition=time,
+    )
+    wall[0] = 9000.0
+    source.put("door", True, at=8999.0)
+    assert source.first() is not None
+    assert source.statistics().ahead == 0
+    time.pass_until(9.5)
+    source.put("motion", True)
+    bits = source.step(-1)
+    assert bits is not None
+    assert shown(source, bits) == ((False, True), (False, True))
+
+
+def test_a_sensor_that_appears_under_way_is_named_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    source = source_of(FakeTime(), OnChange())
+    for number in range(300):
+        source.put("lamp", True)
+        source.put(f"lamp{number}", True)
+    named = [r.getMessage() for r in caplog.records]
+    assert named[0] == (
+        "sensor: must be one the run began with, got 'lamp'"
+        " (name it among the sensors and start again)"
+    )
+    assert len(named) == len(set(named)) == 100
+    assert source.statistics().refused == 600
+
+
+def test_a_flood_of_bad_input_is_a_line_a_second(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    time = FakeTime()
+    source = source_of(time, OnChange())
+    for _ in range(50):
+        source.refuse("line 1: must be JSON, got 'x'")
+        time.pass_until(time.now + 0.1)
+    source.close()
+    said = [r.getMessage() for r in caplog.records]
+    assert all(r.levelno == logging.WARNING for r in caplog.records)
+    assert said.count("line 1: must be JSON, got 'x'") <= 5
+    untold = [int(line.split()[0]) for line in said if "more were refused" in line]
+    assert sum(untold) + len(said) - len(untold) == 50
+    assert source.statistics().refused == 50
+
+
+def test_a_reading_must_be_whole() -> None:
+    source = source_of(FakeTime(), OnChange())
+    with pytest.raises(ShapeError, match=r"^readings: must be 2, one a sensor, got 3$"):
+        source.give([True, True, True])
+
+
+# Threads ------------------------------------------------------------------------------
+
+
+class Steps(threading.Thread):
+    """Takes all ticks."""
+
+    def __init__(self, source: OutsideSource) -> None:
+        super().__init__()
+        self.source = source
+        self.ticks: list[Shown] = []
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        try:
+            bits = self.source.first()
+            while bits is not None:
+                self.ticks.append(shown(self.source, bits))
+                bits = self.source.step(-1)
+        except FabricError as error:
+            self.error = error
+
+
+@pytest.mark.parametrize("end", ["close", "end", "fail"])
+def test_who_waits_is_let_go(end: str) -> None:
+    lock = Told()
+    source = OutsideSource(Board(NAMES), OnChange(), condition=lock)
+    steps = Steps(source)
+    steps.start()
+    assert lock.waiting.wait(10)
+    if end == "fail":
+        source.fail(FabricError("hub: gone"))
+    else:
+        getattr(source, end)()
+    steps.join(10)
+    assert not steps.is_alive()
+    assert steps.ticks == []
+    assert (str(steps.error) == "hub: gone") is (end == "fail")
+    source.close()
+
+
+def test_a_feeder_is_not_started_once_the_source_is_closed() -> None:
+    calls: list[str] = []
+
+    class Noted:
+        def start(self, source: OutsideSource) -> None:
+            calls.append("start")
+
+        def stop(self) -> None:
+            calls.append("stop")
+
+    source = OutsideSource(Board(NAMES), OnChange(), feeder=Noted())
+    source.close()
+    assert source.first() is None
+    assert calls == ["stop"]
+
+
+def test_a_flood_is_coalesced_and_the_latest_wins() -> None:
+    source = OutsideSource(Board(NAMES), OnChange())
+    steps = Steps(source)
+    steps.start()
+    count = 20_000
+    for number in range(count):
+        source.put(NAMES[number % 2], number % 3 == 0)
+    source.end()
+    steps.join(30)
+    assert not steps.is_alive()
+    source.close()
+    said = source.statistics()
+    assert steps.ticks[-1] == (
+        ((count - 2) % 3 == 0, (count - 1) % 3 == 0),
+        (True,) * 2,
+    )
+    assert said.taken == count
+    assert said.ticks == len(steps.ticks)
+    # Every tick shows at least one reading nobody saw before, and at most two.
+    assert len(steps.ticks) - 1 <= count - said.coalesced <= 2 * len(steps.ticks) + 2
+    assert all(before != after for before, after in pairwise(steps.ticks))
+
+
+def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
+    source = OutsideSource(Board(NAMES), OnChange())
+    count = 3 * WAITING
+    filled = threading.Event()
+
+    def feed() -> None:
+        for number in range(count):
+            if number == WAITING:
+                filled.set()
+            source.wait_for_room()
+            source.give([number % 2 == 0, number % 3 == 0], spare=True)
+        source.end()
+
+    feeding = threading.Thread(target=feed)
+    feeding.start()
+    assert filled.wait(10)  # it is full, and the next one has to wait
+    steps = Steps(source)
+    steps.start()
+    for thread in (feeding, steps):
+        thread.join(30)
+        assert not thread.is_alive()
+    source.close()
+    assert [bits for bits, _ in steps.ticks] == [
+        (number % 2 == 0, number % 3 == 0) for number in range(count)
+    ]
+    assert source.statistics().dropped == 0
+
+
+def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
+    source = OutsideSource(Board(NAMES), OnChange())
+    source.give([True, False])
+    assert source.first() is not None
+    source.end()
+    assert source.step(-1) is None
+    source.close()
+
+
+def test_who_waits_for_room_is_let_go() -> None:
+    lock = Told()
+    source = OutsideSource(Board(NAMES), OnChange(), condition=lock)
+    for _ in range(WAITING):
+        source.give([True, True])
+    late = threading.Thread(target=source.wait_for_room)
+    late.start()
+    assert lock.waiting.wait(10)
+    source.close()
+    late.join(10)
+    assert not late.is_alive()

@@ -1,0 +1,253 @@
+"""Lines from a pipe, as a source reads them."""
+
+import fcntl
+import os
+import resource
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.sources.live.json_reading import LIMIT
+from neurosnap.sources.live.latest_readings import Board
+from neurosnap.sources.live.live_source import WAITING, OutsideSource
+from neurosnap.sources.live.stdin_source import NdjsonFeeder, first_line, names_in
+from neurosnap.sources.live.tick_schedule import OnChange
+from tests.unit.sources.live.fakes import Told
+
+NAMES = ["door", "motion"]
+
+
+class Pipe:
+    """Both ends of a pipe."""
+
+    def __init__(self) -> None:
+        self.reads, self._writes = os.pipe()
+        self._open = True
+
+    def write(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self._writes, data) :]
+
+    def end(self) -> None:
+        if self._open:
+            self._open = False
+            os.close(self._writes)
+
+    def close(self) -> None:
+        self.end()
+        os.close(self.reads)
+
+
+@pytest.fixture
+def pipe() -> Iterator[Pipe]:
+    made = Pipe()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def source(pipe: Pipe) -> Iterator[OutsideSource]:
+    made = source_on(pipe)
+    yield made
+    made.close()
+
+
+def source_on(pipe: Pipe, head: bytes | None = None) -> OutsideSource:
+    feeder = NdjsonFeeder(pipe.reads, head=head)
+    return OutsideSource(Board(NAMES), OnChange(), feeder=feeder)
+
+
+def rest_of(source: OutsideSource, *, begun: bool = False) -> list[list[bool | None]]:
+    """Return all ticks to the end; None is what is not known."""
+    ticks = []
+    bits = source.step(-1) if begun else source.first()
+    while bits is not None:
+        known = [True] * len(bits) if source.known is None else source.known
+        ticks.append([bool(b) if k else None for b, k in zip(bits, known, strict=True)])
+        bits = source.step(-1)
+    return ticks
+
+
+def test_every_whole_reading_is_a_tick(pipe: Pipe, source: OutsideSource) -> None:
+    pipe.write(b'{"bits": [1, 0]}\n\n{"bits": [1, 0], "tick": 7}\r\n')
+    pipe.write(b'{"bits": {"motion": "ON"}}\n{"bits": [0, 0]}')  # no line feed
+    pipe.end()
+    assert rest_of(source) == [[True, False], [True, False], [None, True], [False] * 2]
+    assert source.statistics().refused == 0
+
+
+def test_bad_lines_are_told_of_with_their_number_and_the_run_goes_on(
+    pipe: Pipe, source: OutsideSource, caplog: pytest.LogCaptureFixture
+) -> None:
+    pipe.write(b'{"bits": [1, 0]}\nnonsense\n{"bits": [1]}\n')
+    pipe.write(b'{"sensors": ["a"]}\n{"sensors": ["door", "motion"]}\n')
+    pipe.write(b'{"bits": {"lamp": 1, "door": 0}}\n')
+    pipe.end()
+    assert rest_of(source) == [[True, False], [False, None]]
+    assert source.statistics().refused == 4
+    first = caplog.records[0].getMessage()
+    assert first.startswith("standard input:2: reading: must be a reading in JSON (")
+
+
+def test_a_line_too_long_names_the_limit(
+    pipe: Pipe, source: OutsideSource, caplog: pytest.LogCaptureFixture
+) -> None:
+    writing = threading.Thread(target=pipe.write, args=(b"[" * (LIMIT + 1) + b"\n",))
+    writing.start()
+    ticking = threading.Thread(target=source.first)
+    ticking.start()
+    writing.join()
+    pipe.end()
+    ticking.join()
+    said = (
+        f"standard input:1: reading: must be up to {LIMIT} bytes, got 'a longer line'"
+    )
+    assert caplog.messages == [said]
+
+
+def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
+    count = 5 * WAITING
+    line = b'{"bits": [%d, %d]}\n'
+
+    def write() -> None:
+        for number in range(count):
+            pipe.write(line % (number % 2, number % 3 == 0))
+        pipe.end()
+
+    lock = Told()
+    feeder = NdjsonFeeder(pipe.reads)
+    source = OutsideSource(Board(NAMES), OnChange(), feeder=feeder, condition=lock)
+    writing = threading.Thread(target=write)
+    writing.start()
+    assert source.first() is not None
+    lock.waiting.clear()
+    assert lock.waiting.wait(20)  # it is full, and the reader waits for room
+    ticks = rest_of(source, begun=True)
+    writing.join()
+    source.close()
+    assert ticks == [[number % 2 == 1, number % 3 == 0] for number in range(1, count)]
+    assert source.statistics().dropped == 0
+
+
+def test_single_readings_make_the_board(pipe: Pipe, source: OutsideSource) -> None:
+    pipe.write(b'{"sensor": "door", "on": true}\n{"sensor": "motion", "on": 0}\n')
+    pipe.write(b'{"sensor": "door", "on": null}\n')
+    pipe.end()
+    # How many show on the way depends on who is faster.
+    assert rest_of(source)[-1] == [None, False]
+    assert source.statistics().taken == 3
+
+
+def test_the_head_is_the_first_reading_of_a_run_that_begins(pipe: Pipe) -> None:
+    source = source_on(pipe, head=b'{"bits": {"door": 1, "motion": 1}}')
+    pipe.write(b'{"bits": [0, 0]}\n')
+    pipe.end()
+    assert rest_of(source) == [[True, True], [False, False]]
+    source.close()
+
+
+def test_a_run_that_goes_on_had_the_head_before(
+    pipe: Pipe, caplog: pytest.LogCaptureFixture
+) -> None:
+    source = source_on(pipe, head=b'{"bits": {"door": 1, "motion": 1}}')
+    pipe.write(b'{"bits": [0, 0]}\nnonsense\n')
+    pipe.end()
+    assert rest_of(source, begun=True) == [[False, False]]
+    source.close()
+    assert caplog.messages[0].startswith("standard input:3: reading: must be")
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_blank_lines_before_the_head_count(
+    pipe: Pipe, caplog: pytest.LogCaptureFixture, begun: bool
+) -> None:
+    pipe.write(b'\n \n{"bits": {"door": 1, "motion": 1}}\nnonsense\n')
+    pipe.end()
+    source = source_on(pipe, head=first_line(pipe.reads))
+    assert rest_of(source, begun=begun) == ([] if begun else [[True, True]])
+    source.close()
+    assert caplog.messages[0].startswith("standard input:4: reading: must be")
+
+
+def test_a_descriptor_may_have_any_number(pipe: Pipe) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 2048), hard))
+    reads = fcntl.fcntl(pipe.reads, fcntl.F_DUPFD, 1024)  # one beyond an `fd_set`
+    try:
+        source = OutsideSource(Board(NAMES), OnChange(), feeder=NdjsonFeeder(reads))
+        pipe.write(b'{"bits": [1, 0]}\n')
+        pipe.end()
+        assert rest_of(source) == [[True, False]]
+        source.close()
+    finally:
+        os.close(reads)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_closing_ends_a_reader_that_waits_for_input(
+    pipe: Pipe, source: OutsideSource
+) -> None:
+    pipe.write(b'{"bits": [1, 0]}\n{"bits"')
+    assert source.first() is not None
+    source.close()  # would never return if it waited for the pipe
+    assert source.step(-1) is None
+    assert source.statistics().refused == 0
+
+
+def test_closing_without_a_start_leaves_no_descriptor(pipe: Pipe) -> None:
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    source_on(pipe).close()
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+def test_what_cannot_be_read_is_an_error(tmp_path: Path) -> None:
+    folder = os.open(tmp_path, os.O_RDONLY)
+    feeder = NdjsonFeeder(folder)
+    source = OutsideSource(Board(NAMES), OnChange(), feeder=feeder)
+    rule = r"^standard input: must be readable, got Is a directory$"
+    with pytest.raises(FabricError, match=rule):
+        source.first()
+    source.close()
+    os.close(folder)
+
+
+# The first line -----------------------------------------------------------------------
+
+
+def test_the_first_line_is_read_to_its_end_and_no_further(pipe: Pipe) -> None:
+    pipe.write(b'\n  \n{"sensors": ["door"]}\n{"bits": [1]}\n')
+    line = first_line(pipe.reads)
+    assert line == b'\n  \n{"sensors": ["door"]}'
+    assert names_in(line) == ("door",)
+    assert os.read(pipe.reads, 100) == b'{"bits": [1]}\n'
+
+
+def test_a_first_reading_names_the_sensors() -> None:
+    assert names_in(b'{"bits": {"motion": 0, "door": 1}}') == ("motion", "door")
+
+
+@pytest.mark.parametrize(
+    ("line", "rule"),
+    [
+        (b'{"bits": [1, 0]}', "must name all sensors"),
+        (b'{"sensor": "door", "on": 1}', "must name all sensors"),
+        (b"door,motion", "must be a reading in JSON"),
+    ],
+)
+def test_a_first_line_that_names_no_sensors(line: bytes, rule: str) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        names_in(line)
+    assert str(caught.value).startswith(f"standard input:1: reading: {rule}")
+    with pytest.raises(InvalidValueError, match=r"^standard input:3: reading: must"):
+        names_in(b"\n\n" + line)
+
+
+def test_no_first_line(pipe: Pipe) -> None:
+    pipe.write(b"\n \n")
+    pipe.end()
+    rule = r"^standard input: must begin with a line that names the sensors"
+    with pytest.raises(InvalidValueError, match=rule):
+        first_line(pipe.reads)

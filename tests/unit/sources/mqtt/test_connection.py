@@ -1,0 +1,145 @@
+"""A link whose connection breaks or ends while messages are on their way."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from typing import Self
+
+import pytest
+
+pytest.importorskip("aiomqtt")
+
+import aiomqtt
+
+from neurosnap.sources.mqtt.connection import MqttLink
+from neurosnap.sources.mqtt.options import MqttBroker
+from neurosnap.sources.mqtt.outbox import Outgoing
+
+
+class Connection:
+    """Stands in for one connection; a broker that keeps silent, fails, or answers."""
+
+    def __init__(self, *, silent: tuple[str, ...] = (), fails: str = "") -> None:
+        self.pending_calls_threshold = 0
+        self.got: list[str] = []
+        self.answer = asyncio.Event()
+        self._silent = silent
+        self._fails = fails
+        self._more = asyncio.Condition()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        pass
+
+    @property
+    async def messages(self) -> AsyncIterator[None]:
+        await asyncio.Event().wait()
+        yield
+
+    async def publish(
+        self, topic: str, payload: bytes, *, qos: int, retain: bool
+    ) -> None:
+        assert self.pending_calls_threshold
+        self.got.append(topic)
+        async with self._more:
+            self._more.notify_all()
+        if topic == self._fails:
+            raise aiomqtt.MqttError("connection lost")
+        if topic in self._silent:
+            await self.answer.wait()
+
+    async def wait_for(self, count: int) -> None:
+        async with self._more:
+            await self._more.wait_for(lambda: len(self.got) >= count)
+
+
+def link_over(
+    monkeypatch: pytest.MonkeyPatch, *connections: Connection, second: bool = False
+) -> MqttLink:
+    following = iter(connections)
+    monkeypatch.setattr(MqttLink, "_client", lambda _: next(following))
+    monkeypatch.setattr("neurosnap.sources.mqtt.retry.SHORTEST", 0.0)
+    return MqttLink(MqttBroker(), "test", second=second)
+
+
+async def test_what_is_on_its_way_at_the_end_is_not_sent_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    connection = Connection(silent=("toggle",))
+    link, stop = link_over(monkeypatch, connection), asyncio.Event()
+    link.send(Outgoing("toggle", b"1", qos=1))
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await connection.wait_for(1)
+        link.send(Outgoing("other", b"1"))
+        stop.set()
+        for _ in range(10):
+            await asyncio.sleep(0)  # whoever is told to end is about it
+        connection.answer.set()
+    assert connection.got == ["toggle", "other"]
+
+
+async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first = Connection(silent=("once", "again"), fails="bad")
+    second, stop = Connection(), asyncio.Event()
+    link = link_over(monkeypatch, first, second)
+    # Whether a message of QoS 0 arrived nobody knows: it must not come twice.
+    for topic, qos in (("done", 1), ("once", 0), ("again", 1), ("bad", 1)):
+        link.send(Outgoing(topic, b"1", qos=qos))
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await second.wait_for(2)
+        stop.set()
+    assert first.got == ["done", "once", "again", "bad"]
+    assert second.got == ["again", "bad"]
+
+
+# What is said -------------------------------------------------------------------------
+
+
+async def said_by(
+    link: MqttLink, second: Connection, caplog: pytest.LogCaptureFixture
+) -> list[str]:
+    """Return what is warned of while a connection breaks and another one is made."""
+    caplog.set_level(logging.INFO)
+    link.send(Outgoing("bad", b"1", qos=1))
+    stop = asyncio.Event()
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await second.wait_for(1)
+        stop.set()
+    assert len(caplog.records) == 2
+    return [
+        record.getMessage()
+        for record in caplog.records
+        if record.levelno >= logging.WARNING
+    ]
+
+
+async def test_a_lost_broker_is_said_with_how_long_it_will_be_tried(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    second = Connection()
+    link = link_over(monkeypatch, Connection(fails="bad"), second)
+    assert await said_by(link, second, caplog) == [
+        "localhost:1883: not connected, got connection lost;"
+        " trying again until the run ends, every 30 s at the latest",
+        "localhost:1883: connected",
+    ]
+
+
+@pytest.mark.parametrize(("long", "warned"), [(60.0, 0), (0.0, 2)])
+async def test_a_second_link_leaves_it_to_the_first_unless_it_takes_long(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    long: float,
+    warned: int,
+) -> None:
+    monkeypatch.setattr("neurosnap.sources.mqtt.connection._LONG", long)
+    second = Connection()
+    link = link_over(monkeypatch, Connection(fails="bad"), second, second=True)
+    assert len(await said_by(link, second, caplog)) == warned

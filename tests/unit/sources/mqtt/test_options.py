@@ -1,0 +1,164 @@
+"""A table of options is checked whole, and holds no secret."""
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange
+from neurosnap.sources.mqtt.options import (
+    MqttBroker,
+    MqttOptions,
+    MqttSensor,
+    MqttTick,
+    is_filter,
+    is_topic,
+)
+
+TABLE = """
+kind = "mqtt"
+stale_after = 60
+
+[broker]
+host = "broker.example"
+tls = true
+username = "neuro"
+password_env = "HOUSE_PASSWORD"
+
+[[sensors]]
+name = "door"
+topic = "house/+/door"
+
+[[sensors]]
+name = "warm"
+topic = "house/climate"
+field = "temperature"
+on_above = 21.5
+off_below = 21
+
+[[sensors]]
+name = "phone"
+topic = "wifi/phone/#"
+seen_within = 30
+
+[[actions]]
+name = "light"
+topic = "house/light/set"
+
+[tick]
+interval = 5
+
+[publish]
+prefix = "neurosnap/house"
+"""
+
+
+def parsed(text: str) -> MqttOptions:
+    return msgspec.toml.decode(text, type=MqttOptions)
+
+
+def test_a_table_becomes_options_and_survives_the_recording() -> None:
+    options = parsed(TABLE)
+    assert [sensor.name for sensor in options.sensors] == ["door", "warm", "phone"]
+    assert options.action_names == ("none", "light")
+    assert options.broker.address == "broker.example:8883"
+    again = msgspec.json.decode(msgspec.json.encode(options), type=MqttOptions)
+    assert again == options
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('"house/+/door"', '"house/a+/door"', "door: topic: must be a topic filter"),
+        ('"house/+/door"', '"house/#/door"', "door: topic: must be a topic filter"),
+        ('"house/light/set"', '"house/+/set"', "light: topic: must be a topic, with"),
+        ("off_below = 21", "off_below = 22", "off_below: must not be greater than on_"),
+        ("off_below = 21", "off_above = 22", "off_above: must go with on_below"),
+        ("on_above = 21.5", "", "off_below: must go with on_above"),
+        ("seen_within = 30", 'seen_within = 30\nfield = "a"', "phone: field: must not"),
+        ("on_above = 21.5", "on_above = nan", "Expected `float` >= -1e+300"),
+        ("seen_within = 30", "seen_within = nan", "Expected `float` > 0"),
+        ("seen_within = 30", "seen_within = 0", "Expected `float` > 0"),
+        ("seen_within = 30", "seen_within = 3\non_above = 1", "must be one of on_abov"),
+        ('name = "light"', 'name = "none"', "names: must be unique"),
+        ('name = "warm"', 'name = "door"', "names: must be unique"),
+        ("tls = true", 'ca_file = "ca.pem"', "ca_file: must go with tls"),
+        ('username = "neuro"', "", "username: must go with a password"),
+        ("tls = true", 'password_file = "p"', "password_env: must not go with passwo"),
+        ("tls = true", 'password = "1234"', "unknown field `password`"),
+        (
+            '"broker.example"',
+            '"a..b"',
+            "host: must be a name or an address, got 'a..b'",
+        ),
+        ('"neurosnap/house"', '"neurosnap/#"', "prefix: must be a topic, without"),
+    ],
+)
+def test_what_breaks_a_rule_is_named(old: str, new: str, text: str) -> None:
+    assert TABLE.count(old) == 1
+    with pytest.raises(msgspec.ValidationError, match=re.escape(text)):
+        parsed(TABLE.replace(old, new))
+
+
+def test_words_for_on_and_off_must_differ() -> None:
+    with pytest.raises(InvalidValueError, match=r"^x: off: must differ .*'yes'"):
+        MqttSensor(name="x", topic="x", on=("Yes",), off=("yes",))
+
+
+@pytest.mark.parametrize("topic", ["", "a/\0", "x" * 65536])
+def test_what_is_no_name_is_neither_topic_nor_filter(topic: str) -> None:
+    assert not is_topic(topic)
+    assert not is_filter(topic)
+
+
+def test_a_password_comes_from_the_first_line_of_its_file(tmp_path: Path) -> None:
+    place = tmp_path / "password"
+    place.write_text("hunter 2 \nsomething else\n")
+    broker = MqttBroker(username="u", password_file=str(place))
+    assert broker.password() == "hunter 2 "
+    assert "hunter" not in repr(broker)
+
+
+def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    broker = MqttBroker(username="u", password_env="HOUSE_PASSWORD")
+    monkeypatch.setenv("HOUSE_PASSWORD", "hunter2")
+    assert broker.password() == "hunter2"
+    monkeypatch.delenv("HOUSE_PASSWORD")
+    with pytest.raises(
+        InvalidValueError, match=r"^password_env: must be set in the env"
+    ):
+        broker.password()
+    assert MqttBroker().password() is None
+
+
+@pytest.mark.parametrize(
+    ("content", "rule"),
+    [
+        (None, "must be a file that can be read (No such file or directory)"),
+        (b"\n1234\n", "must hold the password in its first line"),
+        (b"geheim\xff", "must be a file that can be read (no UTF-8 text)"),
+    ],
+)
+def test_a_file_without_a_password_is_named_but_not_quoted(
+    tmp_path: Path, content: bytes | None, rule: str
+) -> None:
+    place = tmp_path / "password"
+    if content is not None:
+        place.write_bytes(content)
+    broker = MqttBroker(username="u", password_file=str(place))
+    text = f"password_file: {rule}, got {str(place)!r}"
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(text)}$"):
+        broker.password()
+
+
+def test_a_default_pace_goes_with_an_interval_and_an_asked_for_one_does_not() -> None:
+    written = msgspec.json.encode(MqttTick(interval=2))  # as in a recording
+    assert isinstance(msgspec.json.decode(written, type=MqttTick).pace(), Clocked)
+    assert isinstance(MqttTick().pace(), OnChange)
+    for asked in ({"max_interval": 5.0}, {"min_interval": 1.0}):
+        with pytest.raises(InvalidValueError, match=r"^interval: must not come with"):
+            MqttTick(interval=2, **asked)
+    with pytest.raises(InvalidValueError, match=r"^max_interval: must be above 0, and"):
+        MqttTick(min_interval=2, max_interval=1)

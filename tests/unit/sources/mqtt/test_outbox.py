@@ -1,0 +1,160 @@
+"""What waits to be published is bounded, ordered, and not sent too late."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from neurosnap.sources.mqtt.outbox import LASTS, TOGETHER, WAITING, Outbox, Outgoing
+
+
+def passing(number: int, topic: str = "act") -> Outgoing:
+    return Outgoing(topic, b"%d" % number)
+
+
+def drained(outbox: Outbox, now: float) -> list[Outgoing]:
+    """Everything, batch by batch."""
+    everything: list[Outgoing] = []
+    while batch := outbox.batch(now):
+        everything += batch
+        for message in batch:
+            outbox.sent(message)
+    return everything
+
+
+def test_the_latest_of_what_is_held_is_sent_once() -> None:
+    outbox = Outbox()
+    assert outbox.hold("a", b"1")
+    assert outbox.hold("a", b"2")
+    assert not outbox.hold("a", b"2")
+    assert drained(outbox, 0.0) == [Outgoing("a", b"2", retain=True)]
+    assert not outbox.hold("a", b"2")
+    assert drained(outbox, 0.0) == []
+
+
+def test_what_is_held_anew_while_on_its_way_is_sent_as_well() -> None:
+    outbox = Outbox()
+    outbox.hold("a", b"1")
+    (message,) = outbox.batch(0.0)
+    outbox.hold("a", b"2")
+    outbox.sent(message)
+    assert [each.payload for each in drained(outbox, 0.0)] == [b"2"]
+
+
+def test_a_batch_that_was_not_taken_is_sent_again() -> None:
+    outbox = Outbox()
+    outbox.send(passing(1), 0.0)
+    outbox.hold("a", b"1")
+    assert outbox.batch(0.0) == outbox.batch(0.0)
+    assert len(outbox) == 2
+
+
+def test_of_a_batch_only_what_was_not_taken_is_sent_again() -> None:
+    outbox = Outbox()
+    for topic in "ab":
+        outbox.send(passing(1, topic), 0.0)
+        outbox.hold(f"held {topic}", b"1")
+    first, second, third, fourth = outbox.batch(0.0)
+    outbox.sent(fourth)
+    outbox.sent(second)
+    assert outbox.batch(0.0) == [first, third]
+
+
+def test_a_broker_that_forgot_is_told_all_that_is_held() -> None:
+    outbox = Outbox()
+    for topic in "abc":
+        outbox.hold(topic, b"1")
+    drained(outbox, 0.0)
+    outbox.renew()
+    assert [each.topic for each in drained(outbox, 0.0)] == ["a", "b", "c"]
+
+
+def test_what_is_cleared_says_nothing_any_more() -> None:
+    outbox = Outbox()
+    outbox.hold("a", b"1")
+    drained(outbox, 0.0)
+    outbox.clear()
+    assert drained(outbox, 0.0) == [Outgoing("a", b"", retain=True)]
+
+
+def test_what_to_do_is_not_done_too_late() -> None:
+    outbox = Outbox()
+    outbox.send(passing(1), 0.0)
+    outbox.send(passing(2), 1.0)
+    assert drained(outbox, LASTS) == [passing(2)]
+    assert outbox.dropped == 1
+
+
+@given(count=st.integers(0, 2 * WAITING))
+def test_of_too_much_to_do_the_latest_is_kept_in_order(count: int) -> None:
+    outbox = Outbox()
+    for number in range(count):
+        outbox.send(passing(number), 0.0)
+    kept = range(max(0, count - WAITING), count)
+    assert drained(outbox, 0.0) == [passing(number) for number in kept]
+    assert outbox.dropped == count - len(kept)
+
+
+class Broker(RuleBasedStateMachine):
+    """Whatever happens in between, each topic ends up saying what it should."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.outbox = Outbox()
+        self.wanted: dict[str, bytes] = {}
+        self.retained: dict[str, bytes] = {}
+        self.sent: list[Outgoing] = []
+        self.got: list[Outgoing] = []
+        self.on_its_way: list[Outgoing] = []
+
+    @rule(topic=st.sampled_from("abcdefghijklmnopqrst"), payload=st.binary(max_size=1))
+    def hold(self, topic: str, payload: bytes) -> None:
+        self.outbox.hold(topic, payload)
+        self.wanted[topic] = payload
+
+    @rule(topic=st.sampled_from(["x", "y"]))
+    def send(self, topic: str) -> None:
+        message = passing(len(self.sent), topic)
+        self.outbox.send(message, 0.0)
+        self.sent.append(message)
+
+    @rule()
+    def begin(self) -> None:
+        if not self.on_its_way:
+            self.on_its_way = self.outbox.batch(0.0)
+
+    @rule(place=st.integers(0, TOGETHER - 1))
+    def arrive(self, place: int) -> None:
+        """One of those on their way, in any order."""
+        if place >= len(self.on_its_way):
+            return
+        message = self.on_its_way.pop(place)
+        if message.retain:
+            self.retained[message.topic] = message.payload
+        else:
+            self.got.append(message)
+        self.outbox.sent(message)
+
+    @rule()
+    def break_off(self) -> None:
+        self.on_its_way = []
+        self.retained = {}
+        self.outbox.renew()
+
+    @invariant()
+    def no_batch_is_large_or_has_a_topic_twice(self) -> None:
+        topics = [message.topic for message in self.outbox.batch(0.0)]
+        assert len(topics) == len(set(topics)) <= TOGETHER
+
+    def teardown(self) -> None:
+        self.break_off()
+        while self.outbox.batch(0.0):
+            self.begin()
+            while self.on_its_way:
+                self.arrive(0)
+        assert self.retained == self.wanted
+        for topic in ("x", "y"):
+            sent = [message for message in self.sent if message.topic == topic]
+            assert [message for message in self.got if message.topic == topic] == sent
+
+
+TestBroker = Broker.TestCase

@@ -1,0 +1,114 @@
+"""What a run publishes of itself, and how Home Assistant is told of it."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.errors import ShapeError
+from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
+from neurosnap.sources.mqtt.options import MqttPublish
+from neurosnap.sources.mqtt.published_topics import (
+    Topics,
+    anomaly,
+    beliefs,
+    predictions,
+    slugs,
+)
+
+NAMES = ["door", "hall/motion", "hall motion"]
+
+
+@given(
+    names=st.lists(st.text(st.sampled_from("ab_-/ é02"), min_size=1), unique=True),
+)
+def test_slugs_are_plain_and_all_different(names: list[str]) -> None:
+    made = slugs(names)
+    assert len(set(made)) == len(names)
+    assert all(re.fullmatch("[A-Za-z0-9_-]+", slug) for slug in made)
+
+
+@given(names=st.lists(st.from_regex(r"\A[a-z0-9-]{1,4}\Z"), unique=True))
+def test_a_plain_name_is_its_own_slug(names: list[str]) -> None:
+    assert slugs(names) == tuple(names)
+
+
+READINGS = st.lists(
+    st.tuples(st.sampled_from([None, True, False]), st.booleans()),
+    min_size=3,
+    max_size=3,
+)
+
+
+@given(readings=READINGS)
+def test_beliefs_and_predictions_follow_from_the_state(
+    readings: list[tuple[bool | None, bool]],
+) -> None:
+    literals = np.array([[on is True, on is False] for on, _ in readings]).reshape(-1)
+    known = np.array([read for _, read in readings])
+    word = {None: "unknown", True: "ON", False: "OFF"}
+    said = [word[on] for on, _ in readings]
+    assert [each.decode() for each in beliefs(literals)] == said
+    expected = {
+        name: word[on]
+        for name, (on, read) in zip(NAMES, readings, strict=True)
+        if on is not None and not read
+    }
+    assert json.loads(predictions(NAMES, literals, known)) == expected
+    assert predictions(NAMES, literals, None) == b"{}"
+
+
+def test_what_is_known_must_be_one_a_sensor() -> None:
+    with pytest.raises(ShapeError, match=r"^known: must be \(3,\), one a sensor"):
+        predictions(NAMES, np.zeros(6, np.bool_), np.ones(2, np.bool_))
+
+
+def test_the_last_anomaly_stays_when_it_is_over() -> None:
+    record = {"tick": 3, "culprits": ["door"]}
+    assert json.loads(anomaly(now=False, last=record)) == {"now": "OFF", "last": record}
+    assert json.loads(anomaly(now=True, last=None)) == {"now": "ON", "last": {}}
+
+
+def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
+    publish = MqttPublish(prefix="neurosnap/house", device="House")
+    topics = Topics(publish.prefix, NAMES)
+    assert discovery_topic(publish) == "homeassistant/device/neurosnap_house/config"
+    told = json.loads(discovery(publish, topics, NAMES, acts=True))
+    assert told["device"]["identifiers"] == ["neurosnap_house"]
+    assert told["device"]["name"] == "House"
+    assert told["origin"]["name"] == "neurosnap"
+    assert told["availability"] == [{"topic": "neurosnap/house/status"}]
+    components = told["components"]
+    assert set(components) == {
+        "sensor_door",
+        "sensor_hall_motion",
+        "sensor_hall_motion_2",
+        "anomaly",
+        "predictions",
+        "decision",
+    }
+    assert components["sensor_hall_motion"] == {
+        "platform": "binary_sensor",
+        "name": "hall/motion",
+        "unique_id": "neurosnap_house_sensor_hall_motion",
+        "state_topic": "neurosnap/house/sensor/hall_motion",
+        "value_template": "{{ 'None' if value == 'unknown' else value }}",
+    }
+    ids = [component["unique_id"] for component in components.values()]
+    assert len(set(ids)) == len(ids)
+    where = {component["state_topic"] for component in components.values()}
+    assert where == {
+        *topics.sensors,
+        topics.anomaly,
+        topics.predictions,
+        topics.decision,
+    }
+
+
+def test_what_decides_nothing_has_no_decisions() -> None:
+    publish = MqttPublish()
+    told = discovery(publish, Topics(publish.prefix, NAMES), NAMES, acts=False)
+    assert "decision" not in json.loads(told)["components"]

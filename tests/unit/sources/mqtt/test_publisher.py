@@ -1,0 +1,65 @@
+"""What an outlet holds, tick after tick, without a broker."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("aiomqtt")
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import pack
+from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
+from neurosnap.sources.mqtt.publisher import MqttOutlet
+
+NAMES = ["door", "hall", "light"]
+LITERALS = {b"ON": (1, 0), b"OFF": (0, 1), b"unknown": (0, 0)}
+
+
+def state(words: list[bytes]) -> wire.State:
+    return wire.State(
+        tick=1,
+        wave=1,
+        literals=pack([bit for word in words for bit in LITERALS[word]]),
+        incoherent=False,
+        depth=0,
+        longest=0,
+        height=0,
+        edges=0,
+        pulses=0,
+    )
+
+
+@given(
+    st.lists(
+        st.lists(st.sampled_from(sorted(LITERALS)), min_size=3, max_size=3), min_size=1
+    )
+)
+def test_every_topic_says_what_the_last_state_does(ticks: list[list[bytes]]) -> None:
+    outlet = MqttOutlet(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    for words in ticks:
+        outlet.state(state(words))
+        held = outlet._link._outbox._held
+        assert [held[f"p/sensor/{name}"] for name in NAMES] == words
+
+
+def test_only_what_changed_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    outlet = MqttOutlet(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet.state(state([b"ON", b"OFF", b"unknown"]))
+    handed: list[str] = []
+    monkeypatch.setattr(outlet._link, "hold", lambda topic, _: handed.append(topic))
+    outlet.state(state([b"ON", b"ON", b"unknown"]))
+    assert handed == ["p/sensor/hall", "p/predictions"]
+
+
+def test_a_decision_has_the_name_of_its_action() -> None:
+    publish = MqttPublish(prefix="p")
+    outlet = MqttOutlet(MqttBroker(), publish, NAMES, actions=["none", "ring"])
+    outlet.decision(wire.Decision(1, -1, "nothing to do"))
+    assert "p/decision" not in outlet._link._outbox._held
+    outlet.decision(wire.Decision(1, 1, "greedy"))
+    told = b'{"action":"ring","why":"greedy"}'
+    assert outlet._link._outbox._held["p/decision"] == told
+    rule = r"^action: must be a whole number in 0\.\.1, got 2$"
+    with pytest.raises(InvalidValueError, match=rule):
+        outlet.decision(wire.Decision(1, 2, "greedy"))

@@ -1,0 +1,72 @@
+"""Compiled code is kept in the user's cache folder, and the first start says so."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = """
+from neurosnap.system.compiled import njit
+
+@njit()
+def twice(number):
+    return 2 * number
+
+assert twice(3) == 6
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    path = tmp_path / "program" / "kernel.py"
+    path.parent.mkdir()
+    path.write_text(SOURCE)
+    return path
+
+
+def start(program: Path, **environment: str) -> str:
+    """Run the program; return what it says."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in {"XDG_CACHE_HOME", "NUMBA_CACHE_DIR"}
+    }
+    done = subprocess.run(
+        [sys.executable, program],
+        env=kept | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout + done.stderr
+
+
+def compiled(folder: Path) -> list[Path]:
+    return list(folder.rglob("kernel.twice-*.nbi"))
+
+
+@pytest.mark.slow
+def test_the_first_start_says_that_it_compiles(tmp_path: Path, program: Path) -> None:
+    cache = tmp_path / "cache"
+    assert "compiling for this machine" in start(program, XDG_CACHE_HOME=str(cache))
+    assert compiled(cache / "neurosnap")
+    assert not compiled(program.parent)
+    assert start(program, XDG_CACHE_HOME=str(cache)) == ""
+
+
+@pytest.mark.slow
+def test_a_folder_for_numba_comes_first(tmp_path: Path, program: Path) -> None:
+    chosen, cache = tmp_path / "chosen", tmp_path / "cache"
+    said = start(program, XDG_CACHE_HOME=str(cache), NUMBA_CACHE_DIR=str(chosen))
+    assert said == ""
+    assert compiled(chosen)
+    assert not cache.exists()
+
+
+@pytest.mark.slow
+def test_without_a_cache_folder_numba_chooses(tmp_path: Path, program: Path) -> None:
+    (tmp_path / "cache").write_text("a file")
+    assert start(program, XDG_CACHE_HOME=str(tmp_path / "cache")) == ""
+    assert compiled(program.parent)

@@ -1,0 +1,105 @@
+"""The installed distribution: its name in every text, its version, its namesake."""
+
+import re
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from neurosnap.apps.cli import app
+from neurosnap.system import distribution
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "neurosnap"
+
+
+def installed_beside_its_namesake(folder: Path) -> Path:
+    """A site-packages with the start of ours and PyPI's `neurosnap` in one folder."""
+    ours = folder / "neurosnap"
+    ours.mkdir()
+    for name in ("__init__.py", "__main__.py", "distribution.py"):
+        shutil.copy(PACKAGE / name, ours)
+    (folder / "neurosnap-2026.10.23.dist-info").mkdir()
+    (folder / "neurosnap_uma-0.1.0.dist-info").mkdir()
+    return ours
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-P", *arguments],
+        env={"PYTHONPATH": str(folder)},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30,
+    )
+
+
+REMEDY = "pip uninstall neurosnap neurosnap-uma"
+
+
+def test_a_namesake_in_the_same_folder_is_warned_of(tmp_path: Path) -> None:
+    installed_beside_its_namesake(tmp_path)
+    done = run(tmp_path, "-c", "import neurosnap")
+    assert done.returncode == 0
+    assert "got neurosnap 2026.10.23 there" in done.stderr
+    assert REMEDY in done.stderr
+
+
+def test_a_namesake_that_came_later_ends_the_command(tmp_path: Path) -> None:
+    ours = installed_beside_its_namesake(tmp_path)
+    (ours / "__init__.py").write_text("")  # its own is empty, and in the place of ours
+    done = run(tmp_path, "-m", "neurosnap", "doctor")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: neurosnap: must not share ")
+    assert REMEDY in done.stderr
+
+
+def test_without_a_namesake_nothing_is_said(tmp_path: Path) -> None:
+    installed_beside_its_namesake(tmp_path)
+    (tmp_path / "neurosnap-2026.10.23.dist-info").rmdir()
+    assert run(tmp_path, "-W", "error", "-c", "import neurosnap").stderr == ""
+
+
+def test_a_bare_copy_of_the_sources_has_a_version(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def absent(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    assert distribution.version() == metadata.version("neurosnap-uma")
+    monkeypatch.setattr(metadata, "version", absent)
+    assert distribution.version() == "0+unknown"
+
+
+def test_the_version_is_printed() -> None:
+    done = CliRunner().invoke(app, ["--version"])
+    assert done.exit_code == 0
+    assert done.output == f"neurosnap {distribution.version()}\n"
+
+
+def test_no_text_tells_to_install_the_namesake() -> None:
+    texts = [
+        *ROOT.glob("*.md"),
+        *(ROOT / "examples").iterdir(),
+        *PACKAGE.rglob("*.py"),
+    ]
+    # The extras of another project, or that project itself.
+    wrong = re.compile(
+        r"(?<![-\w/])neurosnap\[\w+\]|pip install[^\n`]*[ '\"]neurosnap\b(?![-_/])"
+    )
+    found = {
+        path.name: wrong.findall(path.read_text()) for path in texts if path.is_file()
+    }
+    assert {name: each for name, each in found.items() if each} == {}
+
+
+def test_a_missing_package_is_named_with_the_command_that_brings_it() -> None:
+    assert distribution.must_have("uvicorn", "view") == (
+        "must have uvicorn installed (run `pip install 'neurosnap-uma[view]'`)"
+    )
