@@ -24,6 +24,8 @@ from neurosnap.errors import MessageError
 
 SCHEMA = 2
 ROOT = "neurosnap"
+LARGEST_KEYFRAME = 1 << 27
+"""Bytes of a key-frame, at most; a recording holds none that is larger."""
 
 _LARGEST = 2**31 - 1
 _PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")

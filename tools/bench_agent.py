@@ -16,7 +16,7 @@ from neurosnap.agent.excited import Excited
 from neurosnap.agent.random_numbers import Draws
 from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 from tools.bench_observe import Plain
 from tools.bench_report import Line, Sizes
 

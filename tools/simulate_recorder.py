@@ -7,8 +7,8 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError, SwarmError
+from neurosnap.protocol.resume_point import Past
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.write.rotation import Parts, Split
 from neurosnap.recording.write.writer import Compression, Writer
 from tools.simulate_disk import Disk

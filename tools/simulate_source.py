@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.sources.open import Source, open_source
+from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Source
 
 _SHARES = (0.0, 0.0, 0.1, 0.4)  # of the readings that are unknown
 

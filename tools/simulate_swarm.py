@@ -16,15 +16,15 @@ from neurosnap.errors import MessageError, SwarmError, WaveLostError
 from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import shares
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.world import World
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.participant import decoded
-from neurosnap.runtime.parts.world_process import World
-from neurosnap.sources.open import Source
+from neurosnap.sources.protocol import Source
 from tools.simulate_check import WrongError
 from tools.simulate_disk import Disk
 from tools.simulate_recorder import Recorder

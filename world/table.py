@@ -1,6 +1,6 @@
 """What is true in an environment that has a transition table, and long walks in it.
 
-The environment goes on from episode to episode (`neurosnap.sources.open.Continuing`). A
+The environment goes on from episode to episode (`Continuing`). A
 *place* is what has to be known of it to know what may come next: its state, and whether
 the episode is over there, so that the next step resets whatever the action. A reset is
 no action's doing. Everything is exact: places are those that some walk gets to,

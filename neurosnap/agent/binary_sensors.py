@@ -2,7 +2,7 @@
 
 `BinarySensors` gives what `Sensor` predicates read along the trajectory instead of the
 environment's own observation. Where episodes follow each other
-(`neurosnap.sources.open.Continuing`), every one of them is a trajectory of its own,
+(`Continuing`), every one of them is a trajectory of its own,
 whichever of the two wrappers is around the other.
 """
 

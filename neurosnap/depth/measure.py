@@ -6,9 +6,7 @@ of the order and not with the number of sensors.
 
 import asyncio
 import csv
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +20,6 @@ from neurosnap.errors import (
     InvalidValueError,
     MissingExtraError,
     RecordingError,
-    naming,
 )
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
@@ -30,6 +27,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import options_of
 from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.system.distribution import must_have
+from neurosnap.system.durable import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -189,22 +187,13 @@ def fit(rows: Iterable[Measured]) -> Line | None:
 
 def write_csv(rows: Iterable[Measured], path: Path) -> None:
     """Write ``depth.csv``: one row a wave, whole or not at all."""
-    with _whole(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+    with (
+        replacing(path) as draft,
+        draft.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """Give a place to write, which becomes `path` if nothing goes wrong."""
-    draft = path.with_name(f"{path.name}.part")
-    try:
-        with naming(path):
-            yield draft
-            os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def draw(rows: Sequence[Measured], path: Path) -> None:
@@ -239,7 +228,7 @@ def draw(rows: Sequence[Measured], path: Path) -> None:
         axes.grid(alpha=0.3)
         if axes.get_legend_handles_labels()[0]:  # a single depth makes no line
             axes.legend(fontsize="small")
-    with _whole(path) as draft:
+    with replacing(path) as draft:
         figure.savefig(draft, dpi=150, format="png")
 
 

@@ -19,23 +19,22 @@ Its invariants:
 A process imports this file a thousand times over: neither numpy nor numba is needed.
 """
 
-import asyncio
 from collections.abc import Iterable
 
 import msgspec
 
 from neurosnap import wire
-from neurosnap.fabric.protocol import Fabric
+from neurosnap.errors import MessageError
 from neurosnap.protocol.credit import split_evenly
 from neurosnap.protocol.limits import (
     Latch,
+    check_number,
+    check_readings,
+    check_room,
+    check_start,
     is_far,
-    wrong_number,
-    wrong_room,
-    wrong_start,
 )
 from neurosnap.protocol.wave import DEEPEST
-from neurosnap.runtime.parts.participant import decoded, wrong_readings
 
 _PULSES = 1 << 17  # a cell remembers of all waves together
 
@@ -104,9 +103,10 @@ class Cell:
         out: list[wire.Message] = []
         touched: dict[int, _Wave] = {}  # waves that owe a report
         for message in burst:
-            wrong = self._wrong(message)
-            if wrong is not None:
-                out.append(wire.Fault(self._who, wrong))
+            try:
+                self._check(message)
+            except MessageError as error:
+                out.append(wire.Fault(self._who, str(error)))
                 continue
             match message:
                 case wire.Pulse():
@@ -122,62 +122,68 @@ class Cell:
 
     # What cannot be right ------------------------------------------------------------
 
-    def _wrong(self, message: wire.Message) -> str | None:
-        """Return what is wrong with a message that cannot be right; None: it may be."""
+    def _check(self, message: wire.Message) -> None:
+        """Refuse a message that cannot be right.
+
+        Raises:
+            MessageError: It cannot.
+        """
         match message:
             case wire.Pulse():
-                if message.target not in self._targets:
-                    return f"pulse: must be for this cell, got {message.target}"
-                if (most := max(message.hops, message.credit)) > DEEPEST:
-                    return f"pulse: must have hops, credit up to {DEEPEST}, got {most}"
-                return self._wrong_wave("pulse", message)
+                self._check_pulse(message)
             case wire.WaveStart():
-                return self._wrong_start(message)
+                if message.cell not in (-1, self.cell):
+                    got = message.cell
+                    raise MessageError(f"wave: must be for this cell, got {got}")
+                check_start(message)
+                self._readings.check_tick("wave", message.tick)
+                self._check_wave("wave", message)
             case wire.Observation():
-                return self._wrong_observation(message)
+                self._check_observation(message)
             case wire.Wiring():
-                if message.cell != self.cell:
-                    return f"wiring: must be for this cell, got {message.cell}"
-                # A wave fences every wiring, so its numbers grow no faster.
-                most = max(len(message.add), len(message.add_complement))
-                if most > DEEPEST:
-                    return f"wiring: must have up to {DEEPEST} targets, got {most}"
-                return wrong_number("wiring: epoch", message.epoch, self._fence)
+                self._check_wiring(message)
             case _:
-                return f"{wire.topic(message.key)}: is not for a cell"
+                raise MessageError(f"{wire.topic(message.key)}: is not for a cell")
 
-    def _wrong_start(self, start: wire.WaveStart) -> str | None:
-        if start.cell not in (-1, self.cell):
-            return f"wave: must be for this cell, got {start.cell}"
-        return (
-            wrong_start(start)
-            or self._readings.wrong_tick("wave", start.tick)
-            or self._wrong_wave("wave", start)
-        )
+    def _check_pulse(self, pulse: wire.Pulse) -> None:
+        if pulse.target not in self._targets:
+            raise MessageError(f"pulse: must be for this cell, got {pulse.target}")
+        if (most := max(pulse.hops, pulse.credit)) > DEEPEST:
+            rule = f"must have hops, credit up to {DEEPEST}"
+            raise MessageError(f"pulse: {rule}, got {most}")
+        self._check_wave("pulse", pulse)
 
-    def _wrong_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> str | None:
-        number = max(of.wave, of.fence)
-        if (far := wrong_number(f"{name}: wave", number, self._fence)) is not None:
-            return far
+    def _check_wiring(self, wiring: wire.Wiring) -> None:
+        if wiring.cell != self.cell:
+            raise MessageError(f"wiring: must be for this cell, got {wiring.cell}")
+        most = max(len(wiring.add), len(wiring.add_complement))
+        if most > DEEPEST:
+            rule = f"must have up to {DEEPEST} targets"
+            raise MessageError(f"wiring: {rule}, got {most}")
+        # A wave fences every wiring, so wiring numbers grow no faster than waves.
+        check_number("wiring: epoch", wiring.epoch, self._fence)
+
+    def _check_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> None:
+        check_number(f"{name}: wave", max(of.wave, of.fence), self._fence)
         if of.wave < self._settled_below:
-            return None  # nothing will be kept of it
+            return  # nothing will be kept of it
         # The first fence makes room.
-        first = not self._fence and isinstance(of, wire.WaveStart) and of.cell < 0
-        if not first and (full := wrong_room(name, of.wave, self._waves)) is not None:
-            return full
+        if self._fence or isinstance(of, wire.Pulse) or of.cell >= 0:
+            check_room(name, of.wave, self._waves)
         if isinstance(of, wire.Pulse) and self._remembered >= _PULSES:
-            return f"{name}: must be one of {_PULSES} in flight, got one more"
-        return None
+            rule = f"must be one of {_PULSES} in flight"
+            raise MessageError(f"{name}: {rule}, got one more")
 
-    def _wrong_observation(self, observation: wire.Observation) -> str | None:
+    def _check_observation(self, observation: wire.Observation) -> None:
         size = len(observation.bits)
         if size <= self.cell // 8:
-            return f"observe: must hold sensor {self.cell}, got {size} bytes"
+            rule = f"must hold sensor {self.cell}"
+            raise MessageError(f"observe: {rule}, got {size} bytes")
         if self._bytes and size != self._bytes:
-            return f"observe: must hold {self._bytes} bytes as before, got {size}"
-        return wrong_readings(observation) or self._readings.wrong_tick(
-            "observe", observation.tick
-        )
+            rule = f"must hold {self._bytes} bytes as before"
+            raise MessageError(f"observe: {rule}, got {size}")
+        check_readings(observation)
+        self._readings.check_tick("observe", observation.tick)
 
     # Waves -------------------------------------------------------------------------
 
@@ -365,19 +371,3 @@ class Cell:
             self._targets[literal] = sorted((kept - set(drop)) | set(add))
         self._epoch = wiring.epoch
         self._wired = True
-
-
-async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
-    """Be the cell of sensor `cell` until `stop` is set.
-
-    Reads `wire.cell_keys`; publishes pulses, reports and faults.
-    Cancellation ends it at once; the fabric is the caller's to close.
-    """
-    core = Cell(cell)
-
-    def handle(deliveries: list[wire.Delivery]) -> None:
-        fabric.publish(*core.receive(decoded(fabric, deliveries)))
-
-    await fabric.subscribe(wire.cell_keys(cell), handle)
-    await fabric.announce()
-    await fabric.serve(stop)

@@ -24,9 +24,9 @@ from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.anomaly import Watcher
 from neurosnap.protocol.anomaly_messages import announcement
+from neurosnap.protocol.limits import check_readings
 from neurosnap.protocol.observations import readings, selection
 from neurosnap.protocol.wave_control import Conductor
-from neurosnap.runtime.parts.participant import wrong_readings
 from neurosnap.sensorium import complement, pack
 
 if TYPE_CHECKING:
@@ -243,10 +243,11 @@ class Coordinator:
         if observation.tick != expected or self._signal:
             what = f"must be tick {expected}, once, got tick {observation.tick}"
             return [_fault(f"observe: {what}")]
-        if (wrong := wrong_readings(observation)) is not None:
-            return [_fault(wrong)]
         try:
+            check_readings(observation)
             bits, known = readings(observation, len(self._snapshot.sensorium))
+        except MessageError as error:
+            return [_fault(str(error))]
         except ShapeError as error:
             return [_fault(f"observe: {error}")]
         messages = self._judge(observation.tick, bits, known)

@@ -1,17 +1,19 @@
-"""What a cell and a worker take alike: how far ahead, of how many at once, how long.
+"""Checks on incoming messages: bounds that cells, workers and the coordinator share.
 
-The coordinator's numbers grow one by one, and what it says comes in order. So what is
-far beyond what was heard from it cannot have come about, and whoever kept it would
-have to keep anything. Before the first there is no telling: a run that is resumed goes
-on with the numbers it had.
+Each check raises `MessageError` if a message cannot be right. The coordinator numbers
+waves and wirings one by one, and its messages arrive in order, so a number far beyond
+the last one heard cannot be genuine: a part that accepted it would have to store
+anything. Before the first number there is nothing to compare with, since a resumed run
+continues with the numbers it had.
 
-Cell processes import this file: neither numpy nor numba is needed.
+Cell processes import this module: it needs neither numpy nor numba.
 """
 
 from collections.abc import Collection
 from typing import Generic, TypeVar
 
 from neurosnap import wire
+from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST
 
 T = TypeVar("T")
@@ -34,29 +36,67 @@ def is_far(number: int, heard: int) -> bool:
     return 0 < heard < number - AHEAD
 
 
-def wrong_number(what: str, number: int, heard: int) -> str | None:
-    """Return why a number is too far ahead, as in `is_far`; None: it is not."""
-    if not is_far(number, heard):
-        return None
-    return f"{what} must be at most {AHEAD} beyond {heard}, got {number}"
+def check_number(what: str, number: int, heard: int) -> None:
+    """Refuse a number that is too far ahead; see `is_far`.
+
+    Raises:
+        MessageError: It is.
+    """
+    if is_far(number, heard):
+        rule = f"must be at most {AHEAD} beyond {heard}"
+        raise MessageError(f"{what} {rule}, got {number}")
 
 
-def wrong_room(name: str, number: int, waves: Collection[int]) -> str | None:
-    """Return why a wave would be one too many of those known; None: it is not."""
-    if number in waves or len(waves) < WAVES:
-        return None
-    return f"{name}: must be of {WAVES} waves in all, got wave {number} too"
+def check_room(name: str, number: int, waves: Collection[int]) -> None:
+    """Refuse a wave for which there is no room beside those known.
+
+    Raises:
+        MessageError: There are `WAVES` already.
+    """
+    if number not in waves and len(waves) >= WAVES:
+        rule = f"must be of {WAVES} waves in all"
+        raise MessageError(f"{name}: {rule}, got wave {number} too")
 
 
-def wrong_start(start: wire.WaveStart) -> str | None:
-    """Return why a wave cannot begin as it says; None: it may."""
+def check_start(start: wire.WaveStart) -> None:
+    """Refuse a wave start that contradicts itself.
+
+    Raises:
+        MessageError: It does.
+    """
     if start.credit > DEEPEST:
-        return f"wave: must have credit up to {DEEPEST}, got {start.credit}"
-    # Nobody is done with what has not begun.
+        rule = f"must have credit up to {DEEPEST}"
+        raise MessageError(f"wave: {rule}, got {start.credit}")
+    # A wave cannot settle waves newer than itself.
     if start.settled_below > start.wave:
         rule = f"must settle only what is before wave {start.wave}"
-        return f"wave: {rule}, got all below {start.settled_below}"
-    return None
+        raise MessageError(f"wave: {rule}, got all below {start.settled_below}")
+
+
+def check_readings(observation: wire.Observation) -> None:
+    """Refuse an observation whose two masks contradict each other.
+
+    An observation without any known reading is refused, too: it would start no wave.
+
+    Raises:
+        MessageError: They do.
+    """
+    if not observation.known:
+        return
+    size, got = len(observation.bits), len(observation.known)
+    if got != size:
+        rule = f"must say which of {size} bytes are known"
+        raise MessageError(f"observe: {rule}, got {got} bytes")
+    bits, known = (
+        int.from_bytes(packed, "little")
+        for packed in (observation.bits, observation.known)
+    )
+    if not known:
+        raise MessageError("observe: must hold a reading that is known, got none")
+    if beyond := bits & ~known:
+        sensor = beyond.bit_length() - 1
+        rule = "must be 0 where it is not known"
+        raise MessageError(f"observe: {rule}, got sensor {sensor} on")
 
 
 class Latch(Generic[T]):
@@ -72,12 +112,15 @@ class Latch(Generic[T]):
     def __getitem__(self, tick: int) -> T:
         return self._readings[tick]
 
-    def wrong_tick(self, name: str, tick: int) -> str | None:
-        """Return why a tick is too far ahead to have come about; None: it is not."""
-        if not 0 < self._tick < tick - READINGS:
-            return None
-        rule = f"must be at most {READINGS} ticks after {self._tick}"
-        return f"{name}: tick {rule}, got {tick}"
+    def check_tick(self, name: str, tick: int) -> None:
+        """Refuse a tick that is too far ahead.
+
+        Raises:
+            MessageError: It is.
+        """
+        if 0 < self._tick < tick - READINGS:
+            rule = f"must be at most {READINGS} ticks after {self._tick}"
+            raise MessageError(f"{name}: tick {rule}, got {tick}")
 
     def keep(self, tick: int, reading: T) -> None:
         """Keep what was read at a tick, and of all no more than the latest."""

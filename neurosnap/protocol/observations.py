@@ -13,7 +13,7 @@ def readings(
     """Return what the sensors read, and of which of them that is known.
 
     Args:
-        observation: Not one of `neurosnap.runtime.parts.participant.wrong_readings`.
+        observation: Checked by `neurosnap.protocol.limits.check_readings`.
         count: How many sensors there are.
 
     Returns:

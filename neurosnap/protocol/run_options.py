@@ -9,15 +9,17 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.zenoh.pieces import MOST
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )
 from neurosnap.protocol.partition import hosts, shares
-from neurosnap.recording.format.records import SMALLEST
 from neurosnap.sensorium import Sensorium
+from neurosnap.wire import LARGEST_KEYFRAME
 
+SMALLEST = 1 << 16
+"""Least bytes per file of a split recording: with fewer a file would hold little but
+its header."""
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
@@ -133,10 +135,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             InvalidValueError: There are too many sensors.
         """
         count, pair = len(self.sensors), _BYTES_A_PAIR[self.snapshot]
-        room = MOST * 3 // 4 - _FRAME_BESIDE  # base64 takes four bytes for three
+        room = (
+            LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
+        )  # base64 takes four bytes for three
         if count * count * pair > 2 * room:
             most = math.isqrt(2 * room // pair)
-            rule = f"must be at most {most:,}, for a key-frame of {MOST >> 20} MiB"
+            rule = f"must be at most {most:,}, for a key-frame of {LARGEST_KEYFRAME >> 20} MiB"
             raise InvalidValueError("sensors", rule, count)
 
     def new_snapshot(self) -> Snapshot:

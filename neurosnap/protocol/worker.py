@@ -12,7 +12,6 @@ the invariants are those of `neurosnap.protocol.cell`, with a few differences in
   wired anew.
 """
 
-import asyncio
 from collections.abc import Iterable, Sequence
 
 import msgspec
@@ -21,15 +20,14 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.limits import (
     AHEAD,
     Latch,
-    wrong_number,
-    wrong_room,
-    wrong_start,
+    check_number,
+    check_readings,
+    check_room,
+    check_start,
 )
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker_edges import Mesh
 from neurosnap.protocol.worker_kernels import (
     Ints,
@@ -37,10 +35,7 @@ from neurosnap.protocol.worker_kernels import (
     carried,
     outgoing,
     spread,
-    warm,
 )
-from neurosnap.runtime.parts.child_process import Reporter, Seat
-from neurosnap.runtime.parts.participant import decoded, take_part, wrong_readings
 
 _HELD = 1 << 24  # pulses that may wait for what their waves take
 _BURSTS = 1 << 17  # a worker remembers of all waves together
@@ -124,7 +119,7 @@ class Worker:
                 self._latch(message)
             case wire.Loom():
                 # One far ahead would make the true ones all come too late.
-                _refuse(wrong_number("loom: epoch", message.epoch, self._epoch))
+                check_number("loom: epoch", message.epoch, self._epoch)
                 self._mesh.check(message)
                 # What came before it was meant for the wiring before it.
                 self._advance(out)
@@ -137,7 +132,7 @@ class Worker:
     def _hold(self, burst: wire.Burst) -> None:
         """Keep what another worker sent, once."""
         pulses = self._mesh.pulses(burst)
-        _refuse(wrong_number("burst: wave", burst.wave, self._announced))
+        check_number("burst: wave", burst.wave, self._announced)
         if burst.wave < self._settled_below:
             return
         if self._held + len(pulses.hops) > _HELD:
@@ -145,7 +140,7 @@ class Worker:
         if self._remembered >= _BURSTS:
             rule = f"must be one of {_BURSTS} in flight"
             raise MessageError(f"burst: {rule}, got one more")
-        _refuse(wrong_room("burst", burst.wave, self._waves))
+        check_room("burst", burst.wave, self._waves)
         wave = self._wave(burst.wave)
         way = (burst.worker, burst.part)
         if way not in wave.seen:
@@ -165,11 +160,11 @@ class Worker:
     def _check_start(self, start: wire.WaveStart) -> None:
         if start.cell >= 0:
             raise MessageError(f"wave: must be for all, got one for cell {start.cell}")
-        _refuse(wrong_start(start))
-        _refuse(wrong_number("wave: wave", start.wave, self._announced))
-        _refuse(self._readings.wrong_tick("wave", start.tick))
+        check_start(start)
+        check_number("wave: wave", start.wave, self._announced)
+        self._readings.check_tick("wave", start.tick)
         # What it settles makes room for it.
-        _refuse(wrong_room("wave", start.wave, self._left(start)))
+        check_room("wave", start.wave, self._left(start))
 
     def _left(self, start: wire.WaveStart) -> dict[int, _Wave]:
         """Return the waves known that may still come about after `start`."""
@@ -261,8 +256,8 @@ class Worker:
         if len(observation.bits) != size:
             got = f"got {len(observation.bits)}"
             raise MessageError(f"observe: must hold {size} bytes, {got}")
-        _refuse(wrong_readings(observation))
-        _refuse(self._readings.wrong_tick("observe", observation.tick))
+        check_readings(observation)
+        self._readings.check_tick("observe", observation.tick)
 
     def _latch(self, observation: wire.Observation) -> None:
         if observation.tick in self._readings:
@@ -287,45 +282,6 @@ class Worker:
         self._wired = True
 
 
-def _refuse(wrong: str | None) -> None:
-    """Raise what is wrong, if anything is."""
-    if wrong is not None:
-        raise MessageError(wrong)
-
-
 def _unpacked(data: bytes) -> NDArray[np.uint8]:
     """Return packed bits, and those that fill the last byte."""
     return np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
-
-
-async def run_worker(
-    worker: int, hosted: Sequence[range], fabric: Fabric, stop: asyncio.Event
-) -> None:
-    """Be a worker until `stop` is set.
-
-    Reads `wire.worker_keys`; publishes bursts, tallies and faults.
-    Cancellation ends it at once; the fabric is the caller's to close.
-    """
-    core = Worker(worker, hosted)
-    warm()
-
-    def handle(deliveries: list[wire.Delivery]) -> None:
-        fabric.publish(*core.receive(decoded(fabric, deliveries)))
-
-    await fabric.subscribe(wire.worker_keys(worker), handle)
-    await fabric.announce()
-    await fabric.serve(stop)
-
-
-async def be_worker(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    worker: int,
-    cells: int,
-    workers: int,
-) -> None:
-    """Be one worker of so many, for so many cells."""
-    async with seat.fabric(swift=True) as fabric:
-        hosted = shares(cells, workers)
-        await take_part(fabric, run_worker(worker, hosted, fabric, stop))

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from neurosnap.agent.body import Body
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.open import Argument, Source, open_source
+from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.protocol import Source
 
 
 def body_of(source: Source, agent: AgentKind) -> Body:

@@ -9,23 +9,23 @@ from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
-from neurosnap.protocol.cell import run_cell
 from neurosnap.protocol.partition import shares
+from neurosnap.protocol.resume_point import Past, first_number
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.protocol.worker import run_worker
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.resume_point import Past, first_number
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import Parts
 from neurosnap.runtime.launch import new_swarm_id
 from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.cell_process import run_cell
 from neurosnap.runtime.parts.coordinator_loop import conduct
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.status_publisher import OUTLET, publishes, run_outlet
+from neurosnap.runtime.parts.worker_process import run_worker
 from neurosnap.runtime.parts.world_process import (
     WayIn,
     lost_of,
@@ -33,7 +33,10 @@ from neurosnap.runtime.parts.world_process import (
     run_world,
     synced,
 )
-from neurosnap.sources.open import Source, open_source
+from neurosnap.sources.open import open_source
+
+if TYPE_CHECKING:
+    from neurosnap.sources.protocol import Source
 
 T = TypeVar("T")
 Work = Callable[[MemoryFabric], Coroutine[Any, Any, T]]

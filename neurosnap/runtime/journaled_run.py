@@ -16,9 +16,9 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, PartDiedError
 from neurosnap.fabric.events import wait_at_most
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.split_files import first_path
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.runtime.parts.child_process import Seat
 from neurosnap.runtime.parts.intake_process import INTAKE, Taken, be_intake
 from neurosnap.runtime.parts.world_process import WayIn

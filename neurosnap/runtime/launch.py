@@ -18,14 +18,16 @@ from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.protocol.partition import hosts
-from neurosnap.protocol.worker import be_worker
+from neurosnap.protocol.resume_point import Past, first_number
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.resume_point import Past, first_number
-from neurosnap.recording.write.recorder import be_recorder
 from neurosnap.runtime.hosts.connections import Seats
 from neurosnap.runtime.hosts.network import PRIVATE, Network
-from neurosnap.runtime.parts.child_process import Job, Seat, be_cell, be_hub
+from neurosnap.runtime.parts.cell_process import be_cell
+from neurosnap.runtime.parts.child_process import Job, Seat
+from neurosnap.runtime.parts.hub_process import be_hub
+from neurosnap.runtime.parts.recorder_process import be_recorder
 from neurosnap.runtime.parts.status_publisher import OUTLET
+from neurosnap.runtime.parts.worker_process import be_worker
 from neurosnap.runtime.registry import noted
 from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
 

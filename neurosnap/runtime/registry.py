@@ -16,6 +16,7 @@ import msgspec
 import psutil
 
 from neurosnap.errors import InvalidValueError, SwarmError
+from neurosnap.system.durable import replace_file
 
 _ENTRY = ".json"
 
@@ -67,9 +68,7 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
     )
     # Nobody keeps two launchers from taking the same id, each with a hub of its own.
     path = _folder() / f"{swarm}-{process.pid}{_ENTRY}"
-    draft = path.with_suffix(".part")
-    draft.write_bytes(msgspec.json.encode(note))
-    draft.replace(path)
+    replace_file(path, msgspec.json.encode(note))
     try:
         yield
     finally:

@@ -22,8 +22,8 @@ import msgspec
 
 from neurosnap.errors import NothingBegunError, PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_at_most
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.write.restart_files import Lives
 from neurosnap.runtime.hosts.network import PRIVATE, Network
 from neurosnap.runtime.launch import new_swarm_id

@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.protocol.coordinator import Totals
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.runtime.hosts.network import PRIVATE, Network
 from neurosnap.runtime.hosts.run_description import Brief
 from neurosnap.runtime.inline import run_inline

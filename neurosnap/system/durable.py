@@ -1,14 +1,18 @@
-"""What survives a power cut: files and folders that are given to the disk.
+"""Files that survive a crash and a power cut: synced, and replaced whole or not at all.
 
-What a program writes is in the system's memory first. `fsync` waits until the disk has
-it; of a new or renamed file that goes for its folder, too, or its name may be gone.
-After an `fsync` that failed the system may have dropped what it could not write, so
-another one says nothing: whoever is told of a failure gives up what was written.
+A program's writes go to the system's memory first; `fsync` waits until the disk has
+them. A new or renamed file needs its folder synced, too, or its name may be gone. After
+an `fsync` that failed the system may have dropped what it could not write, so a second
+one proves nothing: give up the file.
 """
 
 import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from neurosnap.errors import naming
 
 _NO_FOLDERS = frozenset({errno.EINVAL, errno.ENOTSUP})
 """Said of folders by file systems that write names down at once."""
@@ -22,6 +26,39 @@ def sync_file(path: Path) -> None:
     """
     _sync(path)
     sync_folder(path.parent)
+
+
+@contextmanager
+def replacing(path: Path, mode: int = 0o666) -> Iterator[Path]:
+    """Give a draft beside `path` to write, which replaces it if nothing goes wrong.
+
+    Args:
+        path: What is replaced, or made.
+        mode: Its permissions, less the user's mask.
+
+    Raises:
+        OSError: It cannot be written; what was at `path` is still there.
+    """
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    draft.unlink(missing_ok=True)  # left by a dead process that had our number
+    try:
+        with naming(path):
+            os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode))
+            yield draft
+            _sync(draft)
+            os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write `data` to `path`, whole or not at all.
+
+    Raises:
+        OSError: It cannot be written; what was at `path` is still there.
+    """
+    with replacing(path) as draft:
+        draft.write_bytes(data)
 
 
 def sync_folder(folder: Path) -> None:

@@ -22,7 +22,9 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
-from neurosnap.sources.open import Argument, Source, import_worlds, open_source
+from neurosnap.sources.gymnasium_source import import_worlds
+from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.protocol import Source
 
 SEED = 5
 TICKS = 60

@@ -21,8 +21,7 @@ from neurosnap.errors import (
     RecordingError,
     SwarmError,
 )
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.format.records import SMALLEST
+from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.replay.verify import verify

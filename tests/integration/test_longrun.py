@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.recording.format.records import SMALLEST
+from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.sources.open import open_source
 from tools import soak

@@ -19,12 +19,12 @@ from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.stretches import last_tick
 from neurosnap.recording.replay.resume import look_back
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import Outcome, describe, run

@@ -27,7 +27,6 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
-from neurosnap.protocol.cell import run_cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import (
     CellKind,
@@ -36,6 +35,7 @@ from neurosnap.protocol.run_options import (
     WiringKind,
 )
 from neurosnap.recording.read.reader import Recording
+from neurosnap.runtime.parts.cell_process import run_cell
 from neurosnap.runtime.parts.coordinator_loop import conduct
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world

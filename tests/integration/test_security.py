@@ -34,7 +34,6 @@ from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import RIGHTS, Role, role_of
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration
-from neurosnap.protocol.cell import run_cell
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recording
@@ -43,6 +42,7 @@ from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import Parts
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.cell_process import run_cell
 from neurosnap.runtime.parts.coordinator_loop import conduct
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world

@@ -42,7 +42,8 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import Sensorium, complete, unpack
-from neurosnap.sources.open import Continuing, open_source
+from neurosnap.sources.gymnasium_source import Continuing
+from neurosnap.sources.open import open_source
 from world.implications import (
     implications,
     inclusions,

@@ -119,7 +119,7 @@ def test_it_takes_no_name_that_is_another_projects(installed: Environment) -> No
 
 
 def test_page_examples_and_licences_are_in_it(installed: Environment) -> None:
-    static = Path("neurosnap") / "view" / "static"
+    static = Path("neurosnap") / "apps" / "viewer" / "static"
     assert files(installed.packages / static) == files(ROOT / static)
     assert files(installed.share / "examples") == files(ROOT / "examples")
     (licences,) = installed.packages.glob("*.dist-info/licenses")

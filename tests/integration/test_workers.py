@@ -14,12 +14,12 @@ from neurosnap import wire
 from neurosnap.agent.policy import AgentKind
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import SwarmError
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.info import describe as describe_recording
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.playback import play
 from neurosnap.recording.replay.resume import look_back
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.replay.verify import Replay, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.fit_agent import body_of

@@ -18,13 +18,15 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol import cell as cells
 from neurosnap.protocol import limits
 from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.limits import check_readings
 from neurosnap.protocol.wave import DEEPEST, Wave
 from neurosnap.protocol.wave_control import Conductor
 from neurosnap.recording.format.records import RUN
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.parts.participant import decoded, wrong_readings
+from neurosnap.runtime.parts.participant import decoded
 from neurosnap.sensorium import pack
+from tests.support.refusals import refusal
 from tools import fuzz, fuzz_bytes
 from tools.fuzz_messages import altered
 from tools.fuzz_run import honest_run
@@ -420,5 +422,5 @@ def test_partial_observations_that_may_be_right_are_tried_and_others_too() -> No
     chance, whole = random.Random(0), wire.Observation(3, b"\x5a\x03")
     tried = [altered(whole, chance) for _ in range(400)]
     partial = [one for one in tried if isinstance(one, wire.Observation) and one.known]
-    right = sum(wrong_readings(one) is None for one in partial)
+    right = sum(refusal(check_readings, one) is None for one in partial)
     assert 40 < right < len(partial) - 40

@@ -1,11 +1,11 @@
 """Where an export goes: there whole or not at all, and over nothing by accident."""
 
-import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from neurosnap.errors import InvalidValueError, naming
+from neurosnap.errors import InvalidValueError
+from neurosnap.system.durable import replacing
 
 _EVERYBODY = 0o666
 
@@ -37,12 +37,5 @@ def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path
     allowed = _EVERYBODY
     for source in reads:
         allowed &= source.stat().st_mode
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
-    draft.unlink(missing_ok=True)  # of somebody dead, who had our number
-    try:
-        with naming(path):
-            os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, allowed))
-            yield draft
-            os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
-    finally:
-        draft.unlink(missing_ok=True)
+    with replacing(path, allowed) as draft:
+        yield draft

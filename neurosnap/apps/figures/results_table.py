@@ -22,7 +22,8 @@ import msgspec
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from neurosnap.poc.learning.archive import Arrays, entry, replace_file
+from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.system.durable import replace_file
 
 _logger = logging.getLogger(__name__)
 

@@ -33,8 +33,8 @@ from neurosnap.apps.figures.figure import (
 )
 from neurosnap.apps.figures.results_table import Cell, Table
 from neurosnap.errors import InvalidValueError, MissingExtraError
-from neurosnap.poc.learning.archive import replace_file
 from neurosnap.system.distribution import must_have, version
+from neurosnap.system.durable import replace_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as CanvasType

@@ -23,7 +23,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.distances import distances_to
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 
 _KINDS: dict[str, Literal["path", "cycle", "grid"]] = {
     "neurosnap/Path-v0": "path",

@@ -18,13 +18,11 @@ if TYPE_CHECKING:
 
 LARGEST = 1 << 24
 """Bytes of a message that a session takes in."""
-MOST = 1 << 27
-"""Bytes of a key-frame, at most; a recording holds none that is larger."""
 
 _PIECED = "keyframe"
 _PIECE = LARGEST // 2
 _WHOLE = LARGEST - (1 << 16)  # bytes of a payload; its key goes beside it
-_MANY = MOST // _PIECE
+_MANY = wire.LARGEST_KEYFRAME // _PIECE
 
 _BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
 _BESIDE_A_PIECE = struct.Struct("<QQII")  # and which piece it is, of how many

@@ -8,9 +8,7 @@ checksum before a byte is parsed and never unpickles.
 import abc
 import inspect
 import io
-import os
 import zipfile
-from pathlib import Path
 from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -56,25 +54,7 @@ class Archived(abc.ABC):
         Raises:
             InvalidValueError: `data` is damaged, foreign, or of another kind.
         """
-        return cls._read("data", data)
-
-    def save(self, path: str | Path) -> None:
-        """Write to a file, whole or not at all.
-
-        Raises:
-            OSError: It cannot be written; what was at `path` is still there.
-        """
-        replace_file(Path(path), self.to_bytes())
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Return what `save` wrote, bit for bit.
-
-        Raises:
-            OSError: The file cannot be read.
-            InvalidValueError: It is damaged, foreign, or of another kind.
-        """
-        return cls._read(str(path), Path(path).read_bytes())
+        return cls.read("data", data)
 
     @abc.abstractmethod
     def arrays(self) -> Arrays:
@@ -90,8 +70,8 @@ class Archived(abc.ABC):
         """
 
     @classmethod
-    def _read(cls, name: str, data: bytes) -> Self:
-        """Return what bytes hold that errors call `name`."""
+    def read(cls, name: str, data: bytes) -> Self:
+        """Return the archive in bytes that errors call `name`; see `from_bytes`."""
         rule = f"must be a {cls.__name__} written by this package"
         try:
             arrays = unpack_arrays(data)
@@ -167,23 +147,6 @@ def unpack_arrays(data: bytes) -> Arrays:
         TypeError,
     ) as error:
         raise ValueError(str(error)) from error
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write `data` to `path`, whole or not at all.
-
-    Raises:
-        OSError: The file cannot be written; what was at `path` is still there.
-    """
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with draft.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:

@@ -30,9 +30,6 @@ CLOSING = "decision"
 """Among the totals of a file that another follows: the decision of its last tick, as on
 the wire, where it opens the next file."""
 SNAPSHOT = "snapshot.npz"
-SMALLEST = 1 << 16
-"""Bytes that a file of several must be allowed to have: with fewer it would hold little
-but its head."""
 LIMIT = 256 * 2**20
 """The largest record, and the largest chunk once unpacked, that is read at all: a
 stranger's file may claim any size. The writer stays below it."""

@@ -20,12 +20,12 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, starts
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import first_path, part_path, part_paths
 from neurosnap.recording.read.stretches import stretches
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.replay.verify import (
     DifferenceError,
     Replay,

@@ -15,11 +15,8 @@ from neurosnap.errors import NeurosnapError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.fabric.zenoh.location import Place
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.write.rotation import Parts
-from neurosnap.runtime.parts.child_process import Reporter, Seat
 from neurosnap.sources.live.journal import cut as cut_journal
-from neurosnap.sources.live.journal import journal_of
 
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
 _LAST_WORD = 0.5  # seconds a last word may arrive after its part has gone
@@ -199,21 +196,3 @@ class _Listener:
     def totals(self) -> Mapping[str, str]:
         """Return what the run came to, as far as the recorder can tell."""
         return {"ticks": str(self._ticks)}
-
-
-async def be_recorder(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    path: str,
-    metadata: dict[str, str],
-    past: Past | None,
-    parts: tuple[str, ...],
-) -> None:
-    """Record everything, after what there is of a resumed run."""
-    with Parts(path, metadata, past) as writer:
-        async with seat.fabric() as fabric:
-            balance = await run_recorder(
-                writer, fabric, stop, parts=parts, journal=journal_of(Path(path))
-            )
-    reporter.done(balance)

@@ -21,12 +21,12 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_path, part_paths
 from neurosnap.recording.replay.resume import look_back, whole_ticks
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.system.durable import sync_file, sync_folder
 
 _Tick: TypeAlias = tuple[int, bytes, bytes, bool]

@@ -39,10 +39,12 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.zenoh.location import Place
+from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.format.completeness import Completeness, added_up
-from neurosnap.recording.format.records import CLOSING, SMALLEST
+from neurosnap.recording.format.records import CLOSING
 from neurosnap.recording.read.split_files import part_path, part_paths
-from neurosnap.recording.replay.resume_point import Past, begin_recording, facts_of
+from neurosnap.recording.write.carry_over import begin_recording, facts_of
 from neurosnap.recording.write.causal_order import Causes, Heard, is_beyond
 from neurosnap.recording.write.fsync_thread import Saving
 from neurosnap.recording.write.writer import Writer

@@ -14,7 +14,7 @@ from neurosnap.recording.format.completeness import Completeness, Sequences
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import Whole, open_whole
 from neurosnap.recording.read.stretches import lost_behind
-from neurosnap.recording.replay.resume_point import copy_into
+from neurosnap.recording.write.carry_over import copy_into
 from neurosnap.recording.write.writer import Writer
 
 SALVAGED = "salvaged"

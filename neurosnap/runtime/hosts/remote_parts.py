@@ -10,13 +10,14 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.worker import be_worker
+from neurosnap.protocol.resume_point import Past
 from neurosnap.recording.replay.resume import past_at
-from neurosnap.recording.replay.resume_point import Past
-from neurosnap.recording.write.recorder import be_recorder
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.hosts.run_description import Brief
-from neurosnap.runtime.parts.child_process import Job, be_cell
+from neurosnap.runtime.parts.cell_process import be_cell
+from neurosnap.runtime.parts.child_process import Job
+from neurosnap.runtime.parts.recorder_process import be_recorder
+from neurosnap.runtime.parts.worker_process import be_worker
 from neurosnap.runtime.parts.world_process import be_world
 from neurosnap.runtime.run import describe
 from neurosnap.sources.open import open_source

@@ -9,8 +9,8 @@ from collections.abc import Collection
 import msgspec
 
 from neurosnap.errors import InvalidValueError, SwarmError
+from neurosnap.protocol.resume_point import Past, first_number
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.resume_point import Past, first_number
 
 _SHOWN = 8  # names in an error
 

@@ -29,10 +29,6 @@ import msgspec
 from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.zenoh.client import ZenohFabric
-from neurosnap.fabric.zenoh.denied_log import telling_refusals
-from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.protocol.cell import run_cell
-from neurosnap.runtime.parts.participant import take_part
 from neurosnap.system.signals import SIGNALS, unheeded
 
 END = signal.SIGUSR1
@@ -171,43 +167,6 @@ class Reporter:
 
 
 Job: TypeAlias = Callable[..., Awaitable[None]]
-
-
-async def be_cell(
-    seat: Seat, stop: asyncio.Event, reporter: Reporter, cell: int
-) -> None:
-    """Be one cell."""
-    async with seat.fabric(swift=True) as fabric:
-        await take_part(fabric, run_cell(cell, fabric, stop))
-
-
-async def be_hub(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    sessions: int,
-    folder: str,
-    audit: bool,
-) -> None:
-    """Be the router all others connect to.
-
-    `folder` is the swarm's own and goes with the hub: a launcher that was killed cannot
-    remove it.
-    """
-    with telling_refusals(audit=audit):
-        session = await asyncio.to_thread(
-            open_hub,
-            [seat.endpoint],
-            sessions,
-            credentials=seat.credentials,
-            insecure=seat.insecure,
-        )
-        try:
-            reporter.ready()
-            await stop.wait()
-        finally:
-            await asyncio.to_thread(session.close)
-            shutil.rmtree(folder, ignore_errors=True)
 
 
 def serve_children() -> None:

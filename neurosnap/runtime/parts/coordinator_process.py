@@ -10,9 +10,9 @@ from neurosnap.errors import SwarmError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.coordinator import Coordinator, Totals
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.resume import restore
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.runtime.hosts.run_description import Brief
 from neurosnap.runtime.parts.child_process import Reporter, Seat
 from neurosnap.runtime.parts.coordinator_loop import conduct

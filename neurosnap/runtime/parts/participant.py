@@ -1,7 +1,4 @@
-"""What every part of a swarm does, whatever its role: listen, work, say so, leave.
-
-And what parts of every role have to refuse.
-"""
+"""What every part of a swarm does: decode messages, work, and announce its end."""
 
 from collections.abc import Awaitable, Iterable
 from typing import TypeVar
@@ -30,28 +27,6 @@ async def take_part(fabric: Fabric, work: Awaitable[T]) -> T:
         raise
     fabric.publish(wire.Leave(fabric.who))
     return result
-
-
-def wrong_readings(observation: wire.Observation) -> str | None:
-    """Return why an observation cannot be partial as it says; None: it may be.
-
-    One without any known reading is none: nothing would start its wave.
-    """
-    if not observation.known:
-        return None
-    size, got = len(observation.bits), len(observation.known)
-    if got != size:
-        return f"observe: must say which of {size} bytes are known, got {got} bytes"
-    bits, known = (
-        int.from_bytes(packed, "little")
-        for packed in (observation.bits, observation.known)
-    )
-    if not known:
-        return "observe: must hold a reading that is known, got none"
-    if beyond := bits & ~known:
-        sensor = beyond.bit_length() - 1
-        return f"observe: must be 0 where it is not known, got sensor {sensor} on"
-    return None
 
 
 def decoded(fabric: Fabric, deliveries: Iterable[wire.Delivery]) -> list[wire.Message]:

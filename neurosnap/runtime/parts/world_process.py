@@ -4,125 +4,25 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from neurosnap import wire
-from neurosnap.agent.body import Body, Senses
-from neurosnap.errors import MessageError, NeurosnapError, ShapeError
+from neurosnap.agent.body import Body
+from neurosnap.errors import MessageError, NeurosnapError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.resume_point import Past
+from neurosnap.protocol.world import World
 from neurosnap.runtime.parts.child_process import Reporter, Seat
 from neurosnap.runtime.parts.participant import decoded, take_part
-from neurosnap.sensorium import pack, unpack
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.live_source import OutsideSource
 from neurosnap.sources.live.open import lost_by, open_outside
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub
-from neurosnap.sources.open import Source, open_source
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-
-class World:
-    """A source and what is sensed of it, tick by tick.
-
-    Args:
-        source: Where observations come from; the caller closes it.
-        body: What is made of them.
-        past: For a run that is resumed: the source is brought to where it was, unless
-            it is live: then it says itself whether what it shows next follows an action
-            of the run.
-    """
-
-    def __init__(self, source: Source, body: Body, past: Past | None = None) -> None:
-        self._source = source
-        self._senses = Senses(body)
-        self._choices = len(body.choices)
-        self._literals = 2 * len(body.sensors)
-        self._tick = 0  # of the last observation
-        self._answered = -1  # the tick of the last decision taken up
-        self._state: NDArray[np.bool_] | None = None
-        self._recorded = 0  # the tick of that state
-        self._known: NDArray[np.bool_] | None = None  # of the last own readings
-        self._began = past is not None
-        if past is not None:
-            self._go_on(past)
-
-    def _go_on(self, past: Past) -> None:
-        if not self._source.live:
-            self._source.first()
-            for action in past.actions:
-                self._source.step(action)
-        self._known = self._source.known
-        self._tick, self._answered = past.tick, past.tick - 1
-        self._state = unpack(past.state, self._literals)
-        self._recorded = past.tick
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """What it has to hear of."""
-        return ("state", "decide") if self._senses.looks_back else ("decide",)
-
-    def hear(self, message: wire.Message) -> wire.Decision | None:
-        """Take in a message; return it if it is a decision to be answered.
-
-        A decision that came before changes nothing.
-
-        Raises:
-            MessageError: It cannot be right.
-        """
-        match message:
-            case wire.State() if message.tick == self._tick:
-                try:
-                    self._state = unpack(message.literals, self._literals)
-                except ShapeError as error:
-                    raise MessageError(f"state: {error}") from error
-                self._recorded = message.tick
-            case wire.Decision() if message.tick > self._answered:
-                free = self._tick == 0 or not self._choices
-                fits = free or 0 <= message.action < self._choices
-                if message.tick > self._tick or not fits:
-                    rule = f"must be for tick {self._tick}, of {self._choices} choices"
-                    raise MessageError(f"decide: {f'{rule}, got {message}':.200}")
-                if self._senses.looks_back and self._recorded < self._tick:
-                    # What would be sensed in context would be wrong.
-                    rule = f"must come after the state of tick {self._tick}"
-                    got = f"that of {self._recorded}"
-                    raise MessageError(f"decide: {rule}, got {got}")
-                self._answered = message.tick
-                return message
-            case _:
-                pass
-        return None
-
-    def answer(self, decision: wire.Decision) -> wire.Observation | None:
-        """Return the observation that follows a decision; None: the source is over.
-
-        With a live source it takes as long as that does.
-        """
-        source = self._source
-        bits = source.step(decision.action) if self._began else source.first()
-        if bits is None:
-            return None
-        self._began = True
-        self._tick += 1
-        step = (-1 if source.begins else decision.action, self._state)
-        known = self._senses.known(source.known, *step, self._known)
-        self._known = source.known
-        if source.known is not None:
-            bits = bits & source.known
-        return wire.Observation(
-            tick=self._tick,
-            bits=pack(self._senses.observe(bits, *step)),
-            begins=source.begins,
-            known=b"" if known is None else pack(known),
-        )
+from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Source
 
 
 async def run_world(

@@ -10,7 +10,7 @@ from gymnasium.spaces import Box, Discrete, MultiBinary
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot, thresholds
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.sources.open import Continuing
+from neurosnap.sources.gymnasium_source import Continuing
 
 
 class Counter(gymnasium.Env[Any, Any]):

@@ -10,7 +10,8 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Sp
 
 from neurosnap.agent.environment import Description, describe
 from neurosnap.errors import InvalidValueError, ShapeError, within
-from neurosnap.sources.open import import_worlds, open_source
+from neurosnap.sources.gymnasium_source import import_worlds
+from neurosnap.sources.open import open_source
 
 
 class Said(gymnasium.Env[Any, Any]):

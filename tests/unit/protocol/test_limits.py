@@ -10,12 +10,13 @@ from neurosnap.protocol.limits import (
     READINGS,
     WAVES,
     Latch,
+    check_number,
+    check_room,
+    check_start,
     is_far,
-    wrong_number,
-    wrong_room,
-    wrong_start,
 )
 from neurosnap.protocol.wave import DEEPEST
+from tests.support.refusals import refusal
 
 
 def start(wave: int, credit: int = 0, below: int = 1) -> wire.WaveStart:
@@ -24,10 +25,10 @@ def start(wave: int, credit: int = 0, below: int = 1) -> wire.WaveStart:
 
 @pytest.mark.parametrize("heard", [1, 7, 90_000])
 def test_a_number_may_be_so_far_beyond_the_last_and_no_further(heard: int) -> None:
-    assert wrong_number("epoch", heard + AHEAD, heard) is None
+    assert refusal(check_number, "epoch", heard + AHEAD, heard) is None
     rule = f"epoch must be at most 4096 beyond {heard}, got {heard + AHEAD + 1}"
-    assert wrong_number("epoch", heard + AHEAD + 1, heard) == rule
-    assert wrong_number("epoch", 1, heard) is None
+    assert refusal(check_number, "epoch", heard + AHEAD + 1, heard) == rule
+    assert refusal(check_number, "epoch", 1, heard) is None
 
 
 def test_before_anything_was_heard_any_number_may_be_the_first() -> None:
@@ -36,10 +37,10 @@ def test_before_anything_was_heard_any_number_may_be_the_first() -> None:
 
 def test_a_wave_that_is_known_always_has_room() -> None:
     known = range(1, WAVES + 1)
-    assert wrong_room("pulse", WAVES, known) is None
-    assert wrong_room("pulse", WAVES + 1, known[1:]) is None
+    assert refusal(check_room, "pulse", WAVES, known) is None
+    assert refusal(check_room, "pulse", WAVES + 1, known[1:]) is None
     rule = "pulse: must be of 8192 waves in all, got wave 8193 too"
-    assert wrong_room("pulse", WAVES + 1, known) == rule
+    assert refusal(check_room, "pulse", WAVES + 1, known) == rule
 
 
 @pytest.mark.parametrize(
@@ -53,10 +54,10 @@ def test_a_wave_that_is_known_always_has_room() -> None:
 def test_a_wave_that_cannot_begin_so_is_refused(
     wrong: wire.WaveStart, what: str
 ) -> None:
-    said = wrong_start(wrong)
+    said = refusal(check_start, wrong)
     assert said is not None
     assert said.startswith(what)
-    assert wrong_start(start(7, credit=DEEPEST, below=7)) is None
+    assert refusal(check_start, start(7, credit=DEEPEST, below=7)) is None
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(1, 40)), max_size=60))
@@ -65,7 +66,7 @@ def test_the_latest_readings_are_kept_that_a_wave_may_be_of(
 ) -> None:
     latch, joined, kept = Latch[str](), 0, dict[int, str]()
     for is_wave, tick in said:
-        wrong = latch.wrong_tick("observe", tick)
+        wrong = refusal(latch.check_tick, "observe", tick)
         assert (wrong is not None) == (joined > 0 and tick > joined + READINGS)
         if is_wave:
             latch.join(tick)

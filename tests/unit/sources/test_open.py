@@ -16,14 +16,11 @@ from gymnasium.spaces import Box, Discrete, MultiBinary, Space
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
-from neurosnap.sources import open as source_module
+from neurosnap.sources import gymnasium_source as source_module
 from neurosnap.sources.csv_source import CsvSource
-from neurosnap.sources.open import (
-    Continuing,
-    GymnasiumSource,
-    Source,
-    open_source,
-)
+from neurosnap.sources.gymnasium_source import Continuing, GymnasiumSource
+from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Source
 
 IDS = [f"neurosnap/{name}-v0" for name in ("Path", "Cycle", "Grid", "RandomFields")]
 
@@ -417,7 +414,9 @@ class TestWorlds:
         monkeypatch.setattr(
             source_module, "entry_points", lambda group: [broken, whole]
         )
-        with caplog.at_level(logging.ERROR, logger="neurosnap.sources.open"):
+        with caplog.at_level(
+            logging.ERROR, logger="neurosnap.sources.gymnasium_source"
+        ):
             source = open_source("neurosnap/Path-v0", seed=0)
         assert len(source.actions) == 2
         assert [r.getMessage() for r in caplog.records] == [

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from neurosnap.apps.cli import app
 from neurosnap.system import distribution
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "neurosnap"
 
 

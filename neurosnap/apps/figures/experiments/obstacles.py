@@ -25,7 +25,7 @@ from neurosnap.agent.policy import EXPLORE, AgentKind
 from neurosnap.apps.figures.results_table import key_of
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import complete
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 
 AgentName: TypeAlias = Literal["greedy", "excited", "random"]
 

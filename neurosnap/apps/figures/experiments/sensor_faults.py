@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from neurosnap.apps.figures.experiments.kernels import follow
 from neurosnap.poc.order.fields import inclusions
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 
 Fault: TypeAlias = Literal["none", "stuck off", "stuck on", "flipped", "swapped"]
 """What goes wrong: nothing; a sensor reads 0, 1, or the opposite of what it should; two

@@ -17,7 +17,7 @@ from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.apps.figures.experiments.per_step import SteppedCell
 from neurosnap.apps.figures.experiments.walks import SETTINGS, setting
 from neurosnap.apps.figures.results_table import key_of
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 
 _VERSION = 2
 """Raised whenever the same options come to give other distances."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments import kernels, truth
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 
 _DRAWING = Lock()
 

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from neurosnap.apps.cli import app
 from tests.unit.apps.viewer.films import csv_run, recorded
 
-GOLDEN = Path(__file__).parents[2] / "golden" / "run-2-resumed.mcap"
+GOLDEN = Path(__file__).parents[3] / "golden" / "run-2-resumed.mcap"
 
 
 def said_of(log: Path, *flags: str) -> str:

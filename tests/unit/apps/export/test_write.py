@@ -211,7 +211,7 @@ def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["run-1-cells", "run-1-workers"])
 def test_recordings_of_an_older_schema_are_exported(name: str, tmp_path: Path) -> None:
-    golden = Path(__file__).parents[2] / "golden" / f"{name}.mcap"
+    golden = Path(__file__).parents[3] / "golden" / f"{name}.mcap"
     recording = Recording.open(golden)
     assert recording.metadata["schema"] == "1"
     for form in FORMS:

@@ -8,7 +8,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.zenoh.pieces import LARGEST, MOST, Assembly, Put, pieces
+from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, Put, pieces
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 
 PREFIX = "neurosnap/one/"
@@ -78,7 +78,7 @@ def test_only_a_key_frame_comes_in_pieces() -> None:
 
 def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:
     assembly = Assembly(len(PREFIX))
-    for sample in sent(bytes(MOST + 1)):
+    for sample in sent(bytes(wire.LARGEST_KEYFRAME + 1)):
         assert assembly.take(sample) is None
         assert sum(map(len, assembly._parts)) == 0
 
@@ -108,4 +108,4 @@ def test_the_largest_key_frame_that_is_allowed_can_be_sent(
     sensors = most // 4
     snapshot = options(sensors, kind).new_snapshot().to_bytes()
     size = len(wire.encode(wire.KeyFrame(1, snapshot, waves=1)))
-    assert 0.9 * MOST < size * 16 <= MOST
+    assert 0.9 * wire.LARGEST_KEYFRAME < size * 16 <= wire.LARGEST_KEYFRAME

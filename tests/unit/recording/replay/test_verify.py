@@ -12,10 +12,10 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.resume import look_back
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline

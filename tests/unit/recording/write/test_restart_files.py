@@ -7,11 +7,10 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.format.records import SMALLEST
+from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.write.restart_files import Lives
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run

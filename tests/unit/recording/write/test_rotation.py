@@ -14,6 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.zenoh.location import Place
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -24,7 +25,6 @@ from neurosnap.recording.read.split_files import (
     part_paths,
 )
 from neurosnap.recording.replay.resume import look_back, restore, whole_ticks
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.rotation import LATE, Parts, Split, split_of

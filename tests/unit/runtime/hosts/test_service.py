@@ -10,8 +10,8 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.recording.replay.resume_point import Past
 from neurosnap.runtime.hosts import remote_parts, service
 from neurosnap.runtime.hosts.run_description import Brief, read_brief
 from neurosnap.runtime.hosts.service import _Ending

@@ -12,11 +12,12 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import MessageError, NeurosnapError
 from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.resume_point import Past
+from neurosnap.protocol.world import World
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.parts.world_process import World, run_world
+from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import describe
 from neurosnap.sensorium import pack
 from tests.patience import PATIENCE

@@ -18,7 +18,7 @@ from neurosnap.apps.figures.experiments.target_distance import (
 )
 from neurosnap.apps.figures.experiments.walks import SETTINGS
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.sources.open import import_worlds
+from neurosnap.sources.gymnasium_source import import_worlds
 
 STEPS = 260
 THRESHOLD = 1 / 100

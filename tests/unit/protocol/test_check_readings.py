@@ -5,11 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.runtime.parts.participant import wrong_readings
+from neurosnap.protocol.limits import check_readings
+from tests.support.refusals import refusal
 
 
 def test_an_observation_that_says_nothing_of_it_is_whole() -> None:
-    assert wrong_readings(wire.Observation(1, b"\xff\x01")) is None
+    assert refusal(check_readings, wire.Observation(1, b"\xff\x01")) is None
 
 
 @pytest.mark.parametrize(
@@ -40,7 +41,7 @@ def test_an_observation_that_says_nothing_of_it_is_whole() -> None:
 def test_what_cannot_be_partial_is_named(
     bits: bytes, known: bytes, wrong: str | None
 ) -> None:
-    assert wrong_readings(wire.Observation(1, bits, known=known)) == wrong
+    assert refusal(check_readings, wire.Observation(1, bits, known=known)) == wrong
 
 
 @given(
@@ -56,7 +57,9 @@ def test_it_is_right_iff_the_unknown_are_off_and_one_is_known(
     known = packed([on is not None for on in row])
     bits = [on is True for on in row]
     told = wire.Observation(1, packed(bits), known=known)
-    assert (wrong_readings(told) is None) == any(on is not None for on in row)
+    assert (refusal(check_readings, told) is None) == any(on is not None for on in row)
     bits[place % len(row)] = True
     told = wire.Observation(1, packed(bits), known=known)
-    assert (wrong_readings(told) is None) == (row[place % len(row)] is not None)
+    assert (refusal(check_readings, told) is None) == (
+        row[place % len(row)] is not None
+    )

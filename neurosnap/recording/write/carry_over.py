@@ -1,43 +1,14 @@
-"""What a resumed run has behind it, and how its recording takes that over.
-
-Apart from `neurosnap.recording.replay.resume`, which finds it out: the parts that only
-carry it need none of the mathematics, and start the faster.
-"""
+"""What a resumed run copies from the recording that it goes on from."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
 
+from neurosnap.protocol.resume_point import Past, first_number
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.stretches import lost_before, pieces
 from neurosnap.recording.write.writer import Writer
-
-
-class Past(msgspec.Struct, frozen=True):
-    """What a run that is resumed has behind it; small, and sent to every part."""
-
-    log: str
-    """The recording it goes on from; of several files the last."""
-    tick: int
-    """The last whole tick."""
-    actions: tuple[int, ...]
-    """The actions between its first observation and its last."""
-    state: bytes
-    """The state after the last whole tick, packed."""
-    counts: dict[str, int]
-    """For each part, how many of its messages are kept; its next one's number."""
-    resumed: tuple[int, ...]
-    """The ticks after which it was resumed, this time included."""
-    part: int = 0
-    """Which of the files of the run the recording is, from 0."""
-    begins: int = 0
-    """The tick of the key-frame that file begins with; 0: it begins with the run."""
-
-
-def first_number(past: Past | None, who: str) -> int:
-    """Return the number of the first message of a part."""
-    return 0 if past is None else past.counts.get(who, 0)
 
 
 def facts_of(metadata: Mapping[str, str], past: Past | None) -> dict[str, str]:

@@ -1,0 +1,32 @@
+"""The point where a resumed run goes on: the state after its last whole tick.
+
+`neurosnap.recording.replay.resume` finds it; the parts of a swarm only carry it.
+"""
+
+import msgspec
+
+
+class Past(msgspec.Struct, frozen=True):
+    """What a run that is resumed has behind it; small, and sent to every part."""
+
+    log: str
+    """The recording it goes on from; of several files the last."""
+    tick: int
+    """The last whole tick."""
+    actions: tuple[int, ...]
+    """The actions between its first observation and its last."""
+    state: bytes
+    """The state after the last whole tick, packed."""
+    counts: dict[str, int]
+    """For each part, how many of its messages are kept; its next one's number."""
+    resumed: tuple[int, ...]
+    """The ticks after which it was resumed, this time included."""
+    part: int = 0
+    """Which of the files of the run the recording is, from 0."""
+    begins: int = 0
+    """The tick of the key-frame that file begins with; 0: it begins with the run."""
+
+
+def first_number(past: Past | None, who: str) -> int:
+    """Return the number of the first message of a part."""
+    return 0 if past is None else past.counts.get(who, 0)

@@ -1,0 +1,14 @@
+"""What a check says when it refuses."""
+
+from collections.abc import Callable
+
+from neurosnap.errors import MessageError
+
+
+def refusal(check: Callable[..., None], *arguments: object) -> str | None:
+    """Return the text of the `MessageError` that a check raises; None: it passes."""
+    try:
+        check(*arguments)
+    except MessageError as error:
+        return str(error)
+    return None
