@@ -1,5 +1,6 @@
 # Two commands do everything: `make run` shows it working, `make test` proves it.
-# `make quick` is for every save: the tests that need no processes, sockets or browser.
+# `make quick` is for every save: the tests that need no processes, sockets or browser,
+# with fewer examples of every property than `make test` draws.
 PYTHON ?= python3
 BIN := .venv/bin
 LOG := logs/path-$(shell date +%Y%m%d-%H%M%S).mcap
@@ -20,7 +21,8 @@ test: .venv/installed-dev
 	$(PYTEST) $(WORKERS)
 
 quick: .venv/installed-dev
-	$(PYTEST) $(shell nproc) -m "not slow and not zenoh" tests/unit tests/property
+	$(PYTEST) $(shell nproc) -m "not slow and not zenoh" \
+		--hypothesis-profile=quick tests/unit tests/property
 
 check: .venv/installed-dev
 	tools/check

@@ -17,10 +17,13 @@ import pytest
 import pytest_asyncio
 from hypothesis import settings
 
+from tests.drawing import QUICK
+
 pytest_plugins = ["tests.no_skips", "pytester"]
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("dev", deadline=None)
+settings.register_profile("quick", deadline=None, max_examples=QUICK)
 settings.load_profile("ci" if os.environ.get("CI") else "dev")
 
 

@@ -2,29 +2,46 @@
 
 That of a real run holds what a cell needs, and the coordinator, the world and the
 recorder load the rest when they start: a second of work each, in hundreds of swarms.
-Runs that tests start by the command line have the real one.
+Runs that tests start by the command line have the real one, but for those of
+`tests.support.commands`.
 """
 
 from multiprocessing import forkserver
 
 import world
+from neurosnap.apps import cli
+from neurosnap.apps.cli import output
+from neurosnap.apps.config import prepare
 from neurosnap.depth import probe
-from neurosnap.protocol import worker
-from neurosnap.recording.replay import resume
-from neurosnap.recording.write import recorder
+from neurosnap.recording.replay import resume, verify
+from neurosnap.runtime import journaled_run, restart
+from neurosnap.runtime.hosts import service
 from neurosnap.runtime.parts import (
     coordinator_process,
+    intake_process,
+    recorder_process,
     status_publisher,
+    worker_process,
     world_process,
 )
+from neurosnap.sources.mqtt import mqtt_source
 
 __all__ = [
+    "cli",
     "coordinator_process",
+    "intake_process",
+    "journaled_run",
+    "mqtt_source",
+    "output",
+    "prepare",
     "probe",
-    "recorder",
+    "recorder_process",
+    "restart",
     "resume",
+    "service",
     "status_publisher",
-    "worker",
+    "verify",
+    "worker_process",
     "world",
     "world_process",
 ]

@@ -19,6 +19,7 @@ _PATIENCE = 240.0
 _ARGUMENTS = (
     "--no-sandbox",
     "--disable-gpu",
+    "--disable-dev-shm-usage",  # a container's may be too small, which is a crash
     "--disable-quic",
     "--no-first-run",
     "--disable-background-networking",

@@ -4,8 +4,6 @@ import asyncio
 import logging
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +13,7 @@ import pytest
 from neurosnap.errors import FabricError
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.reach import reach
+from tests.support.commands import Command
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
@@ -30,29 +29,17 @@ def endpoint() -> str:
 
 
 @contextmanager
-def waiting(
-    endpoint: str, folder: Path, *line: object
-) -> Iterator["subprocess.Popen[str]"]:
+def waiting(endpoint: str, folder: Path, *line: object) -> Iterator[Command]:
     """A verb that has said that it waits for a hub, and only once."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "neurosnap", *map(str, line), "--connect", endpoint],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    ) as process:
-        try:
-            assert process.stderr is not None
-            said = ""
-            while "waiting for" not in said:
-                said = process.stderr.readline()
-                assert said, process.wait()
-            where = f"a hub at {endpoint}: start one with"
-            assert said == f"waiting for {where} `neurosnap hub --listen {endpoint}`\n"
-            yield process
-        finally:
-            process.kill()
+    more = ("--connect", endpoint)
+    with Command(*line, *more, folder=folder, own_session=True) as process:
+        said = ""
+        while "waiting for" not in said:
+            said = process.stderr.readline()
+            assert said, process.wait()
+        where = f"a hub at {endpoint}: start one with"
+        assert said == f"waiting for {where} `neurosnap hub --listen {endpoint}`\n"
+        yield process
 
 
 @pytest.mark.parametrize(

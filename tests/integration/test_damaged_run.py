@@ -2,8 +2,6 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +15,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime import launch
 from neurosnap.runtime.restart import Restart
 from tests.integration.test_endure import ENDLESS, Disturbed, options_for
+from tests.support.commands import Command
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(300)]
 
@@ -26,20 +25,21 @@ PATIENCE = 120.0  # seconds
 class Fed:
     """A run of standard input that is given one line after the other."""
 
-    def __init__(self, process: "subprocess.Popen[str]", log: Path) -> None:
+    def __init__(self, process: Command, log: Path) -> None:
         self.process = process
         self.log = log
 
     def feed(self, until: Callable[[], bool]) -> None:
-        """Write lines until something holds."""
-        assert self.process.stdin is not None
+        """Write lines until something holds, and few: each is a tick before the end."""
         deadline, number = time.monotonic() + PATIENCE, 0
         while not until():
             assert time.monotonic() < deadline
-            number += 1
-            bits = [number >> bit & 1 for bit in range(3)]
-            self.process.stdin.write(json.dumps({"bits": bits}) + "\n")
+            for _ in range(5):
+                number += 1
+                bits = [number >> bit & 1 for bit in range(3)]
+                self.process.stdin.write(json.dumps({"bits": bits}) + "\n")
             self.process.stdin.flush()
+            time.sleep(0.05)
 
     def kill(self, name: str) -> None:
         """Kill a part; return once it has gone."""
@@ -56,19 +56,9 @@ class Fed:
 
 @contextmanager
 def fed(log: Path, *more: str) -> Iterator[Fed]:
-    command = [sys.executable, "-m", "neurosnap", "run", "-", "--json"]
-    command += ["--set", "sensors=a,b,c", "--out", str(log), "--backoff", "0", *more]
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            yield Fed(process, log)
-        finally:
-            process.kill()
+    command = ["run", "-", "--json", "--set", "sensors=a,b,c", "--out", str(log)]
+    with Command(*command, "--backoff", "0", *more, buffer=4096) as process:
+        yield Fed(process, log)
 
 
 class Mourning(Disturbed):

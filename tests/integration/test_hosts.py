@@ -19,6 +19,7 @@ from neurosnap.recording.replay.verify import verify
 from tests.patience import PATIENCE
 from tests.ports import free_port
 from tests.programs import find, needs
+from tests.support.commands import Command
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -192,13 +193,8 @@ def test_what_cannot_be_shared_is_refused(
     options: tuple[str, ...], text: str, tmp_path: Path
 ) -> None:
     small = ("neurosnap/Path-v0", "--set", "places=7", "--out", tmp_path / "log")
-    done = subprocess.run(
-        command("run", *small, *options),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert text in " ".join(done.stderr.split())
+    with Command("run", *small, *options) as refused:
+        _, said = refused.communicate(timeout=PATIENCE)
+    assert refused.returncode == 2
+    assert text in " ".join(said.split())
     assert not (tmp_path / "log").exists()

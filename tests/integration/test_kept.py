@@ -3,11 +3,9 @@
 import asyncio
 import json
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import psutil
@@ -17,27 +15,28 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.parts.child_process import END
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal import Row, journal_of, read_journal
 from tests.mosquitto import Mosquitto, needs_mosquitto, peer, started
+from tests.patience import PATIENCE
+from tests.support.commands import Command
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
 
-PATIENCE = 240.0
-BITS = 12
+BITS = 6  # as wide as the numbers of the lines are shown: they are counted modulo
 SENSORS = ",".join(f"bit{place}" for place in range(BITS))
 
 
 class Fed:
     """A run of its own process, which reads lines that say how many they are."""
 
-    def __init__(self, log: Path, process: "subprocess.Popen[str]") -> None:
+    def __init__(self, log: Path, process: Command) -> None:
         self.log = log
         self.process = process
         self._number = 0
 
     def feed(self, count: int) -> None:
-        assert self.process.stdin is not None
         for _ in range(count):
             self._number += 1
             bits = [self._number >> place & 1 for place in range(BITS)]
@@ -55,7 +54,6 @@ class Fed:
         part(self.process.pid, who).send_signal(signal.SIGKILL)
 
     def wait_for_restart(self) -> None:
-        assert self.process.stderr is not None
         for line in self.process.stderr:
             if line.startswith("going on from tick"):
                 return
@@ -63,7 +61,7 @@ class Fed:
 
     def end(self) -> tuple[int, str]:
         said, errors = self.process.communicate(timeout=PATIENCE)
-        return self.process.returncode, said + errors
+        return self.process.wait(), said + errors
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -96,26 +94,19 @@ def recorded(log: Path) -> list[int]:
     ]
 
 
+def counted(lines: int) -> list[int]:
+    """Return what so many lines say that they are."""
+    return [number % 2**BITS for number in range(1, lines + 1)]
+
+
 def rows_of(log: Path) -> tuple[Row, ...]:
     return read_journal(journal_of(log)).rows
 
 
 @contextmanager
 def neurosnap(log: Path, *arguments: str) -> Iterator[Fed]:
-    with subprocess.Popen(
-        [sys.executable, "-m", "neurosnap", *arguments],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            yield Fed(log, process)
-        finally:
-            process.kill()
-            assert process.stdin is not None
-            with suppress(BrokenPipeError):
-                process.stdin.close()
+    with Command(*arguments) as process:
+        yield Fed(log, process)
 
 
 def running(log: Path, *more: str) -> AbstractContextManager[Fed]:
@@ -140,19 +131,21 @@ def test_whoever_dies_every_line_is_a_tick_once_and_in_order(
 ) -> None:
     log = tmp_path / "lines.mcap"
     with running(log, "--cells", cells) as run:
-        run.feed(200)
-        run.wait_for(50)
+        run.feed(10)
+        run.wait_for(8)
+        run.feed(15)  # most have no tick when it dies
         run.kill(victim)
-        run.feed(200)  # while nobody is there to see them
+        run.feed(10)  # while nobody is there to see them
         run.wait_for_restart()
-        run.wait_for(250)
+        run.wait_for(30)
+        run.feed(15)
         run.kill(victim)
-        run.feed(100)
+        run.feed(10)
         status, said = run.end()
     assert status == 0, said
-    assert recorded(log) == [*range(1, 501)]
+    assert recorded(log) == counted(60)
     verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 500)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 60)
     assert [path.name for path in tmp_path.iterdir()] == ["lines.mcap"]
 
 
@@ -167,18 +160,36 @@ sensors = {json.dumps(SENSORS.split(","))}
 [run]
 ticks = 3000
 [recording]
-keyframe_every = 50
+keyframe_every = 10
 """
     )
     with neurosnap(log, "run", str(file), "--out", str(log)) as run:
-        run.feed(1500)
+        run.feed(300)  # a file of the journal holds 256
         until(lambda: (rows := rows_of(log)) != () and rows[0].number > 1)
         first = rows_of(log)[0].number
         assert first <= len(recorded(log))
         status, said = run.end()
     assert status == 0, said
-    assert recorded(log) == [*range(1, 1501)]
+    assert recorded(log) == counted(300)
     assert not journal_of(log).exists()
+
+
+@contextmanager
+def held(coordinator: psutil.Process, asked: bool) -> Iterator[None]:
+    """Let no tick be made in the block; nor later, if one is `asked` to end there."""
+
+    def is_asked() -> bool:
+        status = Path(f"/proc/{coordinator.pid}/status").read_text().splitlines()
+        (waiting,) = (line.split()[1] for line in status if line.startswith("ShdPnd"))
+        return bool(int(waiting, 16) >> (END - 1) & 1)
+
+    coordinator.suspend()
+    try:
+        yield
+        if asked:
+            until(is_asked)
+    finally:
+        coordinator.resume()
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
@@ -188,26 +199,36 @@ def test_a_run_that_is_resumed_gets_what_had_no_tick(
 ) -> None:
     log, new = tmp_path / "lines.mcap", tmp_path / "on.mcap"
     with running(log, "--cells", cells) as run:
-        run.feed(1000)
-        run.wait_for(30)
-        until(lambda: rows_of(log)[-1:] != ())
+        run.feed(10)
+        run.wait_for(10)
         children = psutil.Process(run.process.pid).children(recursive=True)
-        run.process.send_signal(end)
+        if cells == "inline":  # it is all one process, which cannot be held
+            run.feed(990)
+            run.wait_for(30)
+            run.process.send_signal(end)
+        else:
+            coordinator = part(run.process.pid, "coordinator")
+            with held(coordinator, asked=end == signal.SIGINT):
+                run.feed(30)
+                until(lambda: rows_of(log)[-1].number == 40)
+                run.process.send_signal(end)
         _, said = run.end()
         psutil.wait_procs(children, timeout=PATIENCE)
     kept = rows_of(log)
-    assert 30 < kept[-1].number <= 1000
+    lines = 1000 if cells == "inline" else 40
+    assert verify(log).ticks < kept[-1].number <= lines
     if end == signal.SIGINT:
         waiting = kept[-1].number - verify(log).ticks
         assert f"{waiting} readings came in and had no tick" in said
         assert str(journal_of(log)) in said.replace("\n", "")
-    go_on = ("replay", str(log), "--resume", "--ticks", "1005", "--out", str(new))
+    total = lines + 5
+    go_on = ("replay", str(log), "--resume", "--ticks", str(total), "--out", str(new))
     with neurosnap(new, *go_on) as run:
         run._number = kept[-1].number
-        run.feed(1005 - kept[-1].number)
+        run.feed(total - kept[-1].number)
         status, said = run.end()
     assert status == 0, said
-    assert recorded(new) == [*range(1, 1006)]
+    assert recorded(new) == counted(total)
     assert verify(new).same
     assert journal_of(log).exists()  # it is that recording's, which is as it was
     assert not journal_of(new).exists()
@@ -253,7 +274,7 @@ async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
             run.process.send_signal(signal.SIGINT)
             status, said = await asyncio.to_thread(run.end)
     assert status == 0, said
-    assert recorded(log) == [*range(1, 31)]
+    assert recorded(log) == counted(30)
     assert verify(log).same
     assert not journal_of(log).exists()
 

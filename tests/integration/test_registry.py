@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import registry
 from tests.patience import PATIENCE
+from tests.support.commands import Command
 
 
 @pytest.fixture(autouse=True)
@@ -32,19 +34,14 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @contextmanager
-def going(log: Path) -> Iterator["subprocess.Popen[str]"]:
+def going(log: Path) -> Iterator[Command]:
     """A swarm of five cells that goes on until it is stopped."""
-    command = [sys.executable, "-m", "neurosnap", "run", "neurosnap/Path-v0"]
-    more = ["--ticks", "100000", "--set", "places=6", "--out", str(log)]
-    with subprocess.Popen(
-        [*command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            while not log.exists() or log.stat().st_size < 20_000:
-                assert process.poll() is None, process.communicate()
-            yield process
-        finally:
-            process.kill()
+    more = ("--ticks", "100000", "--set", "places=6", "--out", str(log))
+    with Command("run", "neurosnap/Path-v0", *more) as process:
+        while not log.exists() or log.stat().st_size < 20_000:
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.02)  # looking costs what the swarm needs to come so far
+        yield process
 
 
 def call(*arguments: str) -> dict[str, Any]:

@@ -5,8 +5,6 @@ import json
 import re
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -30,6 +28,7 @@ from neurosnap.sources.open import Argument, open_source
 from tests.course import course
 from tests.patience import PATIENCE
 from tests.ports import free_port
+from tests.support.commands import Command
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -40,26 +39,11 @@ ENDLESS = (*SMALL, "--ticks", 1_000_000)
 CELLS = 6
 
 
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "neurosnap", *(str(each) for each in arguments)]
+going = Command
+"""A verb in a process of its own, which does not outlive the block."""
 
 
-@contextmanager
-def going(*arguments: object) -> Iterator["subprocess.Popen[str]"]:
-    """A verb in a process of its own, which does not outlive the block."""
-    with subprocess.Popen(
-        command(*arguments),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
+def ended(process: Command, code: int = 0) -> str:
     """Wait for the end and return what was said, in one line."""
     out, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == code, said + out
@@ -69,7 +53,6 @@ def ended(process: "subprocess.Popen[str]", code: int = 0) -> str:
 @contextmanager
 def hub_at(where: str, *more: object) -> Iterator[None]:
     with going("hub", "--listen", where, *more) as hub:
-        assert hub.stderr is not None
         assert "listening on" in hub.stderr.readline()
         yield
         hub.send_signal(signal.SIGINT)
@@ -191,7 +174,7 @@ def play(
     """Make a run of services; return what the coordinator says, and the recorder."""
     with ExitStack() as stack:
 
-        def start(*line: object) -> "subprocess.Popen[str]":
+        def start(*line: object) -> Command:
             tls = () if keys is None else ("--tls", host_with(keys, ROLES[line[0]]))
             return stack.enter_context(going(*line, *at, *tls))
 
@@ -440,7 +423,6 @@ def test_who_waits_ends_when_asked_to(
 ) -> None:
     more = ("--out", tmp_path / "log") if line[0] == "record" else ()
     with going(*line, *more, "--connect", endpoint) as waiting:
-        assert waiting.stderr is not None
         assert "for swarm demo" in waiting.stderr.readline()
         waiting.send_signal(signal.SIGINT)
         ended(waiting)

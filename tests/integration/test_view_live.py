@@ -12,9 +12,10 @@ from neurosnap.apps.viewer.run_view import Film
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import Desk
 from neurosnap.recording.read.reader import Recording
+from tests.unit.apps.viewer import pages
 from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded
 from tests.unit.apps.viewer.pages import IN_BROWSER, derived, looked_at, opened, states
-from tools.browser import wait_shown
+from tools.browser import started, wait_shown
 
 pytestmark = IN_BROWSER
 
@@ -40,7 +41,10 @@ async def test_another_recording_takes_the_place_of_the_one_before(
     other = cut_short(another_log, tmp_path / "other.mcap", 0.4)
     first, then = Film(log).last, Film(other).last
     assert 0 < then < first < TICKS
-    async with opened(log, f"#t={first}", grows=lambda: True) as page:
+    # A tick may be asked for that the shorter recording, there already, does not have.
+    beyond = "status of 400"
+    live = opened(log, f"#t={first}", grows=lambda: True, but_for=beyond)
+    async with live as page:
         await wait_shown(page, first)
         await page.click("#tab-sensors")
         await page.evaluate(
@@ -122,3 +126,20 @@ async def test_a_link_that_is_back_may_be_to_another_recording(path_log: Path) -
             }"""
         )
     assert told == [True, False, False, True, {"reset": True}]
+
+
+async def test_a_browser_that_has_gone_spoils_no_later_test(
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with started() as gone:
+        pass
+    assert not gone.is_connected()
+    monkeypatch.setattr(pages, "shared", [gone])
+    async with opened(path_log, "#t=3") as page:
+        await wait_shown(page, 3)
+
+
+async def test_what_was_strange_is_said() -> None:
+    with pytest.raises(AssertionError, match=r"strange: \['something odd'\]"):
+        async with looked_at("about:blank") as page, page.expect_console_message():
+            await page.evaluate("console.error('something odd')")

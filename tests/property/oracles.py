@@ -75,21 +75,34 @@ def truncated(w: Weights, edges: Edges) -> Weights:
     return new
 
 
+def next_to(edges: Edges) -> dict[int, list[int]]:
+    """Where the edges from each literal lead."""
+    found: dict[int, list[int]] = {}
+    for a, b in edges:
+        found.setdefault(a, []).append(b)
+    return found
+
+
 def reach(edges: Edges, start: Iterable[int]) -> set[int]:
     """All that paths lead to, by depth-first search."""
+    return _reach(next_to(edges), start)
+
+
+def _reach(nearby: dict[int, list[int]], start: Iterable[int]) -> set[int]:
     found: set[int] = set()
     pending = list(start)
     while pending:
         a = pending.pop()
         if a not in found:
             found.add(a)
-            pending += [y for x, y in edges if x == a]
+            pending += nearby.get(a, ())
     return found
 
 
 def below_or_equal(n: int, edges: Edges) -> Edges:
     """The reflexive and transitive closure."""
-    return {(a, b) for a in range(n) for b in reach(edges, [a])}
+    nearby = next_to(edges)
+    return {(a, b) for a in range(n) for b in _reach(nearby, [a])}
 
 
 def stars(literals: Iterable[int]) -> set[int]:
@@ -127,4 +140,5 @@ def chain(order: Edges, a: int) -> int:
 
 def has_cycle(edges: Edges) -> bool:
     """Whether a path leads back to where it began."""
-    return any(a in reach(edges, [b]) for a, b in edges)
+    nearby = next_to(edges)
+    return any(a in _reach(nearby, [b]) for a, b in edges)

@@ -1,7 +1,7 @@
 """Agents equal their definitions, whatever the world, the relation and the state."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.actions import Repertoire, guaranteed
@@ -15,6 +15,7 @@ from neurosnap.agent.random_numbers import Draws
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
+from tests.drawing import examples
 from tests.property import agent_oracles as agents
 from tests.property import oracles
 from tests.property.agent_oracles import Fields, Moves, as_array, edges_of, known
@@ -181,7 +182,7 @@ def worlds(draw: st.DrawFn) -> tuple[Body, Moves, Fields]:
     return body, moves, fields
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(worlds())
 def test_what_is_guaranteed_by_the_truth_happens(
     world: tuple[Body, Moves, Fields],

@@ -9,7 +9,7 @@ import itertools
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
@@ -19,6 +19,7 @@ from neurosnap.poc.dual.median import dual_graph, poc_of_median_graph
 from neurosnap.poc.dual.morphism import PocMorphism, splitting
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import Element, PocSet
+from tests.drawing import examples
 from tests.property.theory_oracles import Model, Vertex, face_counts
 from tests.property.theory_strategies import (
     Drawn,
@@ -206,7 +207,7 @@ def test_a_dual_is_a_tree_iff_nested_and_a_cube_iff_transverse(drawn: Drawn) -> 
     assert (counts[0] == 2 ** len(own)) == full
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(poc_sets(3), poc_sets(2))
 def test_lemma_canonical_poc_quotient_factors_every_morphism_once(
     source: Drawn, target: Drawn
@@ -256,7 +257,7 @@ def half_spaces(model: Model) -> set[frozenset[Vertex]]:
     return found
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(poc_sets(4))
 def test_lemma_ellone_halfspaces(drawn: Drawn) -> None:
     model, cubing = drawn.model, drawn.cubing
@@ -332,7 +333,7 @@ def test_only_median_graphs_are_taken_back(seed: int, size: int) -> None:
             poc_of_median_graph(graph)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(poc_sets(2), poc_sets(2), poc_sets(2), st.data())
 def test_defn_dual_map_preserves_medians_and_turns_compositions(
     first: Drawn, second: Drawn, third: Drawn, data: st.DataObject
@@ -351,7 +352,7 @@ def test_defn_dual_map_preserves_medians_and_turns_compositions(
     assert identity @ f == f == f @ PocMorphism.identity(first.p)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(poc_sets(2), poc_sets(2))
 def test_duality_morphisms_are_the_median_maps_between_the_duals(
     first: Drawn, second: Drawn

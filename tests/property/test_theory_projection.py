@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
@@ -12,6 +12,7 @@ from neurosnap.poc.dual.convex import ConvexSet
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
+from tests.drawing import examples
 from tests.property import oracles
 from tests.property.theory_oracles import Model, Vertex, Vertices, subsets
 from tests.property.theory_strategies import (
@@ -55,7 +56,7 @@ def test_convex_sets_intervals_and_hulls(drawn: Drawn, data: st.DataObject) -> N
     assert listed(hull) == model.hull(frozenset(some))
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(poc_sets(4))
 def test_thm_convexity_1_convex_sets_are_intersections_of_halfspaces(
     drawn: Drawn,

@@ -4,12 +4,13 @@ import itertools
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.poc.order.pocset import PocSet
+from tests.drawing import examples
 from tests.property import oracles
 from tests.property.oracles import Edges, Number, Weights
 from tests.property.strategies import Bits, as_set, runs
@@ -141,7 +142,7 @@ def test_lemma_empirical_evolves_from_trivial_fails_as_printed() -> None:
         assert oracles.counted(6, [list(bits) for bits in seen]) != w
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(runs(most=5, longest=14), st.sampled_from([0.25, 0.1, 0.02]), st.data())
 def test_prop_adding_equivalences(
     run: tuple[int, Bits], tau: float, data: st.DataObject

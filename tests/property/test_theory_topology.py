@@ -6,7 +6,7 @@ from collections.abc import Callable
 import gudhi
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from neurosnap.poc.dual.cubing import Cubing
@@ -22,6 +22,7 @@ from neurosnap.poc.dual.finite_space import FiniteSpace
 from neurosnap.poc.dual.homology import CellComplex, cubes_among
 from neurosnap.poc.dual.homotopy import richness
 from neurosnap.poc.dual.realization import Realization, corners
+from tests.drawing import examples
 from tests.property.theory_oracles import Model, betti, face_counts, included
 from tests.property.theory_strategies import Drawn, fields, frozen, poc_sets
 
@@ -57,7 +58,7 @@ SIMPLICES = st.lists(
 )
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(SIMPLICES)
 def test_betti_numbers_of_simplices(simplices: list[set[int]]) -> None:
     cells = {
@@ -73,7 +74,7 @@ def test_betti_numbers_of_simplices(simplices: list[set[int]]) -> None:
     assert found.euler_characteristic() == alternating
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.sets(st.integers(0, 15), min_size=1, max_size=14))
 def test_betti_numbers_of_cubes(places: set[int]) -> None:
     rows = np.array([[place >> k & 1 for k in range(4)] for place in places], np.bool_)
@@ -91,7 +92,7 @@ def test_betti_numbers_of_cubes(places: set[int]) -> None:
     assert trimmed(complex_.betti_numbers()) == by_gudhi(refined)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(poc_sets(6))
 def test_cor_cubings_are_contractible(drawn: Drawn) -> None:
     """[GK] cor:cubings are contractible, and prop:some dual properties, point 3."""
@@ -127,7 +128,7 @@ def spaces(draw: st.DrawFn, most: int = 7) -> FiniteSpace:
     return FiniteSpace(size, chosen)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(spaces())
 def test_a_contractible_space_has_the_homology_of_a_point(space: FiniteSpace) -> None:
     chains = [frozenset(c) for c in space.chains()]
@@ -149,7 +150,7 @@ def test_a_contractible_space_has_the_homology_of_a_point(space: FiniteSpace) ->
     assert space.is_contractible() == (trimmed(numbers) == (1,))
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(spaces(8), st.data())
 def test_thm_homotopy_type_as_it_must_read(
     space: FiniteSpace, data: st.DataObject
@@ -234,7 +235,7 @@ def test_beacons_lose_the_path_where_witnesses_are_not_connected() -> None:
     assert richness(thresholds(4).realization, thresholds(4).space).holds
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.sets(st.tuples(st.integers(0, 4), st.integers(0, 4)), max_size=5))
 def test_thm_homotopy_type_grids_with_holes(holes: set[tuple[int, int]]) -> None:
     example = grid_with_holes(5, 5, tuple(sorted(holes)))

@@ -60,7 +60,14 @@ class Model:
 
     def head(self, a: int) -> int:
         """The first literal equal to `a`."""
-        return next(b for b in self.literals if self.equal(a, b))
+        return self._head[a]
+
+    @cached_property
+    def _head(self) -> list[int]:
+        # Asked for each literal of each two vertices.
+        return [
+            next(b for b in self.literals if self.equal(a, b)) for a in self.literals
+        ]
 
     def negligible(self, a: int) -> bool:
         return (a, a ^ 1) in self.order

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.random_numbers import WIDTH, Draws, pick
+from tests.drawing import examples
 
 LARGEST = 2**63 - 1
 SEEDS = pytest.mark.parametrize("seed", [0, 1, 12345, LARGEST])
@@ -24,7 +25,7 @@ def test_one_tick_is_a_row_of_the_table(seed: int) -> None:
         np.testing.assert_array_equal(draws.at(tick), table[tick])
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.integers(0, LARGEST), st.lists(st.integers(0, 5000), min_size=1, max_size=8))
 def test_no_order_of_asking_matters(seed: int, ticks: list[int]) -> None:
     draws = Draws(seed)

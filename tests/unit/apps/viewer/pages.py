@@ -14,7 +14,7 @@ from neurosnap.apps.viewer.session import Desk
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import Replay
 from neurosnap.sensorium import unpack
-from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
+from tools.browser import NO_BROWSER, Scheme, chromium, new_page, started, wait_shown
 
 IN_BROWSER = [
     pytest.mark.slow,
@@ -37,11 +37,12 @@ async def opened(
     *,
     grows: Callable[[], bool] = lambda: False,
     still: bool = False,
+    but_for: str = "",
 ) -> AsyncIterator[Page]:
     """Serve a recording and look at it until the page shows a tick."""
     async with (
         serving(Desk(log, grows)) as address,
-        looked_at(address.url, scheme, still=still) as page,
+        looked_at(address.url, scheme, still=still, but_for=but_for) as page,
     ):
         await page.goto(address.url + where)
         await page.wait_for_selector("#drawing[data-tick]", state="attached")
@@ -50,27 +51,50 @@ async def opened(
 
 @asynccontextmanager
 async def looked_at(
-    url: str, scheme: Scheme = "light", *, still: bool = False
+    url: str, scheme: Scheme = "light", *, still: bool = False, but_for: str = ""
 ) -> AsyncIterator[Page]:
-    """Give a page that may go to one server alone, and where nothing may fail."""
+    """Give a page that may go to one server alone, and where nothing may fail.
+
+    Args:
+        url: The server's.
+        scheme: As in `new_page`.
+        still: As in `new_page`.
+        but_for: What a console message may hold that is no failure; empty: none.
+    """
     strange: list[str] = []
     home = url.partition("?")[0]
 
     def on_console(message: ConsoleMessage) -> None:
-        if message.type in ("error", "warning"):
+        spared = but_for and but_for in message.text
+        if message.type in ("error", "warning") and not spared:
             strange.append(message.text)
 
     def on_address(asked: str) -> None:
         if not asked.startswith(home):
             strange.append(asked)
 
-    async with new_page(shared[-1], scheme, still=still) as page:
+    async with _living() as browser, new_page(browser, scheme, still=still) as page:
         page.on("console", on_console)
+        page.on("crash", lambda _: strange.append("the page crashed"))
         page.on("pageerror", lambda error: strange.append(str(error)))
         page.on("request", lambda request: on_address(request.url))
         page.on("websocket", lambda socket: on_address(socket.url))
         yield page
-    assert strange == []
+    # Pytest rewrites no asserts here: without a message it would not say what.
+    assert strange == [], f"strange: {strange}"
+
+
+@asynccontextmanager
+async def _living() -> AsyncIterator[Browser]:
+    """Give the module's browser, or another if it has crashed in an earlier test.
+
+    The other one ends with the test, which has to leave no task behind.
+    """
+    if shared[-1].is_connected():
+        yield shared[-1]
+    else:
+        async with started() as another:
+            yield another
 
 
 async def go_to(page: Page, tick: int) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, Put, pieces
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 
@@ -73,7 +73,10 @@ def test_one_that_lacks_a_piece_is_lost_and_the_next_is_not(left_out: int) -> No
 
 
 def test_only_a_key_frame_comes_in_pieces() -> None:
-    assert taken(sent(LARGE, "excite/3/cell/4")) == []
+    with pytest.raises(FabricError, match=r"^message on excite/3/cell/4: must have at"):
+        sent(LARGE, "excite/3/cell/4")
+    whole = bytes(LARGEST - (1 << 16))
+    assert [one.payload for one in taken(sent(whole, "excite/3/cell/4"))] == [whole]
 
 
 def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:

@@ -3,11 +3,12 @@
 import random
 from collections.abc import Iterable
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.recording.write.causal_order import Causes, Heard
+from tests.drawing import examples
 
 PATIENCE = 10
 
@@ -47,7 +48,7 @@ def run(ticks: int) -> list[Heard]:
 
 
 @given(st.integers(0, 2**32), st.integers(1, 8), st.integers(0, 60))
-@settings(max_examples=60)
+@examples(60)
 def test_whoever_overtakes_whom_causes_come_first(
     seed: int, ticks: int, reach: int
 ) -> None:

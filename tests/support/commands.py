@@ -1,0 +1,190 @@
+"""Verbs of `neurosnap` in processes of their own that start at once.
+
+A process of Python needs a second of work to load a verb, and the fork server, the
+coordinator, the world and the recorder of a run need as much again, each time that they
+are started. Here a verb is forked from the fork server of the tests, which has loaded
+all of that (`tests.preloaded`), and makes its own fork server by a fork, too. From then
+on it is what the command line is: a process with its arguments, its environment and its
+three files, and with the parts of its swarm below it.
+
+What hangs on how the program starts is for tests that start it by its command line.
+"""
+
+import fcntl
+import multiprocessing
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from multiprocessing import forkserver, util
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TextIO
+
+from neurosnap.__main__ import main
+from neurosnap.runtime.parts import child_process as parts
+from neurosnap.runtime.supervisor import _without_main
+from tests import preloaded
+
+
+class Command:
+    """A verb in a process of its own, used as a `subprocess.Popen` of text.
+
+    Args:
+        *arguments: Of the command line.
+        folder: Where it is; None: where the tests are.
+        environment: What it finds in its environment.
+        buffer: How many bytes the pipe of its standard input holds, where that is not
+            for the system to say: who writes more waits until they are read.
+        own_session: Whether it leads a session, and a process group, of its own.
+    """
+
+    def __init__(
+        self,
+        *arguments: object,
+        folder: Path | None = None,
+        environment: Mapping[str, str] = os.environ,
+        buffer: int | None = None,
+        own_session: bool = False,
+    ) -> None:
+        self.args = list(map(str, arguments))
+        (input_, into), (out_of, output), (err_of, errors) = (
+            os.pipe() for _ in range(3)
+        )
+        if buffer is not None:
+            fcntl.fcntl(into, fcntl.F_SETPIPE_SZ, buffer)
+        theirs = (
+            Connection(input_, writable=False),
+            Connection(output, readable=False),
+            Connection(errors, readable=False),
+        )
+        where = str(folder or Path.cwd())
+        preloaded.start()
+        self._process = multiprocessing.get_context("forkserver").Process(
+            target=_be,
+            args=(self.args, where, dict(environment), own_session, theirs),
+        )
+        with _without_main():
+            self._process.start()
+        for end in theirs:
+            end.close()
+        self.stdin: TextIO = open(into, "w")  # noqa: PTH123, SIM115
+        self.stdout: TextIO = open(out_of)  # noqa: PTH123, SIM115
+        self.stderr: TextIO = open(err_of)  # noqa: PTH123, SIM115
+        self.pid = self._process.pid or 0
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Return its exit code, or that of the signal it died of; None: it goes on."""
+        if self.returncode is None:
+            self.returncode = self._process.exitcode
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end."""
+        self._process.join(timeout)
+        code = self.poll()
+        if code is None:
+            raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.poll() is None:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """Kill it, unless it has ended."""
+        if self.poll() is None:
+            self._process.kill()
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        """End its input, wait for its end; return what is left of what it said."""
+        said = ["", ""]
+
+        def read(place: int, stream: TextIO) -> None:
+            said[place] = stream.read()
+
+        with suppress(BrokenPipeError):
+            self.stdin.close()
+        reading = [
+            threading.Thread(target=read, args=each, daemon=True)
+            for each in enumerate((self.stdout, self.stderr))
+        ]
+        for thread in reading:
+            thread.start()
+        for thread in reading:
+            thread.join(timeout)
+            if thread.is_alive():
+                raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        self.wait(timeout)
+        return said[0], said[1]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave nothing of it."""
+        self.kill()
+        self._process.join()
+        self._process.close()
+        with suppress(BrokenPipeError):
+            self.stdin.close()
+        self.stdout.close()
+        self.stderr.close()
+
+
+def _be(
+    arguments: Sequence[str],
+    folder: str,
+    environment: Mapping[str, str],
+    own_session: bool,
+    files: Sequence[Connection],
+) -> None:
+    """Be a verb, in a process that was forked for it."""
+    if own_session:
+        os.setsid()
+    for number, file in enumerate(files):
+        os.dup2(file.fileno(), number)
+        file.close()
+    sys.stdin = open(0, closefd=False)  # noqa: SIM115
+    sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+    sys.stderr = open(  # noqa: SIM115
+        2, "w", buffering=1, errors="backslashreplace", closefd=False
+    )
+    os.environ.clear()
+    os.environ.update(environment)
+    os.chdir(folder)
+    sys.argv = ["neurosnap", *arguments]
+    # Of the process that asked for this one, with all that is in there.
+    vars(multiprocessing.current_process())["_config"].pop("tempdir", None)
+    vars(forkserver._forkserver).update(vars(forkserver.ForkServer()))
+    vars(util)["spawnv_passfds"] = _fork
+    parts.serve_children()
+    main()
+
+
+def _fork(program: bytes, arguments: Sequence[str], kept: Sequence[int]) -> int:
+    """Do as the new interpreter would that is to be the fork server; return its id."""
+    pid = os.fork()
+    if pid:
+        return pid
+    try:
+        lowest = 3
+        for file in (*sorted(kept), os.sysconf("SC_OPEN_MAX")):
+            os.closerange(lowest, file)
+            lowest = file + 1
+        parts._LOADED_BY = os.getpid()
+        command: Any = compile(arguments[-1], "fork server", "exec")
+        exec(command, {})
+    finally:
+        os._exit(0)
