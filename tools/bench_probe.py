@@ -2,10 +2,11 @@
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
-from neurosnap.depth.probe import Measured, ProbePlan, be_probe
+from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.runtime.launch import Ending, Plan, run_processes
 
 
@@ -66,6 +67,5 @@ def _swarm(plan: ProbePlan) -> Plan:
     return Plan(
         cells=plan.sensors,
         workers=plan.workers,
-        conductor=be_probe,
-        conductor_arguments=(plan,),
+        coordinator=partial(ProbeJob, plan),
     )

@@ -7,6 +7,7 @@ of the order and not with the number of sensors.
 import asyncio
 import csv
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.depth.given_orders import check_layers
-from neurosnap.depth.probe import Measured, ProbePlan, be_probe
+from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.errors import (
     InvalidValueError,
     MissingExtraError,
@@ -105,8 +106,7 @@ async def measure(
         plan = Plan(
             cells=count,
             workers=probe.workers,
-            conductor=be_probe,
-            conductor_arguments=(probe,),
+            coordinator=partial(ProbeJob, probe),
         )
         ending = await run_processes(plan, stop, _from_there(on_progress, len(rows)))
         rows += msgspec.json.decode(ending.result, type=list[Measured])

@@ -4,7 +4,6 @@ It conducts in the coordinator's place. What it measures is what the cells did: 
 pulses are from their reports, the time is from the wave's start to its last credit.
 """
 
-import asyncio
 import time
 from collections.abc import Callable, Iterator
 
@@ -17,8 +16,8 @@ from neurosnap.errors import MessageError, SwarmError
 from neurosnap.protocol.run_options import WiringKind
 from neurosnap.protocol.wave import Wave
 from neurosnap.protocol.wave_control import Conductor
-from neurosnap.runtime.parts.child_process import Reporter, Seat
 from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import take_part
 
 
@@ -178,26 +177,27 @@ class Probe:
         return []
 
 
-async def be_probe(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    plan: ProbePlan,
-    parts: tuple[str, ...],
-) -> None:
-    """Conduct a swarm as a probe; bring the rows home."""
-    core = Probe(plan)
-    async with seat.fabric(swift=True) as fabric:
-        await take_part(
-            fabric,
-            conduct(
-                core,
+class ProbeJob(msgspec.Struct, frozen=True):
+    """Conducts a swarm as a probe."""
+
+    plan: ProbePlan
+    parts: tuple[str, ...]
+    """Who must be there."""
+
+    async def run(self, part: PartContext) -> None:
+        """Send every wave, and bring the rows home."""
+        core, count = Probe(self.plan), len(self.parts)
+        async with part.connection.fabric(swift=True) as fabric:
+            await take_part(
                 fabric,
-                stop,
-                parts=parts,
-                deadline=10.0 + 0.05 * len(parts),
-                patience=60.0 + 0.05 * len(parts),
-                on_progress=reporter.progress,
-            ),
-        )
-        reporter.done(core.rows)
+                conduct(
+                    core,
+                    fabric,
+                    part.stop,
+                    parts=self.parts,
+                    deadline=10.0 + 0.05 * count,
+                    patience=60.0 + 0.05 * count,
+                    on_progress=part.reporter.progress,
+                ),
+            )
+            part.reporter.done(core.rows)

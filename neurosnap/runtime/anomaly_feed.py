@@ -11,7 +11,7 @@ from neurosnap.fabric.zenoh.discovery import Sighting
 from neurosnap.protocol.anomaly_messages import Told, told
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import options_of
-from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.hosts.run_description import read_brief
 
@@ -65,8 +65,8 @@ async def watch(
         SwarmError: There is no such swarm.
     """
     seen_one = False
-    seats = Seats(network)
-    async with seats.lookout(swarm, stop) as lookout:
+    connections = Connections(network)
+    async with connections.lookout(swarm, stop) as lookout:
         while True:
             try:
                 seen = await lookout.next(stop, patience)
@@ -75,13 +75,13 @@ async def watch(
                     return
                 rule = f"must have a coordinator within {patience:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
-            if seen is None or await _look_on(seats, seen, stop, on_anomaly):
+            if seen is None or await _look_on(connections, seen, stop, on_anomaly):
                 return
             seen_one = True
 
 
 async def _look_on(
-    seats: Seats,
+    connections: Connections,
     seen: Sighting,
     stop: asyncio.Event,
     on_anomaly: Callable[[Told], None],
@@ -108,7 +108,7 @@ async def _look_on(
                     case _:
                         pass
 
-    async with seats.seat("watcher", seen.name).fabric() as fabric:
+    async with connections.to("watcher", seen.name).fabric() as fabric:
         await fabric.subscribe(("anomaly", "leave/coordinator"), handle)
         content = await fabric.ask()
         if content is None:

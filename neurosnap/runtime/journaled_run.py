@@ -19,8 +19,8 @@ from neurosnap.fabric.events import wait_at_most
 from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.split_files import first_path
-from neurosnap.runtime.parts.child_process import Seat
-from neurosnap.runtime.parts.intake_process import INTAKE, Taken, be_intake
+from neurosnap.runtime.parts.intake_process import INTAKE, IntakeJob, Taken
+from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.run import Outcome
 from neurosnap.runtime.supervisor import Supervisor
@@ -136,12 +136,12 @@ async def _keep_up(
 
     How often is for the run to bound: a world that asks dies with it.
     """
-    seat = Seat(INTAKE, "", "")
+    job = IntakeJob(options, str(folder), address)
+    connection = PartConnection(INTAKE, "", "")
     while True:
         try:
             async with Supervisor() as supervisor:
-                arguments = (options, str(folder), address)
-                child = await supervisor.start(be_intake, seat, *arguments)
+                child = await supervisor.start(job, connection)
                 await supervisor.wait(child.ready, ending)
                 ready.set()
                 await supervisor.wait(ending)

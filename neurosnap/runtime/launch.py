@@ -20,14 +20,14 @@ from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.protocol.partition import hosts
 from neurosnap.protocol.resume_point import Past, first_number
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import PRIVATE, Network
-from neurosnap.runtime.parts.cell_process import be_cell
-from neurosnap.runtime.parts.child_process import Job, Seat
-from neurosnap.runtime.parts.hub_process import be_hub
-from neurosnap.runtime.parts.recorder_process import be_recorder
+from neurosnap.runtime.parts.cell_process import CellJob
+from neurosnap.runtime.parts.hub_process import HubJob
+from neurosnap.runtime.parts.job import Job, PartConnection
+from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.status_publisher import OUTLET
-from neurosnap.runtime.parts.worker_process import be_worker
+from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.registry import noted
 from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
 
@@ -44,18 +44,15 @@ class Plan:
 
     cells: int
     """How many cells."""
-    conductor: Job
-    """The coordinator's job; gets `conductor_arguments`, then the parts to wait for.
-    On a hub that others may use it says when it knows that it is the only one."""
-    conductor_arguments: tuple[object, ...]
+    coordinator: Callable[[tuple[str, ...]], Job]
+    """Returns the coordinator's job, from the parts that it has to wait for. On a hub
+    that others may use it reports when it knows that it is the only one."""
     workers: int = 0
     """How many processes share the cells; 0: every cell is one."""
     world: Job | None = None
     """The world's job, where there is one."""
-    world_arguments: tuple[object, ...] = ()
-    outlet: Job | None = None
-    """The job of who tells others of the run, where there is one; it only looks on."""
-    outlet_arguments: tuple[object, ...] = ()
+    status: Job | None = None
+    """The job that publishes the run's status, where there is one."""
     log: Path | None = None
     """Where to record; None: not at all."""
     metadata: Mapping[str, str] = field(default_factory=dict)
@@ -80,11 +77,11 @@ class Ending:
     """What a swarm leaves behind."""
 
     result: bytes
-    """What the conductor brought home, as JSON."""
+    """What the coordinator brought home, as JSON."""
     completeness: Completeness | None
     """The recording's balance; None where nothing was recorded."""
     seconds: float
-    """From the start of the first process until the conductor was done."""
+    """From the start of the first process until the coordinator was done."""
     stopped: bool
     """It was asked to stop before it was done."""
     lost: int = 0
@@ -143,29 +140,33 @@ class _Launch:
     ) -> None:
         self._plan = plan
         self._supervisor = supervisor
-        self._seats = Seats(plan.network, endpoint, located=bool(plan.elsewhere))
+        self._connections = Connections(
+            plan.network, endpoint, located=bool(plan.elsewhere)
+        )
         self._folder = folder
         self.swarm = plan.swarm or new_swarm_id()
         self._hosts = hosts(plan.cells, plan.workers)
 
-    def _seat(self, who: str) -> Seat:
+    def _connection(self, who: str) -> PartConnection:
         first = first_number(self._plan.past, who)
         swarm = incarnation(self.swarm, self._plan.incarnation)
-        return self._seats.seat(who, swarm, first)
+        return self._connections.to(who, swarm, first)
 
     async def run(self, stop: asyncio.Event) -> Ending:
         """Start everything, wait for the end, end everything."""
         began = time.perf_counter()
-        if self._plan.network.connect and not await self._seats.await_hub(stop):
+        if self._plan.network.connect and not await self._connections.await_hub(stop):
             raise NothingBegunError("swarm: must reach its hub, was asked to end first")
         try:
             await self._start_hub(stop)
-            conductor, world, recorder = await self._start_parts(stop)
+            coordinator, world, recorder = await self._start_parts(stop)
             ends = (
-                [conductor.ended] if world is None else [conductor.ended, world.ended]
+                [coordinator.ended]
+                if world is None
+                else [coordinator.ended, world.ended]
             )
             await wait_any(self._supervisor.failed, stop, *ends)
-            stopped, ended = stop.is_set(), conductor.done_at or time.perf_counter()
+            stopped, ended = stop.is_set(), coordinator.done_at or time.perf_counter()
         finally:
             late = await self._end()
         if self._supervisor.error is not None:
@@ -179,7 +180,7 @@ class _Launch:
         lost = 0
         if world is not None and world.result is not None:
             lost = msgspec.json.decode(world.result, type=int)
-        return Ending(_result(conductor), completeness, ended - began, stopped, lost)
+        return Ending(_result(coordinator), completeness, ended - began, stopped, lost)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
         sessions = len(self._hosts) + _SERVICES
@@ -187,18 +188,15 @@ class _Launch:
         if self._plan.network.connect:
             return
         hub = await self._supervisor.start(
-            be_hub,
-            self._seat("hub"),
-            sessions,
-            self._folder,
-            self._plan.network.audit,
+            HubJob(sessions, self._folder, self._plan.network.audit),
+            self._connection("hub"),
         )
         await self._supervisor.wait(stop, hub.ready)
 
     async def _start_parts(
         self, stop: asyncio.Event
     ) -> tuple[Child, Child | None, Child | None]:
-        """Start the conductor, the world and the recorder, and then the cells.
+        """Start the coordinator, the world and the recorder, and then the cells.
 
         The cells are started to the last even if `stop` is set meanwhile: a recording
         is whole once every part has said its last word.
@@ -209,46 +207,44 @@ class _Launch:
         recorder = world = None
         if plan.log is not None:
             recorder = await start(
-                be_recorder,
-                self._seat("recorder"),
-                str(plan.log),
-                {**plan.metadata, "swarm": self.swarm},
-                plan.past,
-                ("coordinator", *heard),
+                RecorderJob(
+                    str(plan.log),
+                    {**plan.metadata, "swarm": self.swarm},
+                    plan.past,
+                    ("coordinator", *heard),
+                ),
+                self._connection("recorder"),
             )
             awaited = ["recorder", *heard]
-        conductor = await start(
-            plan.conductor,
-            self._seat("coordinator"),
-            *plan.conductor_arguments,
-            tuple(awaited),
+        coordinator = await start(
+            plan.coordinator(tuple(awaited)), self._connection("coordinator")
         )
         if plan.network.connect:
             # A hub of others may have a swarm of this id: it must not hear our parts.
-            await self._supervisor.wait(stop, conductor.ready, conductor.ended)
-            if not conductor.ready.is_set():
-                return conductor, None, recorder
-        if plan.outlet is not None:
-            # Before there is anything to tell of: what it misses, it never tells.
-            seat = self._seat(OUTLET)
-            outlet = await start(plan.outlet, seat, *plan.outlet_arguments)
-            await self._supervisor.wait(stop, outlet.ready, outlet.ended)
+            await self._supervisor.wait(stop, coordinator.ready, coordinator.ended)
+            if not coordinator.ready.is_set():
+                return coordinator, None, recorder
+        if plan.status is not None:
+            # Before the first tick: what it misses, it never publishes.
+            status = await start(plan.status, self._connection(OUTLET))
+            await self._supervisor.wait(stop, status.ready, status.ended)
         if plan.world is not None and "world" not in plan.elsewhere:
-            world = await start(plan.world, self._seat("world"), *plan.world_arguments)
-        job, more = (
-            (be_cell, ())
-            if not plan.workers
-            else (be_worker, (plan.cells, plan.workers))
-        )
+            world = await start(plan.world, self._connection("world"))
         await self._supervisor.start_many(
-            job,
             [
-                (self._seat(who), (number, *more))
+                (self._host_job(number), self._connection(who))
                 for number, who in enumerate(self._hosts)
                 if who not in plan.elsewhere
-            ],
+            ]
         )
-        return conductor, world, recorder
+        return coordinator, world, recorder
+
+    def _host_job(self, number: int) -> Job:
+        """Return the job of a cell, or of a worker where they share the cells."""
+        plan = self._plan
+        if not plan.workers:
+            return CellJob(number)
+        return WorkerJob(number, plan.cells, plan.workers)
 
     async def _end(self) -> list[str]:
         """End everything in order; return who had to be killed.
@@ -277,7 +273,7 @@ def _parts_here(plan: Plan) -> set[str]:
         "hub": not plan.network.connect,
         "recorder": plan.log is not None,
         "coordinator": True,
-        OUTLET: plan.outlet is not None,
+        OUTLET: plan.status is not None,
         "world": plan.world is not None,
     }
     services = {who for who, is_there in there.items() if is_there}

@@ -3,6 +3,7 @@
 import asyncio
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 
@@ -16,9 +17,9 @@ from neurosnap.runtime.hosts.network import PRIVATE, Network
 from neurosnap.runtime.hosts.run_description import Brief
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.launch import Plan, run_processes
-from neurosnap.runtime.parts import coordinator_process
-from neurosnap.runtime.parts.status_publisher import be_outlet, publishes
-from neurosnap.runtime.parts.world_process import WayIn, be_world
+from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
+from neurosnap.runtime.parts.status_publisher import StatusJob, publishes
+from neurosnap.runtime.parts.world_process import WayIn, WorldJob
 from neurosnap.system.distribution import version
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
@@ -107,12 +108,9 @@ async def run(
         plan = Plan(
             cells=len(options.sensors),
             workers=options.sharing,
-            conductor=coordinator_process.be_coordinator,
-            conductor_arguments=(brief, patience),
-            world=be_world,
-            world_arguments=(options, past, way_in),
-            outlet=be_outlet if publishes(options) else None,
-            outlet_arguments=(options,),
+            coordinator=partial(CoordinatorJob, brief, patience),
+            world=WorldJob(options, past, way_in),
+            status=StatusJob(options) if publishes(options) else None,
             log=log,
             metadata=metadata,
             past=past,
@@ -123,7 +121,7 @@ async def run(
             elsewhere=elsewhere,
         )
         ending = await run_processes(plan, stop, on_progress)
-        result = msgspec.json.decode(ending.result, type=coordinator_process.Result)
+        result = msgspec.json.decode(ending.result, type=Result)
         completeness = ending.completeness
         total, stopped = ending.seconds, ending.stopped
         lost = ending.lost

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
@@ -21,18 +21,15 @@ from typing import Self
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_any
-from neurosnap.runtime.parts.child_process import (
-    END,
+from neurosnap.runtime.parts.child_process import END, child, serve_children
+from neurosnap.runtime.parts.job import Job, PartConnection
+from neurosnap.runtime.parts.reports import (
     Done,
     Failed,
-    Job,
     Progress,
     Ready,
     Report,
-    Seat,
-    child,
     read_report,
-    serve_children,
 )
 
 # Per child: a sentinel and the pipe that makes it, here; the same again in the server.
@@ -114,29 +111,26 @@ class Supervisor:
             if not child_.ended.is_set():
                 child_.process.kill()
 
-    async def start(self, job: Job, seat: Seat, *arguments: object) -> Child:
+    async def start(self, job: Job, connection: PartConnection) -> Child:
         """Start `job` in a child with a pipe of its own."""
         reading, writing = self._context.Pipe(duplex=False)
         self._listen(reading)
-        process = self._process(job, seat, writing, arguments)
+        process = self._process(job, connection, writing)
 
         def start() -> None:
             with writing:  # the child has its own; nobody else may keep it open
                 self._start(process)
 
         await self._aside(start)
-        return self._children[seat.who]
+        return self._children[connection.who]
 
-    async def start_many(
-        self, job: Job, seats: list[tuple[Seat, tuple[object, ...]]]
-    ) -> None:
-        """Start a child a seat; they share one pipe, so their reports must be short."""
+    async def start_many(self, jobs: Sequence[tuple[Job, PartConnection]]) -> None:
+        """Start a child per job, with one pipe for all: reports must be short."""
         if self._shared is None:
             reading, self._shared = self._context.Pipe(duplex=False)
             self._listen(reading)
         processes = [
-            self._process(job, seat, self._shared, arguments)
-            for seat, arguments in seats
+            self._process(job, connection, self._shared) for job, connection in jobs
         ]
 
         def start() -> None:  # one thread for all is cheaper than one each
@@ -161,10 +155,10 @@ class Supervisor:
         self._loop.call_soon_threadsafe(self._adopt, process)
 
     def _process(
-        self, job: Job, seat: Seat, line: Connection, arguments: tuple[object, ...]
+        self, job: Job, connection: PartConnection, line: Connection
     ) -> ForkServerProcess:
         return self._context.Process(
-            target=child, args=(job, seat, line, arguments), name=seat.who
+            target=child, args=(job, connection, line), name=connection.who
         )
 
     def _adopt(self, process: ForkServerProcess) -> None:

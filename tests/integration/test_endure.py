@@ -30,7 +30,7 @@ from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.hosts import remote_parts
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.hosts.service import Served, serve
-from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.restart import Restart, run_on
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
@@ -320,9 +320,9 @@ def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
     start = Supervisor.start
 
     # Once it goes on, its hub dies before there is a coordinator: nothing is recorded.
-    async def started(self: Supervisor, job: Any, seat: Seat, *given: object) -> Child:
-        child = await start(self, job, seat, *given)
-        if seat.who == "recorder" and disturbed.restarts:
+    async def started(self: Supervisor, job: Job, connection: PartConnection) -> Child:
+        child = await start(self, job, connection)
+        if connection.who == "recorder" and disturbed.restarts:
             (hub,) = [one for one in parts() if one.name() == "hub"]
             hub.send_signal(signal.SIGKILL)
         return child

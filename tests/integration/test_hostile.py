@@ -271,7 +271,7 @@ async def test_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     class Tapped(launch._Launch):
         def __init__(self, *arguments: object) -> None:
             super().__init__(*arguments)  # type: ignore[arg-type]
-            found.set_result((self.swarm, self._seats._own))
+            found.set_result((self.swarm, self._connections._own))
 
     monkeypatch.setattr(launch, "_Launch", Tapped)
 

@@ -127,7 +127,7 @@ session.close()
 
 
 class Hub(msgspec.Struct, frozen=True):
-    """A hub in a process of its own, as a part's seat has it."""
+    """A hub in a process of its own, as in a `PartConnection`."""
 
     endpoint: str
     keys: Path | None = None

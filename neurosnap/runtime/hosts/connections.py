@@ -1,4 +1,4 @@
-"""The places of parts on one network; keys that several share are read once."""
+"""The connections of parts to one network; shared keys are read once."""
 
 import asyncio
 
@@ -7,11 +7,11 @@ from neurosnap.fabric.security.roles import Role, role_of
 from neurosnap.fabric.zenoh.discovery import Lookout
 from neurosnap.fabric.zenoh.reach import reach
 from neurosnap.runtime.hosts.network import Network
-from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.parts.job import PartConnection
 
 
-class Seats:
-    """Gives parts their places.
+class Connections:
+    """Connections of the parts of one network.
 
     Args:
         network: Where the hub is.
@@ -27,8 +27,8 @@ class Seats:
         self._located = located
         self._known: dict[str, Credentials | None] = {}
 
-    def seat(self, who: str, swarm: str, first: int = 0) -> Seat:
-        """Return the place of a part.
+    def to(self, who: str, swarm: str, first: int = 0) -> PartConnection:
+        """Return the connection of a part.
 
         Args:
             who: Its name.
@@ -39,7 +39,7 @@ class Seats:
             InvalidValueError: Its keys are not there, or not fit for use.
         """
         role = role_of(who)
-        return Seat(
+        return PartConnection(
             who,
             swarm,
             self._network.endpoint(role, self._own),
@@ -54,7 +54,7 @@ class Seats:
 
         Raises:
             FabricError: It does not.
-            InvalidValueError: As from `seat`.
+            InvalidValueError: As from `to`.
         """
         who: Role = "coordinator"
         endpoint = self._network.endpoint(who, self._own)
@@ -72,7 +72,7 @@ class Seats:
             stop: Ends the wait for the hub.
 
         Raises:
-            InvalidValueError: As from `seat`.
+            InvalidValueError: As from `to`.
         """
         return Lookout(
             swarm,

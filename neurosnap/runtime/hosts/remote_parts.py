@@ -14,11 +14,11 @@ from neurosnap.protocol.resume_point import Past
 from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.hosts.run_description import Brief
-from neurosnap.runtime.parts.cell_process import be_cell
-from neurosnap.runtime.parts.child_process import Job
-from neurosnap.runtime.parts.recorder_process import be_recorder
-from neurosnap.runtime.parts.worker_process import be_worker
-from neurosnap.runtime.parts.world_process import be_world
+from neurosnap.runtime.parts.cell_process import CellJob
+from neurosnap.runtime.parts.job import Job
+from neurosnap.runtime.parts.recorder_process import RecorderJob
+from neurosnap.runtime.parts.worker_process import WorkerJob
+from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.runtime.run import describe
 from neurosnap.sources.open import open_source
 
@@ -29,7 +29,6 @@ class Duty(NamedTuple):
     who: str
     """Its name."""
     job: Job
-    arguments: tuple[object, ...]
     lingers: bool = False
     """It ends by itself, once it has heard the others' last words."""
 
@@ -41,7 +40,7 @@ where the run is not one for it. May block."""
 
 def cells(numbers: Sequence[int]) -> Share:
     """Return the share of some cells, a process each."""
-    return lambda _, __: [Duty(f"cell/{n}", be_cell, (n,)) for n in numbers]
+    return lambda _, __: [Duty(f"cell/{n}", CellJob(n)) for n in numbers]
 
 
 def workers(numbers: Sequence[int]) -> Share:
@@ -49,7 +48,7 @@ def workers(numbers: Sequence[int]) -> Share:
 
     def share(_: str, brief: Brief) -> list[Duty]:
         sizes = len(brief.options.sensors), brief.options.sharing
-        return [Duty(f"worker/{n}", be_worker, (n, *sizes)) for n in numbers]
+        return [Duty(f"worker/{n}", WorkerJob(n, *sizes)) for n in numbers]
 
     return share
 
@@ -74,7 +73,7 @@ def world(source: str) -> Share:
             rule = "must have the sensors and actions that the coordinator knows of"
             raise InvalidValueError("source", rule, source)
         own = msgspec.structs.replace(options, source=source)
-        return [Duty("world", be_world, (own, brief.past))]
+        return [Duty("world", WorldJob(own, brief.past))]
 
     return share
 
@@ -100,8 +99,8 @@ def recorder(
         if sync is not None:
             options = msgspec.structs.replace(options, sync=sync)
         metadata = {**describe(options), "swarm": swarm}
-        arguments = (str(new_log()), metadata, past, heard)
-        return [Duty("recorder", be_recorder, arguments, lingers=True)]
+        job = RecorderJob(str(new_log()), metadata, past, heard)
+        return [Duty("recorder", job, lingers=True)]
 
     return share
 

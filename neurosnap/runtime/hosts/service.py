@@ -21,11 +21,11 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import Sighting
-from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.hosts.remote_parts import Duty, Share
 from neurosnap.runtime.hosts.run_description import read_brief
-from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.restart_policy import RestartKind
 from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
 
@@ -80,11 +80,11 @@ async def serve(
         rule = "must say where the hub of the swarm listens"
         raise InvalidValueError("connect", rule, network.connect)
     network.check("watcher")
-    seats = Seats(network, located=True)
-    host = _Host(share, seats, stop)
+    connections = Connections(network, located=True)
+    host = _Host(share, connections, stop)
     wait = None if restart == "always" else patience
     trouble = ""
-    async with seats.lookout(swarm, stop) as lookout:
+    async with connections.lookout(swarm, stop) as lookout:
         while True:
             try:
                 seen = await lookout.next(stop, wait)
@@ -116,9 +116,11 @@ def _nobody(swarm: str, patience: float, trouble: str) -> str:
 class _Host:
     """Starts a share of one swarm after the other."""
 
-    def __init__(self, share: Share, seats: Seats, stop: asyncio.Event) -> None:
+    def __init__(
+        self, share: Share, connections: Connections, stop: asyncio.Event
+    ) -> None:
         self._share = share
-        self._seats = seats
+        self._connections = connections
         self._stop = stop
 
     async def take_part(self, seen: Sighting) -> Served:
@@ -128,7 +130,7 @@ class _Host:
             NeurosnapError: A part failed, or cannot be of this swarm.
         """
         ending = _Ending()
-        async with self._seats.seat("watcher", seen.name).fabric() as fabric:
+        async with self._connections.to("watcher", seen.name).fabric() as fabric:
             await fabric.subscribe(_LAST_WORDS, ending.handle)
             content = await fabric.ask()
             if content is None:
@@ -141,21 +143,24 @@ class _Host:
                 raise SwarmError(
                     f"{who}: must be there once, is in {seen.name} already"
                 )
-            seats = [
-                self._seats.seat(who, seen.name, brief.first(who)) for who in names
+            connections = [
+                self._connections.to(who, seen.name, brief.first(who)) for who in names
             ]
-            results = await self._run(duties, seats, seen.gone)
+            results = await self._run(duties, connections, seen.gone)
             trouble = "" if self._stop.is_set() else await ending.trouble()
         return Served(seen.name, trouble, results)
 
     async def _run(
-        self, duties: Sequence[Duty], seats: Sequence[Seat], gone: asyncio.Event
+        self,
+        duties: Sequence[Duty],
+        connections: Sequence[PartConnection],
+        gone: asyncio.Event,
     ) -> dict[str, bytes]:
         """Run the parts until `gone`; return what they brought home."""
         grace = _GRACE + 0.02 * len(duties)
         allow_files(len(duties))
         async with Supervisor() as supervisor:
-            children = await _start(supervisor, duties, seats)
+            children = await _start(supervisor, duties, connections)
             await wait_any(supervisor.failed, self._stop, gone)
             for duty, child in zip(duties, children, strict=False):
                 if duty.lingers and gone.is_set():
@@ -180,20 +185,20 @@ class _Host:
 
 
 async def _start(
-    supervisor: Supervisor, duties: Sequence[Duty], seats: Sequence[Seat]
+    supervisor: Supervisor,
+    duties: Sequence[Duty],
+    connections: Sequence[PartConnection],
 ) -> list[Child]:
     """Start a share's parts; return those with a line of their own.
 
     The many that some shares have are cells, which have nothing to bring home.
     """
-    given = [(seat, duty.arguments) for seat, duty in zip(seats, duties, strict=True)]
-    if len(duties) > 1:
-        await supervisor.start_many(duties[0].job, given)
+    jobs = [duty.job for duty in duties]
+    given = list(zip(jobs, connections, strict=True))
+    if len(given) > 1:
+        await supervisor.start_many(given)
         return []
-    return [
-        await supervisor.start(duty.job, seat, *duty.arguments)
-        for duty, seat in zip(duties, seats, strict=True)
-    ]
+    return [await supervisor.start(*each) for each in given]
 
 
 class _Ending:

@@ -2,10 +2,12 @@
 
 import asyncio
 
+import msgspec
+
 from neurosnap import wire
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.cell import Cell
-from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
 
 
@@ -25,9 +27,13 @@ async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
     await fabric.serve(stop)
 
 
-async def be_cell(
-    seat: Seat, stop: asyncio.Event, reporter: Reporter, cell: int
-) -> None:
-    """Be one cell."""
-    async with seat.fabric(swift=True) as fabric:
-        await take_part(fabric, run_cell(cell, fabric, stop))
+class CellJob(msgspec.Struct, frozen=True):
+    """One cell."""
+
+    cell: int
+    """Its sensor's number."""
+
+    async def run(self, part: PartContext) -> None:
+        """Be the cell until the end."""
+        async with part.connection.fabric(swift=True) as fabric:
+            await take_part(fabric, run_cell(self.cell, fabric, part.stop))

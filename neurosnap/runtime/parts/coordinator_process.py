@@ -14,8 +14,8 @@ from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.resume import restore
 from neurosnap.runtime.hosts.run_description import Brief
-from neurosnap.runtime.parts.child_process import Reporter, Seat
 from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.sources.live.open import is_outside
 
@@ -55,51 +55,48 @@ def answer_within(options: RunOptions) -> float | None:
     return None if is_outside(options.source) else _TRIES * options.deadline
 
 
-async def be_coordinator(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    brief: Brief,
-    patience: float | None,
-    parts: tuple[str, ...],
-) -> None:
-    """Learn, conduct and decide, and tell others what the run is.
+class CoordinatorJob(msgspec.Struct, frozen=True):
+    """The coordinator: learns, conducts and decides."""
 
-    Args:
-        seat: Its place.
-        stop: Ends the run in order.
-        reporter: Told that it is the only one, how far it is, what came of it.
-        brief: What the run is.
-        patience: Seconds the parts may take to come up; None: as many as that takes on
-            a small machine.
-        parts: Who must be there.
+    brief: Brief
+    """What the run is."""
+    patience: float | None
+    """Seconds the parts may take to come up; None: as many as that takes on a small
+    machine."""
+    parts: tuple[str, ...]
+    """Who must be there."""
 
-    Raises:
-        SwarmError: The swarm has a coordinator already, or parts of an earlier one that
-            do not leave; and as from `conduct`.
-    """
-    core = coordinator_for(brief.options, brief.past)
-    if patience is None:
-        patience = 60.0 + 0.05 * len(parts)
-    options = brief.options
-    async with seat.fabric(swift=True) as fabric:
-        await _wait_alone(fabric, seat.swarm, brief.vacant, stop)
-        await fabric.brief(brief.to_bytes())
-        reporter.ready()
-        seconds = await take_part(
-            fabric,
-            conduct(
-                core,
+    async def run(self, part: PartContext) -> None:
+        """Conduct the run to its end.
+
+        Raises:
+            SwarmError: The swarm has a coordinator already, or parts of an earlier one
+                that do not leave; and as from `conduct`.
+        """
+        brief, options = self.brief, self.brief.options
+        core = coordinator_for(options, brief.past)
+        patience = self.patience
+        if patience is None:
+            patience = 60.0 + 0.05 * len(self.parts)
+        swarm = part.connection.swarm
+        async with part.connection.fabric(swift=True) as fabric:
+            await _wait_alone(fabric, swarm, brief.vacant, part.stop)
+            await fabric.brief(brief.to_bytes())
+            part.reporter.ready()
+            seconds = await take_part(
                 fabric,
-                stop,
-                parts=parts,
-                deadline=options.deadline,
-                answer=answer_within(options),
-                patience=patience,
-                on_progress=reporter.progress,
-            ),
-        )
-        reporter.done(Result.of(core, seconds))
+                conduct(
+                    core,
+                    fabric,
+                    part.stop,
+                    parts=self.parts,
+                    deadline=options.deadline,
+                    answer=answer_within(options),
+                    patience=patience,
+                    on_progress=part.reporter.progress,
+                ),
+            )
+            part.reporter.done(Result.of(core, seconds))
 
 
 async def _wait_alone(

@@ -19,7 +19,7 @@ import msgspec
 
 from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.world_process import lost_of, synced
 from neurosnap.sensorium import pack
 from neurosnap.sources.live import remote_source
@@ -43,47 +43,43 @@ class Taken(msgspec.Struct, frozen=True):
     """What was no reading, or had no tick although it should have."""
 
 
-async def be_intake(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    options: RunOptions,
-    folder: str,
-    address: str,
-) -> None:
-    """Take in readings, keep them and give them to the world.
+class IntakeJob(msgspec.Struct, frozen=True):
+    """Takes in readings, keeps them and gives them to the world."""
 
-    Args:
-        seat: Its place; it has no end of the network.
-        stop: Ends it in order.
-        reporter: Told that it listens, and what it lost.
-        options: What to run.
-        folder: The journal.
-        address: The path of the socket to listen on, alone in its folder.
+    options: RunOptions
+    folder: str
+    """The journal."""
+    address: str
+    """The path of the socket to listen on, alone in its folder."""
 
-    Raises:
-        NeurosnapError: The journal cannot be read or written.
-    """
-    journal = Journal(Path(folder), options.body.own)
-    source = open_outside(
-        options.source, options.arguments, journal=journal, most=options.ticks
-    )
-    counter = _Counter(source)
-    try:
-        await asyncio.to_thread(Path(address).unlink, missing_ok=True)
-        server = await asyncio.start_unix_server(counter.serve, address)
-        if source.resumed:
-            counter.leave()
-        async with synced(source, options.sync):
-            reporter.ready()
-            await stop.wait()
-        server.close()
-    finally:
-        await asyncio.to_thread(source.close)
-        await counter.wait_closed()
-        # The folder is the run's own; a launcher that was killed cannot remove it.
-        await asyncio.to_thread(shutil.rmtree, Path(address).parent, ignore_errors=True)
-    reporter.done(Taken(lost_of(source, options)))
+    async def run(self, part: PartContext) -> None:
+        """Take in readings until the end.
+
+        Raises:
+            NeurosnapError: The journal cannot be read or written.
+        """
+        options = self.options
+        journal = Journal(Path(self.folder), options.body.own)
+        source = open_outside(
+            options.source, options.arguments, journal=journal, most=options.ticks
+        )
+        counter = _Counter(source)
+        socket = Path(self.address)
+        try:
+            await asyncio.to_thread(socket.unlink, missing_ok=True)
+            server = await asyncio.start_unix_server(counter.serve, self.address)
+            if source.resumed:
+                counter.leave()
+            async with synced(source, options.sync):
+                part.reporter.ready()
+                await part.stop.wait()
+            server.close()
+        finally:
+            await asyncio.to_thread(source.close)
+            await counter.wait_closed()
+            # The folder is the run's own; a launcher that was killed cannot remove it.
+            await asyncio.to_thread(shutil.rmtree, socket.parent, ignore_errors=True)
+        part.reporter.done(Taken(lost_of(source, options)))
 
 
 class _Counter:

@@ -1,28 +1,37 @@
 """The recorder process: writes all traffic of a swarm to a recording."""
 
-import asyncio
 from pathlib import Path
+
+import msgspec
 
 from neurosnap.protocol.resume_point import Past
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import Parts
-from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.sources.live.journal import journal_of
 
 
-async def be_recorder(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    path: str,
-    metadata: dict[str, str],
-    past: Past | None,
-    parts: tuple[str, ...],
-) -> None:
-    """Record everything, after what there is of a resumed run."""
-    with Parts(path, metadata, past) as writer:
-        async with seat.fabric() as fabric:
-            balance = await run_recorder(
-                writer, fabric, stop, parts=parts, journal=journal_of(Path(path))
-            )
-    reporter.done(balance)
+class RecorderJob(msgspec.Struct, frozen=True):
+    """The recorder."""
+
+    path: str
+    """Where to record; of several files the first."""
+    metadata: dict[str, str]
+    """What the recording says of the run."""
+    past: Past | None
+    """What it takes over, of a run that is resumed."""
+    parts: tuple[str, ...]
+    """Whose last words it waits for."""
+
+    async def run(self, part: PartContext) -> None:
+        """Record everything, after what there is of a resumed run."""
+        with Parts(self.path, self.metadata, self.past) as writer:
+            async with part.connection.fabric() as fabric:
+                balance = await run_recorder(
+                    writer,
+                    fabric,
+                    part.stop,
+                    parts=self.parts,
+                    journal=journal_of(Path(self.path)),
+                )
+        part.reporter.done(balance)

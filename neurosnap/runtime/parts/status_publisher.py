@@ -17,7 +17,7 @@ from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.anomaly_messages import told
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.sources.live.open import MQTT, mqtt_options
 
 if TYPE_CHECKING:
@@ -149,10 +149,14 @@ async def run_outlet(
         telling.cancel()
 
 
-async def be_outlet(
-    seat: Seat, stop: asyncio.Event, reporter: Reporter, options: RunOptions
-) -> None:
-    """Be the one who tells a broker; see `run_outlet`."""
-    async with seat.fabric() as fabric:
-        await run_outlet(options, fabric, stop, reporter.ready)
-    reporter.done()
+class StatusJob(msgspec.Struct, frozen=True):
+    """Publishes how a run goes; see `run_outlet`."""
+
+    options: RunOptions
+
+    async def run(self, part: PartContext) -> None:
+        """Publish until the run is over."""
+        async with part.connection.fabric() as fabric:
+            ready = part.reporter.ready
+            await run_outlet(self.options, fabric, part.stop, ready)
+        part.reporter.done()

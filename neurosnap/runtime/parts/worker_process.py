@@ -3,12 +3,14 @@
 import asyncio
 from collections.abc import Sequence
 
+import msgspec
+
 from neurosnap import wire
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_kernels import warm
-from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
 
 
@@ -31,15 +33,19 @@ async def run_worker(
     await fabric.serve(stop)
 
 
-async def be_worker(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    worker: int,
-    cells: int,
-    workers: int,
-) -> None:
-    """Be one worker of so many, for so many cells."""
-    async with seat.fabric(swift=True) as fabric:
-        hosted = shares(cells, workers)
-        await take_part(fabric, run_worker(worker, hosted, fabric, stop))
+class WorkerJob(msgspec.Struct, frozen=True):
+    """One worker, with its share of the cells."""
+
+    worker: int
+    """Its number."""
+    cells: int
+    """Of the whole swarm."""
+    workers: int
+    """That share them."""
+
+    async def run(self, part: PartContext) -> None:
+        """Be the worker until the end."""
+        async with part.connection.fabric(swift=True) as fabric:
+            hosted = shares(self.cells, self.workers)
+            work = run_worker(self.worker, hosted, fabric, part.stop)
+            await take_part(fabric, work)

@@ -14,7 +14,7 @@ from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.resume_point import Past
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
-from neurosnap.runtime.parts.child_process import Reporter, Seat
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.live_source import OutsideSource
@@ -107,31 +107,39 @@ class WayIn(msgspec.Struct, frozen=True):
     """Where to ask for them; empty: the world takes them in, and keeps them."""
 
 
-async def be_world(
-    seat: Seat,
-    stop: asyncio.Event,
-    reporter: Reporter,
-    options: RunOptions,
-    past: Past | None,
-    way_in: WayIn | None = None,
-) -> None:
-    """Be the world, or the file of readings."""
-    source: Source
-    kept = None if way_in is None else open_kept(options, way_in, seat)
-    if kept is None:
-        source = open_source(options.source, options.seed, options.arguments, seat)
-    else:
-        source = kept
-    try:
-        if kept is not None:
-            # In a thread: it asks another process, which may be coming back.
-            await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
-        async with seat.fabric(swift=True) as fabric, synced(source, options.sync):
-            work = run_world(source, options.body, fabric, stop, past=past)
-            await take_part(fabric, work)
-    finally:
-        source.close()
-    reporter.done(lost_of(source, options))
+class WorldJob(msgspec.Struct, frozen=True):
+    """The world, or the file of readings."""
+
+    options: RunOptions
+    past: Past | None
+    """Where it goes on from, for a run that is resumed."""
+    way_in: WayIn | None = None
+    """How outside readings that are kept get here."""
+
+    async def run(self, part: PartContext) -> None:
+        """Answer decisions until the end."""
+        source: Source
+        options, past, connection = self.options, self.past, part.connection
+        way_in = self.way_in
+        kept = None if way_in is None else open_kept(options, way_in, connection)
+        if kept is None:
+            seed, arguments = options.seed, options.arguments
+            source = open_source(options.source, seed, arguments, connection)
+        else:
+            source = kept
+        try:
+            if kept is not None:
+                # In a thread: it asks another process, which may be coming back.
+                await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
+            async with (
+                connection.fabric(swift=True) as fabric,
+                synced(source, options.sync),
+            ):
+                work = run_world(source, options.body, fabric, part.stop, past=past)
+                await take_part(fabric, work)
+        finally:
+            source.close()
+        part.reporter.done(lost_of(source, options))
 
 
 def open_kept(

@@ -44,7 +44,7 @@ _PATIENCE = 10.0  # seconds the hub may take to answer
 
 
 class Hub(Protocol):
-    """Where a swarm's messages pass, as a part's seat has it."""
+    """Where a swarm's messages pass, as in a `PartConnection`."""
 
     @property
     def swarm(self) -> str:

@@ -28,7 +28,7 @@ class Swarm:
         self._before = before
         self._after = after
 
-    def seat(self, *_: str) -> Self:
+    def to(self, *_: str) -> Self:
         return self
 
     def fabric(self) -> Self:

@@ -8,11 +8,15 @@ import pytest
 
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.launch import Plan, _parts_here, _report
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.supervisor import Supervisor
 
 
-async def be_nobody(*_: Any) -> None:
-    """Be no part: nothing is started."""
+class NoJob:
+    """The job of no part: nothing is started."""
+
+    async def run(self, part: PartContext) -> None:
+        raise NotImplementedError
 
 
 async def test_progress_is_passed_on_when_it_is_said_and_not_again() -> None:
@@ -47,7 +51,7 @@ ELSEWHERE = frozenset({"world", "cell/1"})
     ("given", "parts"),
     [
         ({}, OWN),
-        ({"world": be_nobody, "outlet": be_nobody}, OWN | {"world", "watcher/outlet"}),
+        ({"world": NoJob(), "status": NoJob()}, OWN | {"world", "watcher/outlet"}),
         (
             {"log": Path("log"), "workers": 1},
             {"hub", "coordinator", "recorder", "worker/0"},
@@ -56,11 +60,11 @@ ELSEWHERE = frozenset({"world", "cell/1"})
             {"network": Network(connect="tcp/127.0.0.1:7"), "elsewhere": ELSEWHERE},
             {"coordinator", "cell/0"},
         ),
-        ({"world": be_nobody, "elsewhere": ELSEWHERE}, OWN - {"cell/1"}),
+        ({"world": NoJob(), "elsewhere": ELSEWHERE}, OWN - {"cell/1"}),
     ],
 )
 def test_the_parts_here_are_those_that_nobody_else_starts(
     given: dict[str, Any], parts: set[str]
 ) -> None:
-    plan = Plan(cells=2, conductor=be_nobody, conductor_arguments=(), **given)
+    plan = Plan(cells=2, coordinator=lambda _: NoJob(), **given)
     assert _parts_here(plan) == parts

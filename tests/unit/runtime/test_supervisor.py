@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from neurosnap.runtime.parts.child_process import Seat
+from neurosnap.runtime.parts.job import Job, PartConnection, PartContext
 from neurosnap.runtime.supervisor import Supervisor, _without_main
 
 
@@ -68,8 +68,11 @@ class Children:
         return {p.name: p.exitcode for p in self._made if p.name in self.started}
 
 
-async def nothing(*_: object) -> None:
-    """Do nothing: no child of these tests gets that far."""
+class NoJob:
+    """A job of nothing: no child of these tests gets that far."""
+
+    async def run(self, part: PartContext) -> None:
+        raise NotImplementedError
 
 
 class Supervised(Supervisor):
@@ -79,13 +82,14 @@ class Supervised(Supervisor):
         super().__init__()
         self._makes = children.process
 
-    def _process(self, job: Any, seat: Seat, line: Any, arguments: Any) -> Any:
+    def _process(self, job: Job, connection: PartConnection, line: Any) -> Any:
         self.line = line
-        return self._makes(seat.who)
+        return self._makes(connection.who)
 
 
-def seats(count: int) -> list[tuple[Seat, tuple[object, ...]]]:
-    return [(Seat(f"cell/{number}", "demo", ""), ()) for number in range(count)]
+def jobs(count: int) -> list[tuple[Job, PartConnection]]:
+    connections = [PartConnection(f"cell/{n}", "demo", "") for n in range(count)]
+    return [(NoJob(), connection) for connection in connections]
 
 
 @pytest.mark.parametrize("many", [True, False])
@@ -95,9 +99,9 @@ async def test_who_is_cancelled_while_it_starts_leaves_nobody(many: bool) -> Non
     async def start() -> None:
         async with Supervised(children) as supervisor:
             if many:
-                await supervisor.start_many(nothing, seats(3))
+                await supervisor.start_many(jobs(3))
             else:
-                await supervisor.start(nothing, seats(1)[0][0])
+                await supervisor.start(*jobs(1)[0])
 
     starting = asyncio.create_task(start())
     await children.is_starting.wait()
@@ -115,7 +119,7 @@ async def test_a_line_is_closed_here_even_if_its_child_does_not_start() -> None:
     children = Children(refused=True)
     async with Supervised(children) as supervisor:
         with pytest.raises(OSError, match="no more processes"):
-            await supervisor.start(nothing, seats(1)[0][0])
+            await supervisor.start(*jobs(1)[0])
         assert supervisor.line.closed
     assert children.close() == {}
 

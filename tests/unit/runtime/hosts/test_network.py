@@ -9,7 +9,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.credentials import AUTHORITY
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
-from neurosnap.runtime.hosts.connections import Seats
+from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import Network
 
 WHERE = "tls/127.0.0.1:7447"
@@ -39,10 +39,10 @@ def test_a_service_needs_its_own_keys_and_the_watchers(
     tls = host(keys, tmp_path / "here", role, "watcher")
     network = Network(connect=WHERE, tls=tls)
     network.check("watcher")
-    seats = Seats(network)
-    assert seats.seat("watcher", "demo").credentials is not None
+    connections = Connections(network)
+    assert connections.to("watcher", "demo").credentials is not None
     who = role if role in ("world", "recorder") else f"{role}/0"
-    own = seats.seat(who, "demo", 5)
+    own = connections.to(who, "demo", 5)
     assert own.credentials is not None
     assert (own.credentials.name, own.endpoint, own.first) == (role, WHERE, 5)
     with pytest.raises(InvalidValueError, match=r"coordinator\.pem: must be a file"):
@@ -63,13 +63,15 @@ def test_a_launcher_needs_the_keys_of_the_parts_it_starts(
 
 def test_the_keys_of_a_role_are_read_once(keys: Path, tmp_path: Path) -> None:
     tls = host(keys, tmp_path / "here", "cell")
-    seats = Seats(Network(connect=WHERE, tls=tls))
-    first = seats.seat("cell/0", "demo")
+    connections = Connections(Network(connect=WHERE, tls=tls))
+    first = connections.to("cell/0", "demo")
     shutil.rmtree(tls)
-    assert seats.seat("cell/1", "demo").credentials is first.credentials
+    assert connections.to("cell/1", "demo").credentials is first.credentials
 
 
 def test_without_a_network_parts_meet_on_the_swarms_own_socket() -> None:
-    seat = Seats(Network(), "unixsock-stream/own", located=True).seat("world", "demo")
-    assert (seat.endpoint, seat.credentials) == ("unixsock-stream/own", None)
-    assert seat.located
+    own = Connections(Network(), "unixsock-stream/own", located=True).to(
+        "world", "demo"
+    )
+    assert (own.endpoint, own.credentials) == ("unixsock-stream/own", None)
+    assert own.located

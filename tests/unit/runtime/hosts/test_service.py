@@ -16,6 +16,7 @@ from neurosnap.runtime.hosts import remote_parts, service
 from neurosnap.runtime.hosts.run_description import Brief, read_brief
 from neurosnap.runtime.hosts.service import _Ending
 from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.worker_process import WorkerJob
 from tests.patience import PATIENCE
 
 PAST = Past("/far/away.mcap", 7, (1, 0), b"\x01", {"cell/0": 12}, (7,))
@@ -57,7 +58,7 @@ def test_only_what_is_missing_may_be_filled() -> None:
 
 def test_workers_learn_how_many_there_are() -> None:
     (duty,) = remote_parts.workers([1])("demo", brief("worker"))
-    assert (duty.who, duty.arguments) == ("worker/1", (1, 3, 2))
+    assert (duty.who, duty.job) == ("worker/1", WorkerJob(1, 3, 2))
 
 
 def test_a_recorder_elsewhere_has_to_know_what_it_goes_on_from() -> None:

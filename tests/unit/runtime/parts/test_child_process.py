@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 import msgspec
 import pytest
 
-from neurosnap.runtime.parts.child_process import (
+from neurosnap.runtime.parts.reports import (
     Done,
     Failed,
     Progress,

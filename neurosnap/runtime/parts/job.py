@@ -1,0 +1,65 @@
+"""The job of a child process: what it is given, and what it runs."""
+
+import asyncio
+from dataclasses import dataclass
+from typing import Protocol
+
+import msgspec
+
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.runtime.parts.reports import Reporter
+
+
+class PartConnection(msgspec.Struct, frozen=True):
+    """Where a part connects to the network, and as which part of which swarm."""
+
+    who: str
+    """Its name, as in `Message.sender`."""
+    swarm: str
+    """The run's id."""
+    endpoint: str
+    """Where the hub listens."""
+    first: int = 0
+    """The number of its first message."""
+    credentials: Credentials | None = None
+    """What it proves itself with."""
+    insecure: bool = False
+    """It may go over a network without proof."""
+    located: bool = False
+    """It says where it is, for the swarm is on several machines."""
+
+    def fabric(self, *, swift: bool = False) -> ZenohFabric:
+        """Return the part's end of the network, to be entered; see `ZenohFabric`."""
+        return ZenohFabric(
+            self.who,
+            self.swarm,
+            self.endpoint,
+            first=self.first,
+            swift=swift,
+            credentials=self.credentials,
+            insecure=self.insecure,
+            located=self.located,
+        )
+
+
+@dataclass(frozen=True)
+class PartContext:
+    """What the process of a part has, whatever its job."""
+
+    connection: PartConnection
+    """Its place on the network."""
+    stop: asyncio.Event
+    """Set once it is to end in order."""
+    reporter: Reporter
+    """Its line to the parent."""
+
+
+class Job(Protocol):
+    """What a child process does, with all it needs: a struct that can be pickled.
+
+    Its class must be importable: the child looks it up by its module.
+    """
+
+    async def run(self, part: PartContext) -> None:
+        """Work until it is done, or `part.stop` is set."""

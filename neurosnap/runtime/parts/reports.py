@@ -1,0 +1,103 @@
+"""Reports of a child process to its parent, through a pipe.
+
+They do not go over the network: they must work when the network does not.
+"""
+
+import contextlib
+import threading
+import time
+from multiprocessing.connection import Connection
+from typing import Annotated, TypeAlias
+
+import msgspec
+
+# A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one; four
+# of them are the length of what follows.
+_LONGEST = 4096 - 4
+_PROGRESS = 0.05  # seconds between two reports of progress
+
+
+class Ready(msgspec.Struct, frozen=True, tag=True):
+    """The part is up."""
+
+    who: str
+
+
+class Progress(msgspec.Struct, frozen=True, tag=True):
+    """The part has come so far."""
+
+    who: str
+    tick: Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Done(msgspec.Struct, frozen=True, tag=True):
+    """The part has done its work; `result` is what came of it."""
+
+    who: str
+    result: msgspec.Raw = msgspec.Raw(b"null")
+
+
+class Failed(msgspec.Struct, frozen=True, tag=True):
+    """The part cannot go on."""
+
+    who: str
+    what: str
+    died: bool = False
+    """It would be able to if another part had not died."""
+
+
+Report: TypeAlias = Ready | Progress | Done | Failed
+
+_encode = msgspec.json.encode
+_decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
+
+
+def read_report(connection: Connection) -> Report:
+    """Return the next report. Blocks until there is one.
+
+    Raises:
+        EOFError: Nobody is left to report.
+    """
+    return _decoder.decode(connection.recv_bytes())
+
+
+class Reporter:
+    """A child's line to its parent; any thread may report."""
+
+    def __init__(self, who: str, connection: Connection) -> None:
+        self._who = who
+        self._connection = connection
+        self._lock = threading.Lock()  # a long report is several writes
+        self._next_progress = 0.0
+
+    def ready(self) -> None:
+        """Say that the part is up."""
+        self._send(Ready(self._who))
+
+    def progress(self, tick: int) -> None:
+        """Say how far it has come; some of it, for nobody reads faster than that."""
+        now = time.monotonic()
+        if now < self._next_progress:
+            return
+        self._next_progress = now + _PROGRESS
+        self._send(Progress(self._who, tick))
+
+    def done(self, result: object = None) -> None:
+        """Say what came of it. Only for parts with a pipe of their own."""
+        self._send(Done(self._who, msgspec.Raw(msgspec.json.encode(result))))
+
+    def failed(self, what: str, *, died: bool = False) -> None:
+        """Say why it cannot go on; the end of a long text is what counts.
+
+        That it is short enough shows once it is encoded: a character may take six
+        bytes.
+        """
+        kept = what[-_LONGEST:]
+        while len(_encode(report := Failed(self._who, kept, died))) > _LONGEST:
+            kept = kept[len(kept) // 16 + 1 :]
+        self._send(report)
+
+    def _send(self, report: Report) -> None:
+        # A line that is broken: nobody is left to be told.
+        with self._lock, contextlib.suppress(BrokenPipeError):
+            self._connection.send_bytes(_encode(report))
