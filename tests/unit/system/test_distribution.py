@@ -20,9 +20,11 @@ PACKAGE = ROOT / "neurosnap"
 def installed_beside_its_namesake(folder: Path) -> Path:
     """A site-packages with the start of ours and PyPI's `neurosnap` in one folder."""
     ours = folder / "neurosnap"
-    ours.mkdir()
-    for name in ("__init__.py", "__main__.py", "distribution.py"):
+    (ours / "system").mkdir(parents=True)
+    for name in ("__init__.py", "__main__.py"):
         shutil.copy(PACKAGE / name, ours)
+    for name in ("__init__.py", "distribution.py"):
+        shutil.copy(PACKAGE / "system" / name, ours / "system")
     (folder / "neurosnap-2026.10.23.dist-info").mkdir()
     (folder / "neurosnap_uma-0.1.0.dist-info").mkdir()
     return ours
