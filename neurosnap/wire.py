@@ -154,7 +154,7 @@ class Pulse(_Message, frozen=True, tag="pulse"):
         return f"{topic}/{self.target >> 1}/cell/{self.source >> 1}"
 
 
-class Settled(_Message, frozen=True, tag="settled"):
+class CellReport(_Message, frozen=True, tag="settled"):
     """A cell's report on one wave: what fired since its last, and credit given back."""
 
     wave: Numbered
@@ -185,7 +185,7 @@ class Settled(_Message, frozen=True, tag="settled"):
         return f"settle/cell/{self.cell}"
 
 
-class Loom(_Message, frozen=True, tag="loom"):
+class WorkerWiring(_Message, frozen=True, tag="loom"):
     """Out-edges of the cells of one worker: whole, or as changes to an epoch.
 
     What is too much for one frame goes on in the next, as a change to this one.
@@ -208,7 +208,7 @@ class Loom(_Message, frozen=True, tag="loom"):
         return f"loom/{self.worker}"
 
 
-class Burst(_Message, frozen=True, tag="burst"):
+class PulseBatch(_Message, frozen=True, tag="burst"):
     """Pulses of one wave from the cells of one worker to those of another.
 
     Every wave is announced to every worker, so a wave is its own fence here.
@@ -242,8 +242,8 @@ class Burst(_Message, frozen=True, tag="burst"):
         return f"burst/{self.to}/worker/{self.worker}"
 
 
-class Tally(_Message, frozen=True, tag="tally"):
-    """A worker's report on one wave, for all its cells; see `Settled`."""
+class WorkerReport(_Message, frozen=True, tag="tally"):
+    """A worker's report on one wave, for all its cells; see `CellReport`."""
 
     wave: Numbered
     """The wave it belongs to."""
@@ -445,16 +445,16 @@ Message: TypeAlias = (
     | Wiring
     | WaveStart
     | Pulse
-    | Settled
+    | CellReport
     | State
     | Reached
     | Decision
     | KeyFrame
     | Fault
     | Leave
-    | Loom
-    | Burst
-    | Tally
+    | WorkerWiring
+    | PulseBatch
+    | WorkerReport
     | Anomaly
 )
 
@@ -464,16 +464,16 @@ TOPICS: dict[str, type[Message]] = {
     "wave": WaveStart,
     "excite": Pulse,
     "inhibit": Pulse,
-    "settle": Settled,
+    "settle": CellReport,
     "state": State,
     "reach": Reached,
     "decide": Decision,
     "keyframe": KeyFrame,
     "fault": Fault,
     "leave": Leave,
-    "loom": Loom,
-    "burst": Burst,
-    "tally": Tally,
+    "loom": WorkerWiring,
+    "burst": PulseBatch,
+    "tally": WorkerReport,
     "anomaly": Anomaly,
 }
 """The first chunk of every key, and what travels there."""
@@ -580,12 +580,12 @@ def numbers(name: str, data: bytes) -> tuple[int, ...]:
     return struct.unpack(f"<{count}i", data)
 
 
-def fired(report: Settled | Tally) -> Naturals:
+def fired(report: CellReport | WorkerReport) -> Naturals:
     """Return the literals that fired, by a cell's report or a worker's.
 
     Raises:
         MessageError: There is a part of a literal in it.
     """
-    if isinstance(report, Settled):
+    if isinstance(report, CellReport):
         return report.literals
     return numbers("tally: literals", report.literals)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.excited import Excited
-from neurosnap.agent.random_numbers import Draws
+from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.sources.gymnasium_source import import_worlds
@@ -68,7 +68,7 @@ def cycle(sizes: Sizes) -> list[Line]:
 
 def _loop(world: "_World", batches: int, cycle: float) -> Line:
     """Time the same in the compiled loop of figure 4."""
-    draws = Draws(1).table(_LEARNED + 1)
+    draws = RandomNumbers(1).table(_LEARNED + 1)
     arguments = (
         world.moves,
         world.fields.view(np.uint8),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.figures import learners
-from neurosnap.apps.figures.experiments.learning_error import LearningCell, errors
+from neurosnap.apps.figures.experiments.learning_error import LearningEntry, errors
 from neurosnap.apps.figures.experiments.walks import Walk, walks
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.errors import NeurosnapError
@@ -29,7 +29,7 @@ def learn(sizes: Sizes) -> list[Line]:
     ]
 
 
-def _line(learner: LearningCell) -> Line:
+def _line(learner: LearningEntry) -> Line:
     ours, plain = pace(learner)
     kind = "empirical" if learner.decay is None else "discounted"
     return Line(
@@ -42,7 +42,7 @@ def _line(learner: LearningCell) -> Line:
     )
 
 
-def pace(learner: LearningCell, few: int = 500) -> tuple[float, float]:
+def pace(learner: LearningEntry, few: int = 500) -> tuple[float, float]:
     """Time both on the learner's first walk; the best of its runs counts for ours.
 
     Args:

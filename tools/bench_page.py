@@ -12,7 +12,7 @@ from playwright.async_api import CDPSession
 
 from neurosnap.agent.body import Body
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.run import run
 from tools.bench_report import Line, Sizes
@@ -127,7 +127,7 @@ async def _played(log: Path, *, expanded: bool = False) -> Played:
         log: What to play.
         expanded: Whether each sensor is drawn by itself, however many there are.
     """
-    async with serving(Desk(log)) as address, browsing() as opened:
+    async with serving(ViewSession(log)) as address, browsing() as opened:
         await opened.goto(f"{address.url}#t={_WARM}")
         await wait_shown(opened, _WARM)
         if expanded:

@@ -19,7 +19,7 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.closure import order_of, wired
 from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import pack
 from tools.bench_report import Line, Sizes
 
@@ -90,7 +90,7 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
     """
     walk = _walk(sensors)
     snapshot = EmpiricalSnapshot(sensors)
-    conductor, plain = Conductor(sensors), Plain(sensors)
+    conductor, plain = WaveControl(sensors), Plain(sensors)
     cells = [Cell(number) for number in range(sensors)]
     for _ in range(before):
         snapshot.learn(next(walk))
@@ -127,7 +127,7 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
 
 
 def _wave(
-    number: int, conductor: Conductor, cells: list[Cell], spent: _Seconds
+    number: int, conductor: WaveControl, cells: list[Cell], spent: _Seconds
 ) -> None:
     """Let a state wave run; count the coordinator's time for it."""
     began = time.perf_counter()
@@ -135,7 +135,7 @@ def _wave(
     spent.wave += time.perf_counter() - began
     while sent:
         answers = _deliver(sent, cells)
-        reports = [each for each in answers if isinstance(each, wire.Settled)]
+        reports = [each for each in answers if isinstance(each, wire.CellReport)]
         sent = [each for each in answers if isinstance(each, wire.Pulse)]
         began = time.perf_counter()
         for report in reports:

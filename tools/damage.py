@@ -27,7 +27,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
@@ -37,7 +37,7 @@ from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.split_files import open_whole, part_path, part_paths
 from neurosnap.recording.replay.resume import look_back
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write.rotation import Parts, Split
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
@@ -145,7 +145,7 @@ def _written(folder: Path, recording: Recording, state: str) -> dict[str, bytes]
         return Writer(path, chunk=_CHUNK)
 
     split = Split(_SPLIT) if state == "split" else None
-    with Parts(log, facts, split=split, new_writer=new_writer) as writer:
+    with SplitWriter(log, facts, split=split, new_writer=new_writer) as writer:
         for number, each in enumerate(recording.messages()):
             writer.add(each.delivery, each.log_time)
             if number % 100 == 0:
@@ -235,7 +235,7 @@ def _learned(truth: Truth, recording: Recording) -> None:
 def _viewed(truth: Truth, log: Path) -> int:
     """Return of how many ticks a view shows the learned order."""
     try:
-        film = Film(log)
+        film = RunView(log)
     except RecordingError:
         return 0
     frames = film.frames(1, TICKS)
@@ -290,7 +290,7 @@ def _demand(held: bool, what: str) -> None:
         raise WrongError(what)
 
 
-class Tally(NamedTuple):
+class WorkerReport(NamedTuple):
     """What came of many files; shares are in [0, 1]."""
 
     files: int = 0
@@ -300,9 +300,9 @@ class Tally(NamedTuple):
     learned: float = 0.0
     resumes: int = 0
 
-    def plus(self, truth: Truth, found: Found) -> "Tally":
+    def plus(self, truth: Truth, found: Found) -> "WorkerReport":
         """Return it with one more."""
-        return Tally(
+        return WorkerReport(
             self.files + 1,
             self.refused + bool(found.refused),
             self.messages + found.messages / len(truth.payloads),
@@ -332,7 +332,7 @@ def one_file(truth: Truth, folder: Path, state: str, kind: str, seed: str) -> Fo
         raise WrongError(f"{seed}: {type(error).__name__}: {error}") from error
 
 
-def table(tallies: dict[tuple[str, str], Tally]) -> str:
+def table(tallies: dict[tuple[str, str], WorkerReport]) -> str:
     """Return what came of all files, a line for each state and kind."""
     head = ("files", "refused", "messages", "derived", "learned", "resumes")
     lines = [f"{'':<24}" + "".join(f"{name:>10}" for name in head)]
@@ -354,7 +354,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--only", default="", help="STATE/KIND/NUMBER of one file")
     given = parser.parse_args()
-    tallies: dict[tuple[str, str], Tally] = {}
+    tallies: dict[tuple[str, str], WorkerReport] = {}
     wrong = 0
     with tempfile.TemporaryDirectory(prefix="damage-") as made:
         truth = true_run(Path(made))
@@ -372,7 +372,7 @@ def main() -> int:
                 wrong += 1
                 print(error, file=sys.stderr, flush=True)
                 continue
-            tally = tallies.get((state, kind), Tally())
+            tally = tallies.get((state, kind), WorkerReport())
             tallies[state, kind] = tally.plus(truth, found)
             if found.refused and given.only:
                 print(found.refused)

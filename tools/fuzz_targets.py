@@ -247,7 +247,7 @@ class WaveTarget:
         wave = self._wave(chance)
         for _ in range(250):
             settled = self._report(wave, chance)
-            report: wire.Settled | wire.Tally = settled
+            report: wire.CellReport | wire.WorkerReport = settled
             if chance.random() < 0.3:
                 report = self._tally(settled, chance)
             before = self._facts(wave)
@@ -267,13 +267,15 @@ class WaveTarget:
     def _wave(self, chance: random.Random) -> Wave:
         return Wave(number(chance, 1), 0, "state", number(chance, 1))
 
-    def _take(self, wave: Wave, report: wire.Settled | wire.Tally) -> None:
-        if isinstance(report, wire.Tally):
+    def _take(self, wave: Wave, report: wire.CellReport | wire.WorkerReport) -> None:
+        if isinstance(report, wire.WorkerReport):
             wave.tally(report, range(_HOSTED))
         else:
             wave.report(report)
 
-    def _tally(self, settled: wire.Settled, chance: random.Random) -> wire.Tally:
+    def _tally(
+        self, settled: wire.CellReport, chance: random.Random
+    ) -> wire.WorkerReport:
         """Return a worker's report with what a cell's says."""
         kept = ("wave", "part", "credit", "pulses")
         packed: dict[str, Any] = {
@@ -282,13 +284,13 @@ class WaveTarget:
             for numbers in (getattr(settled, name),)
         }
         fields: dict[str, Any] = {name: getattr(settled, name) for name in kept}
-        return wire.Tally(worker=settled.cell, **fields, **packed)
+        return wire.WorkerReport(worker=settled.cell, **fields, **packed)
 
     def _facts(self, wave: Wave) -> tuple[Fraction, dict[int, int], int, bool]:
         return wave.missing, dict(wave.hops), wave.pulses, wave.is_settled
 
-    def _report(self, wave: Wave, chance: random.Random) -> wire.Settled:
-        settled = drawn(wire.Settled, chance)
+    def _report(self, wave: Wave, chance: random.Random) -> wire.CellReport:
+        settled = drawn(wire.CellReport, chance)
         if chance.random() < 0.2:
             return settled
         cell, fired = chance.randrange(_HOSTED), chance.randrange(3)

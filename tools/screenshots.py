@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from playwright.async_api import Page
 
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from tools.browser import Scheme, browsing, wait_shown, wait_until
 
 
@@ -62,7 +62,7 @@ async def shoot(page: Page, tick: int, signal: str, folder: Path) -> list[Path]:
 async def _main(given: argparse.Namespace) -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     scheme: Scheme = "dark" if given.dark else "light"
-    async with serving(Desk(given.log)) as address, browsing(scheme) as page:
+    async with serving(ViewSession(given.log)) as address, browsing(scheme) as page:
         await page.goto(address.url)
         await page.wait_for_selector("#drawing[data-tick]", state="attached")
         for path in await shoot(page, given.tick, given.signal, given.out):

@@ -25,11 +25,11 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tools.simulate_case import simulate
-from tools.simulate_weather import Tally
+from tools.simulate_weather import WorkerReport
 
-Outcome = tuple[int, Tally | str]
+Outcome = tuple[int, WorkerReport | str]
 """A seed, and what happened or what went wrong."""
-Schedule = Callable[[int, Path], Tally]
+Schedule = Callable[[int, Path], WorkerReport]
 
 
 def outcome(seed: int, schedule: Schedule = simulate) -> Outcome:
@@ -54,14 +54,14 @@ def outcomes(
         yield from pool.imap(work, seeds, chunksize=20)
 
 
-def gathered(found: Iterator[Outcome]) -> Tally:
+def gathered(found: Iterator[Outcome]) -> WorkerReport:
     """Return what happened in all.
 
     Raises:
         SystemExit: A schedule went wrong; the text names its seed, says what happened
             and how to see it again.
     """
-    total = Tally()
+    total = WorkerReport()
     for seed, what in found:
         if isinstance(what, str):
             again = f"tools/simulate.py --only {seed}"
@@ -70,7 +70,7 @@ def gathered(found: Iterator[Outcome]) -> Tally:
     return total
 
 
-def table(total: Tally, seconds: float) -> str:
+def table(total: WorkerReport, seconds: float) -> str:
     """Return what happened, a line each."""
     lines = [
         f"{name.replace('_', ' '):<12}{getattr(total, name):>14,}"

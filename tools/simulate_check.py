@@ -178,7 +178,7 @@ def _check_wirings(recorded: Iterable[Recorded], true: Truth) -> None:
     epochs: dict[str, int] = {}
     for one in recorded:
         message = one.message
-        if isinstance(message, wire.Wiring | wire.Loom):
+        if isinstance(message, wire.Wiring | wire.WorkerWiring):
             key = message.key
             after = epochs.get(key, 0)
             _demand(message.after in (0, after), "wiring", message, after)
@@ -193,9 +193,9 @@ def _check_wirings(recorded: Iterable[Recorded], true: Truth) -> None:
             _demand(edges == expected, f"wired at {message.tick}", edges, expected)
 
 
-def _changes(message: wire.Wiring | wire.Loom) -> tuple[Edges, Edges]:
+def _changes(message: wire.Wiring | wire.WorkerWiring) -> tuple[Edges, Edges]:
     """Return the edges that a message adds, and those that it takes away."""
-    if isinstance(message, wire.Loom):
+    if isinstance(message, wire.WorkerWiring):
         changes = (wire.numbers("loom", raw) for raw in (message.add, message.drop))
         added, dropped = (
             set(zip(flat[::2], flat[1::2], strict=True)) for flat in changes

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError, SwarmError
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.write.rotation import Parts, Split
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Compression, Writer
 from tools.simulate_disk import Disk
 from tools.simulate_weather import Weather
@@ -57,7 +57,7 @@ class Recorder:
         self,
         log: Path,
         facts: Mapping[str, str],
-        past: Past | None,
+        past: ResumePoint | None,
         parts: Collection[str],
         chunk: int,
         split: Split | None,
@@ -73,7 +73,9 @@ class Recorder:
         full = partial(disk.check_space, weather)
         new_writer = partial(_Writer, full, compression="none", chunk=chunk)
         with self._failing():
-            self._writer = Parts(log, facts, past, split=split, new_writer=new_writer)
+            self._writer = SplitWriter(
+                log, facts, past, split=split, new_writer=new_writer
+            )
 
     def hear(self, deliveries: list[wire.Delivery]) -> None:
         """Write a burst down.

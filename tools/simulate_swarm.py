@@ -16,7 +16,7 @@ from neurosnap.errors import MessageError, SwarmError, WaveLostError
 from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import shares
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.world import World
@@ -29,7 +29,7 @@ from tools.simulate_check import WrongError
 from tools.simulate_disk import Disk
 from tools.simulate_recorder import Recorder
 from tools.simulate_source import source_of
-from tools.simulate_weather import Tally, Weather
+from tools.simulate_weather import Weather, WorkerReport
 
 Transition = Callable[[wire.Message], list[wire.Message]]
 
@@ -56,11 +56,11 @@ class Life:
         options: RunOptions,
         facts: Mapping[str, str],
         log: Path,
-        past: Past | None,
+        past: ResumePoint | None,
         split: Split | None,
         weather: Weather,
         chance: random.Random,
-        tally: Tally,
+        tally: WorkerReport,
         disk: Disk,
     ) -> None:
         self._options = options

@@ -34,7 +34,7 @@ from neurosnap.recording.read.split_files import open_whole
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.registry import parts_of
-from neurosnap.runtime.restart import Restart, run_on
+from neurosnap.runtime.restart import Restart, run_with_restarts
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
@@ -97,7 +97,7 @@ async def soak(
 
     hunting = asyncio.create_task(killer.hunt(stop), name="soak/killer")
     try:
-        outcome = await run_on(
+        outcome = await run_with_restarts(
             msgspec.structs.replace(options, ticks=_ENDLESS),
             log,
             stop,

@@ -21,7 +21,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 
 
-class Repertoire:
+class Actions:
     """The choices of a body, and what to ask in order to know what they lead to.
 
     Args:

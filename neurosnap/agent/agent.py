@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.environment import describe
 from neurosnap.agent.policies import new_policy
@@ -148,7 +148,7 @@ class Agent:
         Raises:
             InvalidValueError: There is no such action, or actions are not sensed.
         """
-        signals = Repertoire(self.body).signals(self.state)
+        signals = Actions(self.body).signals(self.state)
         number = _choice(self.body, action) if isinstance(action, str) else action
         if not 0 <= number < len(signals):
             rule = f"must be one of {', '.join(self.body.actions)}"

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.policy import EXPLORE, checked_share
-from neurosnap.agent.random_numbers import Draws
+from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.errors import InvalidValueError
 from neurosnap.system.compiled import njit
 
@@ -49,10 +49,10 @@ class Excited:
     """
 
     def __init__(self, body: Body, seed: int, explore: float = EXPLORE) -> None:
-        self._repertoire = Repertoire(body)
+        self._repertoire = Actions(body)
         self._better, self._not_worse = drives(body)
         self._explore = checked_share(explore)
-        self._draws = Draws(seed)
+        self._draws = RandomNumbers(seed)
 
     def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Ask for the consequences of every action."""

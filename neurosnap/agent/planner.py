@@ -13,10 +13,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.policy import EXPLORE, checked_share
-from neurosnap.agent.random_numbers import Draws, pick
+from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium, complement
 
@@ -49,11 +49,11 @@ class Planner:
         seed: int,
         explore: float = EXPLORE,
     ) -> None:
-        self._repertoire = Repertoire(body)
+        self._repertoire = Actions(body)
         self._sensorium = Sensorium(body.sensors)
         self._target = target_literals(body, target)
         self._explore = checked_share(explore)
-        self._draws = Draws(seed)
+        self._draws = RandomNumbers(seed)
         self._position = body.position
         self._goals = self._position.copy()
         self._goals[list(self._target)] = True

@@ -15,7 +15,7 @@ WIDTH = 4
 _BLOCK = 1024  # ticks drawn at once: making a generator costs as much as a tick
 
 
-class Draws:
+class RandomNumbers:
     """Numbers in [0, 1), `WIDTH` for every tick, from a counter-based generator.
 
     Args:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.random_numbers import Draws, pick
+from neurosnap.agent.random_numbers import RandomNumbers, pick
 
 
 class Walker:
@@ -21,7 +21,7 @@ class Walker:
 
     def __init__(self, choices: int, seed: int) -> None:
         self._choices = np.arange(choices)
-        self._draws = Draws(seed)
+        self._draws = RandomNumbers(seed)
 
     def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Return the signals of the planning waves to send before the decision.

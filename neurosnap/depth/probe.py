@@ -15,8 +15,8 @@ from neurosnap.depth.given_orders import Order, chain, layered
 from neurosnap.errors import MessageError, SwarmError
 from neurosnap.protocol.run_options import WiringKind
 from neurosnap.protocol.wave import Wave
-from neurosnap.protocol.wave_control import Conductor
-from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.protocol.wave_control import WaveControl
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import take_part
 
@@ -85,7 +85,7 @@ class Probe:
         self.rows: list[Measured] = []
         self._plan = plan
         self._clock = clock
-        self._conductor = Conductor(plan.sensors, workers=plan.workers)
+        self._conductor = WaveControl(plan.sensors, workers=plan.workers)
         self._waves = self._schedule()
         self._order = Order(plan.sensors, np.empty(0, np.int64), (), 0)
         self._above = self._order.reach()
@@ -133,7 +133,7 @@ class Probe:
         Raises:
             SwarmError: The wave did not reach what the order says it must.
         """
-        if not isinstance(message, wire.Settled | wire.Tally):
+        if not isinstance(message, wire.CellReport | wire.WorkerReport):
             return []
         try:
             wave = self._conductor.report(message)
@@ -190,7 +190,7 @@ class ProbeJob(msgspec.Struct, frozen=True):
         async with part.connection.fabric(swift=True) as fabric:
             await take_part(
                 fabric,
-                conduct(
+                run_coordinator(
                     core,
                     fabric,
                     part.stop,

@@ -1,9 +1,10 @@
 """The one door between Zenoh's threads and the rest of a process.
 
 Any thread pushes and never blocks. What waits is delivered in bursts, in order, by one
-thread: the event loop's (`Inbox`), or one of its own (`Courier`) where latency counts.
-Waking an event loop takes two system calls and its selector, a hundred microseconds on
-a small machine, and a wave pays that at every hop; waking a thread takes a fifth of it.
+thread: the event loop's (`Inbox`), or one of its own (`DeliveryThread`) where latency
+counts. Waking an event loop takes two system calls and its selector, a hundred
+microseconds on a small machine, and a wave pays that at every hop; waking a thread
+takes a fifth of it.
 
 Both are bounded: a push beyond the bound is an error for the owner, never a silent
 loss.
@@ -100,7 +101,7 @@ class Inbox(Generic[T]):
             self._fail(error)
 
 
-class Courier(Generic[T]):
+class DeliveryThread(Generic[T]):
     """A bounded queue with a thread of its own that delivers.
 
     Args:

@@ -27,7 +27,7 @@ from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.credit import split_evenly
 from neurosnap.protocol.limits import (
-    Latch,
+    RecentReadings,
     check_number,
     check_readings,
     check_room,
@@ -87,7 +87,7 @@ class Cell:
         self._wired = True
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
         # The literal that was on; none where the reading is unknown.
-        self._readings = Latch[tuple[int, ...]]()
+        self._readings = RecentReadings[tuple[int, ...]]()
         self._bytes = 0  # in every observation; 0: none has come
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
@@ -311,7 +311,7 @@ class Cell:
     def _report(self, touched: dict[int, _Wave], out: list[wire.Message]) -> None:
         """Report on the waves that owe it."""
         for wave in touched.values():
-            report = wire.Settled(
+            report = wire.CellReport(
                 wave=wave.number,
                 cell=self.cell,
                 part=wave.part,

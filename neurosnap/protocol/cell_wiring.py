@@ -75,7 +75,7 @@ class Wires(Protocol):
         """Return the targets of a literal, ascending."""
         ...
 
-    def cells_of(self, report: wire.Settled | wire.Tally) -> range:
+    def cells_of(self, report: wire.CellReport | wire.WorkerReport) -> range:
         """Return the cells that a report speaks for.
 
         Raises:
@@ -83,7 +83,9 @@ class Wires(Protocol):
         """
         ...
 
-    def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
+    def check_epoch(
+        self, report: wire.CellReport | wire.WorkerReport, cells: range
+    ) -> None:
         """Refuse a report of somebody whose edges were not those in force.
 
         That of the last wiring is not the only epoch that does: a wiring sent whole to
@@ -184,15 +186,17 @@ class CellWires:
         """Return the targets of a literal, ascending."""
         return _listed(self._wires[[literal]])[0]
 
-    def cells_of(self, report: wire.Settled | wire.Tally) -> range:
+    def cells_of(self, report: wire.CellReport | wire.WorkerReport) -> range:
         """Return the one cell that a report speaks for."""
-        if isinstance(report, wire.Tally) or report.cell >= len(self._told):
+        if isinstance(report, wire.WorkerReport) or report.cell >= len(self._told):
             raise MessageError(
                 f"{wire.topic(report.key)}: must be a cell's, got {_sender(report)}"
             )
         return range(report.cell, report.cell + 1)
 
-    def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
+    def check_epoch(
+        self, report: wire.CellReport | wire.WorkerReport, cells: range
+    ) -> None:
         """Refuse a cell's report by edges it had before, or never."""
         cell = cells.start
         if not self._changed[cell] <= report.epoch <= self._told[cell]:
@@ -228,7 +232,7 @@ class CellWires:
         return messages
 
 
-def outdated(report: wire.Settled | wire.Tally, told: int) -> MessageError:
+def outdated(report: wire.CellReport | wire.WorkerReport, told: int) -> MessageError:
     """Return the error for a report by other edges than those of epoch `told`."""
     rule = f"must be by the wiring in force, of epoch {told}"
     got = f"got epoch {report.epoch} from {_sender(report)}"
@@ -258,5 +262,5 @@ def _listed(sets: Words) -> list[tuple[int, ...]]:
     return [tuple(listed[start:end]) for start, end in pairwise(ends)]
 
 
-def _sender(report: wire.Settled | wire.Tally) -> str:
+def _sender(report: wire.CellReport | wire.WorkerReport) -> str:
     return report.sender.replace("/", " ")

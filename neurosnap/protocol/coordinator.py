@@ -26,7 +26,7 @@ from neurosnap.protocol.anomaly import Watcher
 from neurosnap.protocol.anomaly_messages import announcement
 from neurosnap.protocol.limits import check_readings
 from neurosnap.protocol.observations import readings, selection
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class Coordinator:
         self._wiring: WiringKind = wiring
         self._ticks = ticks
         self._keyframe_every = keyframe_every
-        self._conductor = Conductor(len(snapshot.sensorium), repeats, workers)
+        self._conductor = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
@@ -208,7 +208,7 @@ class Coordinator:
         match message:
             case wire.Observation():
                 return self._observe(message)
-            case wire.Settled() | wire.Tally():
+            case wire.CellReport() | wire.WorkerReport():
                 return self._settle(message)
             case wire.Fault():  # anybody's: its own come back to it, too
                 self.totals.faults += 1
@@ -280,7 +280,9 @@ class Coordinator:
         self.totals.anomalies += 1
         return [announcement(found, self._snapshot.sensorium)]
 
-    def _settle(self, report: wire.Settled | wire.Tally) -> list[wire.Message]:
+    def _settle(
+        self, report: wire.CellReport | wire.WorkerReport
+    ) -> list[wire.Message]:
         try:
             wave = self._conductor.report(report)
         except MessageError as error:

@@ -99,7 +99,7 @@ def check_readings(observation: wire.Observation) -> None:
         raise MessageError(f"observe: {rule}, got sensor {sensor} on")
 
 
-class Latch(Generic[T]):
+class RecentReadings(Generic[T]):
     """The readings of the latest ticks, by tick."""
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@
 import msgspec
 
 
-class Past(msgspec.Struct, frozen=True):
+class ResumePoint(msgspec.Struct, frozen=True):
     """What a run that is resumed has behind it; small, and sent to every part."""
 
     log: str
@@ -27,6 +27,6 @@ class Past(msgspec.Struct, frozen=True):
     """The tick of the key-frame that file begins with; 0: it begins with the run."""
 
 
-def first_number(past: Past | None, who: str) -> int:
+def first_number(past: ResumePoint | None, who: str) -> int:
     """Return the number of the first message of a part."""
     return 0 if past is None else past.counts.get(who, 0)

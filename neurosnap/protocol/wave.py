@@ -79,7 +79,7 @@ class Wave:
             cell=cell,
         )
 
-    def report(self, settled: wire.Settled) -> None:
+    def report(self, settled: wire.CellReport) -> None:
         """Take in one cell's report; one that came before changes nothing.
 
         Raises:
@@ -91,7 +91,7 @@ class Wave:
         cells = range(settled.cell, settled.cell + 1)
         self._take(settled, settled.cell, cells, settled.literals, settled.hops)
 
-    def tally(self, tally: wire.Tally, cells: range) -> None:
+    def tally(self, tally: wire.WorkerReport, cells: range) -> None:
         """Take in a worker's report; see `report`.
 
         Args:
@@ -106,7 +106,7 @@ class Wave:
 
     def _take(
         self,
-        report: wire.Settled | wire.Tally,
+        report: wire.CellReport | wire.WorkerReport,
         who: int,
         cells: range,
         literals: wire.Naturals,
@@ -137,7 +137,7 @@ class Wave:
 
     def _check(
         self,
-        report: wire.Settled | wire.Tally,
+        report: wire.CellReport | wire.WorkerReport,
         cells: range,
         literals: wire.Naturals,
         hops: wire.Naturals,
@@ -205,6 +205,6 @@ class Wave:
         return sorted({literal >> 1 for literal in expected - self.hops.keys()})
 
 
-def _named(report: wire.Settled | wire.Tally) -> str:
+def _named(report: wire.CellReport | wire.WorkerReport) -> str:
     """Return whose report it is, as in ``cell 3``."""
     return report.sender.replace("/", " ")

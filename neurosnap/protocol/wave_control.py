@@ -19,7 +19,7 @@ from neurosnap.protocol.worker_wiring import WorkerWires
 _UNANNOUNCED = 64  # waves that only concern a few, before all cells hear of one again
 
 
-class Conductor:
+class WaveControl:
     """Wires the cells and counts the waves in.
 
     Args:
@@ -152,7 +152,7 @@ class Conductor:
             return [wave.start(below, number)]
         return [wave.start(below, self._fence, cell) for cell in cells]
 
-    def report(self, report: wire.Settled | wire.Tally) -> Wave | None:
+    def report(self, report: wire.CellReport | wire.WorkerReport) -> Wave | None:
         """Take in a report; return its wave if that has settled now.
 
         A report on a wave that was given up is dropped. One by other edges than those
@@ -172,7 +172,7 @@ class Conductor:
                 )
             return None
         self._wires.check_epoch(report, cells)
-        if isinstance(report, wire.Tally):
+        if isinstance(report, wire.WorkerReport):
             wave.tally(report, cells)
         else:
             wave.report(report)

@@ -22,13 +22,13 @@ from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.limits import (
     AHEAD,
-    Latch,
+    RecentReadings,
     check_number,
     check_readings,
     check_room,
     check_start,
 )
-from neurosnap.protocol.worker_edges import Mesh
+from neurosnap.protocol.worker_edges import WorkerEdges
 from neurosnap.protocol.worker_kernels import (
     Ints,
     Pulses,
@@ -79,11 +79,11 @@ class Worker:
         self._who = f"worker/{worker}"
         self._hosted = hosted
         self._cells = hosted[worker]
-        self._mesh = Mesh(hosted, worker)
+        self._mesh = WorkerEdges(hosted, worker)
         self._epoch = 0
         self._wired = True
         # The literals that were on, of the cells whose reading is known.
-        self._readings = Latch[Ints]()
+        self._readings = RecentReadings[Ints]()
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
         self._announced = 0  # the last wave that was
@@ -109,7 +109,7 @@ class Worker:
     def _take(self, message: wire.Message, out: list[wire.Message]) -> None:
         """Take in one message; refuse one that cannot be right."""
         match message:
-            case wire.Burst():
+            case wire.PulseBatch():
                 self._hold(message)
             case wire.WaveStart():
                 self._check_start(message)
@@ -117,7 +117,7 @@ class Worker:
             case wire.Observation():
                 self._check_observation(message)
                 self._latch(message)
-            case wire.Loom():
+            case wire.WorkerWiring():
                 # One far ahead would make the true ones all come too late.
                 check_number("loom: epoch", message.epoch, self._epoch)
                 self._mesh.check(message)
@@ -129,7 +129,7 @@ class Worker:
 
     # Waves -------------------------------------------------------------------------
 
-    def _hold(self, burst: wire.Burst) -> None:
+    def _hold(self, burst: wire.PulseBatch) -> None:
         """Keep what another worker sent, once."""
         pulses = self._mesh.pulses(burst)
         check_number("burst: wave", burst.wave, self._announced)
@@ -234,9 +234,9 @@ class Worker:
                 part = wave.parts.get(to, 0)
                 wave.parts[to] = part + 1
                 fields = (field.tobytes() for field in leaving)
-                out.append(wire.Burst(wave.number, self.worker, to, part, *fields))
+                out.append(wire.PulseBatch(wave.number, self.worker, to, part, *fields))
         out.append(
-            wire.Tally(
+            wire.WorkerReport(
                 wave=wave.number,
                 worker=self.worker,
                 part=wave.part,
@@ -268,7 +268,7 @@ class Worker:
         bits = _unpacked(observation.bits)
         self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
 
-    def _rewire(self, loom: wire.Loom) -> None:
+    def _rewire(self, loom: wire.WorkerWiring) -> None:
         if loom.epoch <= self._epoch:
             return
         if loom.after not in (0, self._epoch):

@@ -14,7 +14,7 @@ from neurosnap.protocol.wave import DEEPEST
 from neurosnap.protocol.worker_kernels import Ints, Net, Pulses
 
 
-class Mesh:
+class WorkerEdges:
     """The edges that lead from the cells of one worker, and what may lead to them.
 
     Args:
@@ -32,7 +32,7 @@ class Mesh:
         self._edges = np.empty(0, np.int64)  # see `joined`; ascending
         self._net: Net | None = None
 
-    def check(self, loom: wire.Loom) -> None:
+    def check(self, loom: wire.WorkerWiring) -> None:
         """Refuse a frame that cannot be right.
 
         Raises:
@@ -57,7 +57,7 @@ class Mesh:
                         f"{name} must lead {what} {first} to {stop - 1}, got {got}"
                     )
 
-    def change(self, loom: wire.Loom) -> None:
+    def change(self, loom: wire.WorkerWiring) -> None:
         """Take in a frame that `check` lets pass. O(e + k log e) time."""
         edges = self._edges if loom.after else self._edges[:0]
         drop = joined(pairs("drop", loom.drop))
@@ -68,7 +68,7 @@ class Mesh:
         self._edges = np.insert(edges, places[~there], add[~there])
         self._net = None
 
-    def pulses(self, burst: wire.Burst) -> Pulses:
+    def pulses(self, burst: wire.PulseBatch) -> Pulses:
         """Return the pulses in a burst.
 
         Raises:

@@ -115,16 +115,18 @@ class WorkerWires:
         found: list[int] = (self._edges[start:stop] & 0xFFFFFFFF).tolist()
         return found
 
-    def cells_of(self, report: wire.Settled | wire.Tally) -> range:
+    def cells_of(self, report: wire.CellReport | wire.WorkerReport) -> range:
         """Return the cells of the worker whose report it is."""
-        if isinstance(report, wire.Settled) or report.worker >= len(self._hosted):
+        if isinstance(report, wire.CellReport) or report.worker >= len(self._hosted):
             got = report.sender.replace("/", " ")
             raise MessageError(
                 f"{wire.topic(report.key)}: must be a worker's, got {got}"
             )
         return self._hosted[report.worker]
 
-    def check_epoch(self, report: wire.Settled | wire.Tally, cells: range) -> None:
+    def check_epoch(
+        self, report: wire.CellReport | wire.WorkerReport, cells: range
+    ) -> None:
         """Refuse a worker's report by edges it had before, in part, or never."""
         worker = self._hosted.index(cells)
         if report.epoch not in self._in_force[worker]:
@@ -160,7 +162,7 @@ class WorkerWires:
         for start in range(0, most, self._frame):
             frame = slice(start, start + self._frame)
             self._told[worker] += 1
-            yield wire.Loom(
+            yield wire.WorkerWiring(
                 worker=worker,
                 epoch=self._told[worker],
                 after=after,

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from neurosnap.protocol.resume_point import Past
+    from neurosnap.protocol.resume_point import ResumePoint
     from neurosnap.sources.protocol import Source
 
 
@@ -28,7 +28,9 @@ class World:
             of the run.
     """
 
-    def __init__(self, source: Source, body: Body, past: Past | None = None) -> None:
+    def __init__(
+        self, source: Source, body: Body, past: ResumePoint | None = None
+    ) -> None:
         self._source = source
         self._senses = Senses(body)
         self._choices = len(body.choices)
@@ -42,7 +44,7 @@ class World:
         if past is not None:
             self._go_on(past)
 
-    def _go_on(self, past: Past) -> None:
+    def _go_on(self, past: ResumePoint) -> None:
         if not self._source.live:
             self._source.first()
             for action in past.actions:

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.zenoh.discovery import Sighting
+from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_messages import Told, told
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import options_of
 from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import Network
-from neurosnap.runtime.hosts.run_description import read_brief
+from neurosnap.runtime.hosts.run_description import read_description
 
 
 def recorded(recording: Recording) -> Iterator[Told]:
@@ -82,7 +82,7 @@ async def watch(
 
 async def _look_on(
     connections: Connections,
-    seen: Sighting,
+    seen: FoundSwarm,
     stop: asyncio.Event,
     on_anomaly: Callable[[Told], None],
 ) -> bool:
@@ -113,7 +113,7 @@ async def _look_on(
         content = await fabric.ask()
         if content is None:
             return False
-        options = read_brief(content).options
+        options = read_description(content).options
         if not options.watch:
             raise InvalidValueError("swarm", "must be run with --anomalies", seen.name)
         sensors = options.sensors

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.protocol.partition import shares
-from neurosnap.protocol.resume_point import Past, first_number
+from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.launch import new_swarm_id
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.cell_process import run_cell
-from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.participant import take_part
-from neurosnap.runtime.parts.status_publisher import OUTLET, publishes, run_outlet
+from neurosnap.runtime.parts.status_publisher import OUTLET, publish_status, publishes
 from neurosnap.runtime.parts.worker_process import run_worker
 from neurosnap.runtime.parts.world_process import (
     WayIn,
@@ -59,7 +59,7 @@ async def run_inline(
     options: RunOptions,
     log: Path | None,
     metadata: Mapping[str, str],
-    past: Past | None,
+    past: ResumePoint | None,
     stop: asyncio.Event,
     on_progress: Callable[[int], None],
     way_in: WayIn | None = None,
@@ -70,7 +70,7 @@ async def run_inline(
         writer = None
         if log is not None:
             facts = {**metadata, "swarm": new_swarm_id()}
-            writer = stack.enter_context(Parts(log, facts, past))
+            writer = stack.enter_context(SplitWriter(log, facts, past))
         swarm = _Inline(options, writer, past, way_in)
         stack.callback(swarm.source.close)
         try:
@@ -102,8 +102,8 @@ class _Inline:
     def __init__(
         self,
         options: RunOptions,
-        writer: Parts | None,
-        past: Past | None,
+        writer: SplitWriter | None,
+        past: ResumePoint | None,
         way_in: WayIn | None,
     ) -> None:
         self.core = coordinator_process.coordinator_for(options, past)
@@ -147,7 +147,7 @@ class _Inline:
         stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
 
         async def coordinate(fabric: MemoryFabric) -> float:
-            return await conduct(
+            return await run_coordinator(
                 self.core,
                 fabric,
                 ending,
@@ -189,9 +189,11 @@ class _Inline:
 
     async def _tell(self) -> None:
         async with self._hub.fabric(OUTLET) as fabric:
-            await run_outlet(self._options, fabric, self._leave)
+            await publish_status(self._options, fabric, self._leave)
 
-    async def _record(self, writer: Parts, parts: tuple[str, ...]) -> Completeness:
+    async def _record(
+        self, writer: SplitWriter, parts: tuple[str, ...]
+    ) -> Completeness:
         async with self._end("recorder") as fabric:
             return await run_recorder(writer, fabric, self._leave, parts=parts)
 

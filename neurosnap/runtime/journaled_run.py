@@ -16,7 +16,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, PartDiedError
 from neurosnap.fabric.events import wait_at_most
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.split_files import first_path
 from neurosnap.runtime.parts.intake_process import INTAKE, IntakeJob, Taken
@@ -25,7 +25,7 @@ from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.run import Outcome
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.sources.live.journal import Journal, journal_of, read_journal, remove
-from neurosnap.sources.live.open import ZENOH, is_outside
+from neurosnap.sources.live.open import ZENOH, is_live
 
 _GRACE = 10.0  # seconds the intake may take to end
 _AGAIN = 0.1  # seconds before it is started again
@@ -36,8 +36,8 @@ Work = Callable[[WayIn | None], Awaitable[Outcome]]
 """Runs the swarm, whose readings come by a way in; None: from where they always do."""
 
 
-async def run_kept(
-    options: RunOptions, log: Path | None, work: Work, past: Past | None = None
+async def run_journaled(
+    options: RunOptions, log: Path | None, work: Work, past: ResumePoint | None = None
 ) -> Outcome:
     """Run `work`, and keep what comes from outside until it is recorded.
 
@@ -55,7 +55,7 @@ async def run_kept(
         InvalidValueError: A journal of an earlier run is beside `log`.
         NeurosnapError: The journal cannot be written; and as from `work`.
     """
-    if log is None or not is_outside(options.source):
+    if log is None or not is_live(options.source):
         return await work(None)
     folder = journal_of(log)
     if folder.exists():
@@ -75,7 +75,7 @@ async def run_kept(
     return await asyncio.to_thread(_let_go, folder, outcome)
 
 
-def _take_over(folder: Path, options: RunOptions, past: Past) -> None:
+def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
     """Begin a journal with the readings that came after a tick and are not recorded."""
     log = Path(past.log)
     kept = journal_of(first_path(log, past.part) if past.part else log)

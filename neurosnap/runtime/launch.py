@@ -18,7 +18,7 @@ from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.protocol.partition import hosts
-from neurosnap.protocol.resume_point import Past, first_number
+from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import PRIVATE, Network
@@ -57,7 +57,7 @@ class Plan:
     """Where to record; None: not at all."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     """What the recording says of the run, the swarm's id aside."""
-    past: Past | None = None
+    past: ResumePoint | None = None
     """Where to go on from, for a run that is resumed."""
     patience: float = 30.0
     """Seconds the coordinator may take to end once asked."""

@@ -22,15 +22,15 @@ import msgspec
 
 from neurosnap.errors import NothingBegunError, PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_at_most
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.write.restart_files import Lives
+from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.hosts.network import PRIVATE, Network
 from neurosnap.runtime.launch import new_swarm_id
 from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.restart_policy import Restarts, Supervision
 from neurosnap.runtime.run import Outcome, run
-from neurosnap.sources.live.open import is_outside
+from neurosnap.sources.live.open import is_live
 
 _LONGEST = 30.0  # seconds
 
@@ -50,7 +50,7 @@ class Restart(msgspec.Struct, frozen=True):
     """Files that it could not go on from, which are kept beside the recording."""
 
 
-async def run_on(
+async def run_with_restarts(
     options: RunOptions,
     log: Path,
     stop: asyncio.Event,
@@ -58,7 +58,7 @@ async def run_on(
     *,
     on_progress: Callable[[int], None] = lambda _: None,
     on_restart: Callable[[Restart], None] = lambda _: None,
-    past: Past | None = None,
+    past: ResumePoint | None = None,
     network: Network = PRIVATE,
     swarm: str = "",
     elsewhere: frozenset[str] = frozenset(),
@@ -89,13 +89,13 @@ async def run_on(
             is readable.
         NeurosnapError: As from `run`.
     """
-    lives = Lives(log)
+    lives = RestartFiles(log)
     lives.check_free()
     swarm = swarm or new_swarm_id()
     allowed = Restarts(supervision)
     restarts, delay, reached = 0, supervision.backoff, 0
     vanished: list[str] = []
-    cannot_repeat = way_in is None and is_outside(options.source)
+    cannot_repeat = way_in is None and is_live(options.source)
     redone = asyncio.Event()  # this life got further than what it goes on from
 
     def follow(tick: int) -> None:
@@ -163,7 +163,10 @@ async def run_on(
 
 @asynccontextmanager
 async def _late(
-    stop: asyncio.Event, redone: asyncio.Event, lives: Lives, past: Past | None
+    stop: asyncio.Event,
+    redone: asyncio.Event,
+    lives: RestartFiles,
+    past: ResumePoint | None,
 ) -> AsyncIterator[asyncio.Event]:
     """Yield an event that follows `stop` once a tick that was cut off is done again.
 

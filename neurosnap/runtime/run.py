@@ -10,11 +10,11 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.protocol.coordinator import Totals
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.hosts.network import PRIVATE, Network
-from neurosnap.runtime.hosts.run_description import Brief
+from neurosnap.runtime.hosts.run_description import RunDescription
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
@@ -63,7 +63,7 @@ async def run(
     log: Path | None,
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
-    past: Past | None = None,
+    past: ResumePoint | None = None,
     network: Network = PRIVATE,
     swarm: str = "",
     incarnation: int = 0,
@@ -104,7 +104,7 @@ async def run(
         lost = inline.lost
     else:
         vacant = tuple(sorted(elsewhere))
-        brief = Brief(options=options, past=past, vacant=vacant)
+        brief = RunDescription(options=options, past=past, vacant=vacant)
         plan = Plan(
             cells=len(options.sensors),
             workers=options.sharing,

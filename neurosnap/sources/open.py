@@ -14,7 +14,7 @@ from neurosnap.sensorium import visible
 from neurosnap.sources.csv_source import CsvSource
 from neurosnap.sources.gymnasium_source import GymnasiumSource
 from neurosnap.sources.live.open import Argument as Argument
-from neurosnap.sources.live.open import is_outside, open_outside
+from neurosnap.sources.live.open import is_live, open_live
 from neurosnap.sources.live.zenoh_source import Hub
 from neurosnap.sources.protocol import Source
 
@@ -55,8 +55,8 @@ def _opened(
     if seed < 0:
         raise InvalidValueError("seed", "must be 0 or more", seed)
     arguments = {} if arguments is None else arguments
-    if is_outside(name):
-        return open_outside(name, arguments, hub)
+    if is_live(name):
+        return open_live(name, arguments, hub)
     if name.lower().endswith(".csv") or _is_file(name):
         if arguments:
             rule = "must not be given for a file"

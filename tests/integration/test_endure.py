@@ -25,13 +25,13 @@ from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write.restart_files import Lives
+from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.hosts import remote_parts
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.hosts.service import Served, serve
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.restart import Restart, run_on
+from neurosnap.runtime.restart import Restart, run_with_restarts
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.runtime.supervisor import Child, Supervisor
@@ -119,7 +119,7 @@ class Disturbed:
     async def running(
         self, *killings: tuple[int, tuple[str, ...]], **where: Any
     ) -> Outcome:
-        """Make the run; `where` as `run_on` takes it."""
+        """Make the run; `where` as `run_with_restarts` takes it."""
         stop = asyncio.Event()
 
         def on_progress(tick: int) -> None:
@@ -136,7 +136,7 @@ class Disturbed:
             elif killings and life == len(killings) and tick > begun:
                 stop.set()
 
-        return await run_on(
+        return await run_with_restarts(
             self._options,
             self._log,
             stop,
@@ -234,7 +234,7 @@ def test_files_that_cannot_be_gone_on_from_are_kept(tmp_path: Path) -> None:
             stop.set()
 
     outcome = asyncio.run(
-        run_on(
+        run_with_restarts(
             options,
             log,
             stop,
@@ -358,7 +358,7 @@ def test_of_two_recordings_the_further_stays(
             recorded(path, ticks)
         elif ticks is not None:
             path.write_bytes(NO_RECORDING)
-    Lives(log).keep_furthest()
+    RestartFiles(log).keep_furthest()
     assert verify(log).ticks == kept
     # What cannot be read is not deleted: nobody knows what is in it.
     aside = {path.read_bytes() for path in tmp_path.iterdir() if path != log}
@@ -372,7 +372,7 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
     options = msgspec.structs.replace(options_for(ticks), cells="inline")
     log, again = tmp_path / "a.mcap", tmp_path / "b.mcap"
     asyncio.run(run(options, log, asyncio.Event()))
-    past = Lives(log).furthest(options)
+    past = RestartFiles(log).furthest(options)
     assert (0 if past is None else past.tick) == ticks - 1
     outcome = asyncio.run(run(options, again, asyncio.Event(), past=past))
     assert outcome.totals.ticks == ticks
@@ -383,7 +383,7 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
 def test_a_recording_alone_is_left_alone(tmp_path: Path) -> None:
     log = recorded(tmp_path / "log", 3)
     content = log.read_bytes()
-    Lives(log).keep_furthest()
+    RestartFiles(log).keep_furthest()
     assert log.read_bytes() == content
 
 
@@ -483,7 +483,7 @@ def test_a_run_whose_world_is_held_goes_on_with_another(tmp_path: Path) -> None:
             stop.set()
 
     log = tmp_path / "log"
-    running = run_on(
+    running = run_with_restarts(
         options,
         log,
         stop,

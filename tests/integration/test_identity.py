@@ -148,7 +148,7 @@ async def test_a_part_speaks_for_itself_alone(parted: Path, tmp_path: Path) -> N
         wire.Leave("cell/0"),
         wire.Leave("world"),
         wire.Fault("cell/0", "mine"),
-        wire.Settled(1, 0, 0, (0,), (0,), (0,), 0),
+        wire.CellReport(1, 0, 0, (0,), (0,), (0,), 0),
         *(wire.Pulse(n, 0, 2, 1, 1) for n in range(1, 300)),
     ]
     attack = [delivery for m in as_another for delivery in forged(m, m.key, 3)]

@@ -39,7 +39,7 @@ from cryptography.x509.oid import NameOID
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sensorium import pack
-from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.embedded_broker import EmbeddedBroker
 from neurosnap.sources.mqtt.mqtt_source import mqtt_source
 from neurosnap.sources.mqtt.options import (
@@ -50,7 +50,7 @@ from neurosnap.sources.mqtt.options import (
     MqttSensor,
     MqttTick,
 )
-from neurosnap.sources.mqtt.publisher import MqttOutlet
+from neurosnap.sources.mqtt.publisher import MqttPublisher
 from tests.mosquitto import HOST, Mosquitto, heard, needs_mosquitto, peer, started
 
 SECRET = "correct-horse"
@@ -76,11 +76,11 @@ def options(broker: MqttBroker, *sensors: MqttSensor, **more: object) -> MqttOpt
     return msgspec.structs.replace(table, publish=MqttPublish(prefix=PREFIX), **more)
 
 
-def source_of(table: MqttOptions) -> "closing[OutsideSource]":
+def source_of(table: MqttOptions) -> "closing[LiveSource]":
     return closing(mqtt_source(table))
 
 
-def reading(source: OutsideSource) -> dict[str, bool | None]:
+def reading(source: LiveSource) -> dict[str, bool | None]:
     """The next tick, by name."""
     bits = source.step(0)
     assert bits is not None
@@ -92,7 +92,7 @@ def reading(source: OutsideSource) -> dict[str, bool | None]:
 
 
 async def until(
-    source: OutsideSource, wanted: Callable[[dict[str, bool | None]], bool]
+    source: LiveSource, wanted: Callable[[dict[str, bool | None]], bool]
 ) -> dict[str, bool | None]:
     """The first tick that is as wanted."""
     while True:
@@ -233,7 +233,7 @@ async def test_a_refused_password_ends_the_start_and_is_not_shown(
 class ThreadedFirst:
     """A source's first tick, waited for in a thread."""
 
-    def __init__(self, source: OutsideSource) -> None:
+    def __init__(self, source: LiveSource) -> None:
         self._source = source
         self._bits: list[bool] = []
         self._thread = threading.Thread(target=self._run)
@@ -355,7 +355,7 @@ async def test_who_is_stopped_while_connecting_does_not_fail_of_it(
     stop = asyncio.Event()
     with closing(socket.create_server((HOST, 0))) as mute:
         broker = MqttBroker(host=HOST, port=mute.getsockname()[1], patience=0.1)
-        outlet = MqttOutlet(broker, MqttPublish(), ["door"])
+        outlet = MqttPublisher(broker, MqttPublish(), ["door"])
         serving = asyncio.create_task(outlet.serve(stop))
         connection, _ = await asyncio.to_thread(mute.accept)
         stop.set()
@@ -523,7 +523,7 @@ async def test_home_assistant_finds_beliefs_predictions_and_anomalies(
 ) -> None:
     publish = MqttPublish(prefix=PREFIX, device="House", forget=forget)
     names = ["door", "hall motion", "light", "light&door"]
-    outlet = MqttOutlet(broker.options, publish, names, own=3, actions=["off", "on"])
+    outlet = MqttPublisher(broker.options, publish, names, own=3, actions=["off", "on"])
     state = msgspec.structs.replace(STATE, literals=pack([1, 0, 0, 1, 0, 0, 1, 0]))
     outlet.state(state, np.array([True, False, False, True]))
     stop = asyncio.Event()
@@ -592,7 +592,7 @@ async def test_the_status_of_who_reads_is_taken_back_with_the_rest(
 
 
 async def test_predictions_are_of_what_was_not_read(broker: Mosquitto) -> None:
-    outlet = MqttOutlet(
+    outlet = MqttPublisher(
         broker.options,
         MqttPublish(prefix=PREFIX, discovery=False),
         ["door", "hall", "light"],
@@ -611,7 +611,7 @@ async def test_predictions_are_of_what_was_not_read(broker: Mosquitto) -> None:
 async def test_an_outlet_tells_a_restarted_broker_everything_again(
     broker: Mosquitto,
 ) -> None:
-    outlet = MqttOutlet(broker.options, MqttPublish(prefix=PREFIX), ["a", "b", "c"])
+    outlet = MqttPublisher(broker.options, MqttPublish(prefix=PREFIX), ["a", "b", "c"])
     outlet.state(STATE)
     stop = asyncio.Event()
     async with asyncio.TaskGroup() as group:

@@ -26,16 +26,16 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.cell_process import run_cell
-from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sensorium import pack
-from neurosnap.sources.live.latest_readings import Board
-from neurosnap.sources.live.live_source import OutsideSource
-from neurosnap.sources.live.open import open_outside
+from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.open import open_live
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder
 from tests.patience import PATIENCE
@@ -185,7 +185,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Ticks(threading.Thread):
     """Takes ticks until the source is over, and lets others wait for one."""
 
-    def __init__(self, source: OutsideSource) -> None:
+    def __init__(self, source: LiveSource) -> None:
         super().__init__()
         self._source = source
         self._more = threading.Condition()
@@ -213,7 +213,7 @@ class Ticks(threading.Thread):
 @contextmanager
 def ticking(hub: Hub) -> Iterator[Ticks]:
     feeder = ZenohFeeder(hub)
-    source = OutsideSource(Board(NAMES), OnChange(), feeder=feeder)
+    source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder)
     ticks = Ticks(source)
     ticks.start()
     try:
@@ -377,7 +377,7 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> 
     assert overheard == [*wire.TOPICS, "reading/last"]
 
 
-async def run_swarm(hub: Hub, source: OutsideSource, log: Path) -> Completeness:
+async def run_swarm(hub: Hub, source: LiveSource, log: Path) -> Completeness:
     """Run all parts over `hub` until the source is over."""
     options = RunOptions(
         source="zenoh:",
@@ -400,7 +400,7 @@ async def run_swarm(hub: Hub, source: OutsideSource, log: Path) -> Completeness:
             await take_part(fabric, work(fabric))
 
     async def record() -> Completeness:
-        with Parts(log, {"swarm": SWARM}) as writer:
+        with SplitWriter(log, {"swarm": SWARM}) as writer:
             async with hub.part("recorder", "recorder") as fabric:
                 parts = ("coordinator", "world", *cells)
                 return await run_recorder(writer, fabric, leave, parts=parts)
@@ -426,7 +426,7 @@ async def run_swarm(hub: Hub, source: OutsideSource, log: Path) -> Completeness:
         await part(
             "coordinator",
             "coordinator",
-            lambda f: conduct(
+            lambda f: run_coordinator(
                 core,
                 f,
                 over,
@@ -445,7 +445,7 @@ async def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
     log = tmp_path / "outside.mcap"
     readings = [(number % 2, int(number % 3 > 0)) for number in range(30)]
     with hub_on("tls", keys) as hub:
-        source = open_outside("zenoh:", {"sensors": ",".join(NAMES)}, hub)
+        source = open_live("zenoh:", {"sensors": ",".join(NAMES)}, hub)
 
         def program() -> list[wire.State]:
             """Wait for each state before putting the next reading."""

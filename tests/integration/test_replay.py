@@ -19,7 +19,7 @@ from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -94,7 +94,7 @@ def recorded_run(
     options: RunOptions,
     log: Path,
     *,
-    past: Past | None = None,
+    past: ResumePoint | None = None,
     stop_at: int | None = None,
 ) -> Outcome:
     """Make an inline run, asked to stop once `stop_at` ticks are whole."""
@@ -236,7 +236,7 @@ def change_report(recorded: list[Recorded]) -> list[Recorded]:
     """Let a cell report its complement in tick 12's state wave."""
     wave = wave_of(recorded, 12)
     place, report = first(
-        recorded, wire.Settled, lambda s: s.wave == wave and len(s.literals) == 1
+        recorded, wire.CellReport, lambda s: s.wave == wave and len(s.literals) == 1
     )
     recorded[place] = saying(recorded[place], literals=(report.literals[0] ^ 1,))
     return recorded
@@ -273,7 +273,7 @@ def change_wiring(recorded: list[Recorded]) -> list[Recorded]:
 def close_up(recorded: list[Recorded]) -> list[Recorded]:
     """Take a report of tick 12 out so that no number shows it."""
     wave = wave_of(recorded, 12)
-    place, report = first(recorded, wire.Settled, lambda s: s.wave == wave)
+    place, report = first(recorded, wire.CellReport, lambda s: s.wave == wave)
     gone = recorded.pop(place)
     return [
         each._replace(sequence=each.sequence - 1)
@@ -347,7 +347,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
     "wiring": (change_wiring, r"tick \d+: /wiring "),
     "report": (change_report, r"tick 12: /state "),
     "report's pulses": (
-        changing(wire.Settled, lambda _: True, lambda s: {"pulses": s.pulses + 1}),
+        changing(wire.CellReport, lambda _: True, lambda s: {"pulses": s.pulses + 1}),
         r"tick 1: /state ",
     ),
     "two states": (swap_states, r"tick 12: /state "),
@@ -435,7 +435,7 @@ def test_a_lost_word_of_the_coordinator_makes_a_difference(
 
 @pytest.mark.parametrize(
     ("kind", "ticks"),
-    [(wire.Observation, 11), (wire.Settled, 11), (wire.Pulse, TICKS)],
+    [(wire.Observation, 11), (wire.CellReport, 11), (wire.Pulse, TICKS)],
 )
 def test_what_cannot_be_derived_for_a_loss_is_incomplete_and_not_different(
     runs: Runs, tmp_path: Path, kind: type[wire.Message], ticks: int

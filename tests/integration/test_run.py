@@ -36,7 +36,7 @@ from neurosnap.protocol.run_options import (
 )
 from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime.parts.cell_process import run_cell
-from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import Outcome, run
@@ -372,7 +372,7 @@ async def by_hand(
                     group.create_task(be_cell(number), name=who)
             group.create_task(be_world(), name="world")
             async with hub.fabric("coordinator") as fabric:
-                await conduct(
+                await run_coordinator(
                     Coordinator.of(options),
                     fabric,
                     asyncio.Event(),
@@ -401,7 +401,7 @@ async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
 ) -> None:
     def withhold(end: MemoryFabric) -> Meddled:
         def outgoing(message: wire.Message) -> wire.Message | None:
-            mute = isinstance(message, wire.Settled) and message.cell == 5
+            mute = isinstance(message, wire.CellReport) and message.cell == 5
             return None if mute else message
 
         return Meddled(end, outgoing)
@@ -419,11 +419,11 @@ async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
 async def test_with_one_report_too_few_the_run_goes_on_after_a_repeat(
     readings: str,
 ) -> None:
-    lost: list[wire.Settled] = []
+    lost: list[wire.CellReport] = []
 
     def lose_one(end: MemoryFabric) -> Meddled:
         def outgoing(message: wire.Message) -> wire.Message | None:
-            if isinstance(message, wire.Settled) and message.wave == 9 and not lost:
+            if isinstance(message, wire.CellReport) and message.wave == 9 and not lost:
                 lost.append(message)
                 return None
             return message
@@ -509,7 +509,7 @@ async def test_what_is_no_message_is_reported_and_counted_once(readings: str) ->
     core = Coordinator.of(options_for(readings))
     async with hub.fabric("coordinator") as fabric, hub.fabric("witness") as witness:
         conducting = asyncio.create_task(
-            conduct(core, fabric, stop, parts=[], deadline=10)
+            run_coordinator(core, fabric, stop, parts=[], deadline=10)
         )
         await asyncio.sleep(0)
         await witness.subscribe(("fault/**",), lambda _: reported.set())
@@ -531,7 +531,7 @@ async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
     async def conduct_it() -> None:
         async with hub.fabric("coordinator") as fabric:
             core = Coordinator.of(options_for(readings))
-            await conduct(core, fabric, stop, parts=["cell/0"], deadline=10)
+            await run_coordinator(core, fabric, stop, parts=["cell/0"], deadline=10)
 
     stop = asyncio.Event()
     expected = r"^cell/0: must stay until the run ends, is gone$"

@@ -39,11 +39,11 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.playback import play_on
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.cell_process import run_cell
-from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import describe
@@ -209,7 +209,7 @@ async def run_swarm(hub: Hub, options: RunOptions, log: Path) -> Completeness:
             await take_part(fabric, work(fabric))
 
     async def record() -> Completeness:
-        with Parts(log, {**describe(options), "swarm": SWARM}) as writer:
+        with SplitWriter(log, {**describe(options), "swarm": SWARM}) as writer:
             async with hub.end("recorder") as fabric:
                 parts = ("coordinator", "world", *cells)
                 return await run_recorder(writer, fabric, leave, parts=parts)
@@ -227,7 +227,7 @@ async def run_swarm(hub: Hub, options: RunOptions, log: Path) -> Completeness:
         )
         await part(
             "coordinator",
-            lambda f: conduct(
+            lambda f: run_coordinator(
                 core,
                 f,
                 over,

@@ -14,7 +14,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.apps.viewer.members import members
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.location import Place
@@ -117,7 +117,7 @@ def placed(log: Path) -> set[str]:
     """Return whose machine is recorded, and shown: for all of those, it is this one."""
     places = Recording.open(log).places
     assert len({place.pid for place in places.values()}) == len(places)
-    shown = {part.who: part.host for part in members(Film(log)).cells if part.host}
+    shown = {part.who: part.host for part in members(RunView(log)).cells if part.host}
     assert shown == {
         who: f"host {Place.here().host}, process {place.pid}"
         for who, place in places.items()

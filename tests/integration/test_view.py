@@ -19,9 +19,9 @@ from neurosnap import wire
 from neurosnap.apps.cli import app
 from neurosnap.apps.cli.page import look, viewed
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import Address, serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
@@ -51,7 +51,7 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @asynccontextmanager
 async def served(log: Path) -> AsyncIterator[Address]:
-    async with asyncio.timeout(PATIENCE), serving(Desk(log)) as address:
+    async with asyncio.timeout(PATIENCE), serving(ViewSession(log)) as address:
         yield address
 
 
@@ -285,13 +285,13 @@ async def test_a_growing_recording_is_told_as_differences(
     frame, last, shares = None, {}, iter([45, 55, 65, 100])
     loop = asyncio.get_running_loop()
     times = []
-    desk = Desk(growing, lambda: True)
+    desk = ViewSession(growing, lambda: True)
     async with asyncio.timeout(PATIENCE), serving(desk) as address:
         async for event in events(address):
             times.append(loop.time())
             for change in event.frames:
                 frame = applied(frame, change)
-                (whole,) = Film(small).frames(frame["tick"], frame["tick"])
+                (whole,) = RunView(small).frames(frame["tick"], frame["tick"])
                 last[frame["tick"]] = frame
                 assert frame["state"] == whole.state
                 assert frame["bits"] == whole.bits
@@ -302,7 +302,7 @@ async def test_a_growing_recording_is_told_as_differences(
     assert event.ticks == TICKS
     assert event.cut is None
     assert len(last) > 5
-    for each in Film(small).frames(min(last), TICKS):
+    for each in RunView(small).frames(min(last), TICKS):
         if each.tick in last:
             assert last[each.tick] == msgspec.to_builtins(each)
     assert times[-1] - times[0] > 0.09 * (len(times) - 1)
@@ -314,7 +314,7 @@ async def test_a_run_that_begins_its_file_anew_is_begun_anew(
     growing = in_chunks(log, tmp_path / "growing.mcap", 2000)
     os.truncate(growing, growing.stat().st_size // 2)
     other = in_chunks(log, tmp_path / "other.mcap", 2000)
-    desk = Desk(growing, lambda: True)
+    desk = ViewSession(growing, lambda: True)
     async with asyncio.timeout(PATIENCE), serving(desk) as address:
         seen = []
         async for event in events(address):
@@ -374,7 +374,7 @@ async def test_a_swarm_is_looked_at_while_it_runs(tmp_path: Path, cells: str) ->
         for each in Recording.open(log).messages(("state",))
         if isinstance(each.message, wire.State)
     }
-    film = Film(log)
+    film = RunView(log)
     assert film.last == max(states)
     for frame_ in film.frames(1, 200):
         assert frame_.state == derived[frame_.tick].state

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from playwright.async_api import expect
 
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
 from tests.unit.apps.viewer import pages
 from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded
@@ -39,7 +39,7 @@ async def test_another_recording_takes_the_place_of_the_one_before(
 ) -> None:
     log = cut_short(path_log, tmp_path / "run.mcap", 0.7)
     other = cut_short(another_log, tmp_path / "other.mcap", 0.4)
-    first, then = Film(log).last, Film(other).last
+    first, then = RunView(log).last, RunView(other).last
     assert 0 < then < first < TICKS
     # A tick may be asked for that the shorter recording, there already, does not have.
     beyond = "status of 400"
@@ -68,7 +68,7 @@ async def test_a_tick_that_is_asked_for_too_early_leaves_no_blank_page(
     whole = in_chunks(path_log, tmp_path / "whole.mcap", 1000)
     log = cut_short(path_log, tmp_path / "run.mcap", 0)
     async with (
-        serving(Desk(log, lambda: True)) as address,
+        serving(ViewSession(log, lambda: True)) as address,
         looked_at(address.url) as page,
     ):
         await page.goto(f"{address.url}#t=5")

@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.apps.viewer import connection
 from neurosnap.apps.viewer.server import Address, serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from tests.integration.test_view import get, status_of
 from tests.patience import PATIENCE
 from tests.unit.apps.viewer.films import path_run, recorded
@@ -40,7 +40,7 @@ async def test_silent_connections_keep_nobody_out(log: Path) -> None:
     """More than there are places for, all of them from somebody without the token."""
     async with (
         asyncio.timeout(PATIENCE),
-        serving(Desk(log)) as address,
+        serving(ViewSession(log)) as address,
         held(address, 2 * connection.MOST),
     ):
         for _ in range(3):
@@ -62,7 +62,7 @@ async def test_what_does_not_become_a_request_is_closed(
     log: Path, monkeypatch: pytest.MonkeyPatch, said: Sequence[bytes]
 ) -> None:
     monkeypatch.setattr(connection, "SILENCE", 0.05)
-    async with asyncio.timeout(PATIENCE), serving(Desk(log)) as address:
+    async with asyncio.timeout(PATIENCE), serving(ViewSession(log)) as address:
         reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
         try:
             for part in said:
@@ -81,7 +81,7 @@ async def test_an_answer_that_takes_longer_is_not_cut_off(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connection, "SILENCE", 0.05)
-    async with asyncio.timeout(PATIENCE), serving(Desk(log)) as address:
+    async with asyncio.timeout(PATIENCE), serving(ViewSession(log)) as address:
         reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
         target = f"/api/events?token={address.token}"
         head = f"GET {target} HTTP/1.1\r\nHost: localhost:{address.port}\r\n\r\n"

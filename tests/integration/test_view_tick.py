@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import expect
 
 from neurosnap import wire
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import options_of
 from tests.unit.apps.viewer.films import (
@@ -57,7 +57,7 @@ async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:
         match each.message:
             case wire.WaveStart(wave=wave, tick=tick, signal=signal) if signal:
                 hops[wave], ticks[wave] = [], (tick, signal[0])
-            case wire.Settled(wave=wave, hops=reached) if wave in hops:
+            case wire.CellReport(wave=wave, hops=reached) if wave in hops:
                 hops[wave] += reached
             case wire.Reached(wave=wave, depth=depth):
                 deepest = max(deepest, (depth, wave))
@@ -111,7 +111,7 @@ async def test_a_wave_that_is_not_there_still_has_a_name(planner_log: Path) -> N
 
 
 async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -> None:
-    film = Film(planner_log)
+    film = RunView(planner_log)
     stage = film.scene.stage
     assert stage is not None
     assert stage.target is not None
@@ -216,7 +216,7 @@ async def test_unknown_and_contradicted_are_told_apart_without_colour(
 
 
 async def test_a_plot_says_what_its_columns_are_at_the_tick(planner_log: Path) -> None:
-    film = Film(planner_log)
+    film = RunView(planner_log)
     (frame,) = film.frames(TICKS, TICKS)
     far = film.scene.distance(frame.place)
     async with opened(planner_log, f"#t={TICKS}") as page:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from playwright.async_api import Page, expect
 
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from tests.unit.apps.viewer.films import TICKS, in_chunks, without_states
 from tests.unit.apps.viewer.pages import (
     IN_BROWSER,
@@ -97,7 +97,7 @@ async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
     whole = in_chunks(path_log, tmp_path / "whole.mcap", 4000)
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
-    last = Film(cut).last
+    last = RunView(cut).last
     async with opened(cut) as page:
         await wait_shown(page, 1)
         await plots_are_there(page)
@@ -271,7 +271,7 @@ async def test_the_address_is_written_once_one_stays(path_log: Path) -> None:
 
 async def test_it_opens_where_nothing_can_be_kept(path_log: Path) -> None:
     async with (
-        serving(Desk(path_log)) as address,
+        serving(ViewSession(path_log)) as address,
         looked_at(address.url) as page,
     ):
         await page.add_init_script(

@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.policy import AgentKind
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import SwarmError
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.info import describe as describe_recording
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -84,7 +84,7 @@ def options_for(
 def inline(
     options: RunOptions,
     log: Path,
-    past: Past | None = None,
+    past: ResumePoint | None = None,
     stop_at: int = 10**9,
 ) -> None:
     """Run with every part a task, workers as well."""
@@ -266,7 +266,7 @@ def test_a_report_that_leaves_out_a_literal_is_found(log: Path, tmp_path: Path) 
 
     def forget(recorded: Recorded) -> wire.Message:
         message = recorded.message
-        if isinstance(message, wire.Tally) and message.wave > 20 and left:
+        if isinstance(message, wire.WorkerReport) and message.wave > 20 and left:
             if message.literals:
                 left.clear()
             return msgspec.structs.replace(
@@ -285,7 +285,7 @@ def test_an_edge_left_out_of_a_wiring_is_found(log: Path, tmp_path: Path) -> Non
 
     def forget(recorded: Recorded) -> wire.Message:
         message = recorded.message
-        if isinstance(message, wire.Loom) and message.add and left:
+        if isinstance(message, wire.WorkerWiring) and message.add and left:
             left.clear()
             return msgspec.structs.replace(message, add=message.add[8:])
         return message

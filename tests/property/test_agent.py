@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
 from neurosnap.agent.planner import Planner, subgoals
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind, Policy
-from neurosnap.agent.random_numbers import Draws
+from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
@@ -74,7 +74,7 @@ class TestAnyBelief:
         body = data.draw(bodies())
         graph, state = data.draw(beliefs(body))
         edges = edges_of(graph)
-        repertoire = Repertoire(body)
+        repertoire = Actions(body)
         signals = repertoire.signals(as_array(state, graph.sensors))
         expected = [agents.signal(body, taken, state) for taken in agents.choices(body)]
         assert [set(one) for one in signals] == expected
@@ -103,7 +103,7 @@ class TestAnyBelief:
             for number, taken in enumerate(agents.choices(body))
             if oracles.coherent(order, agents.selection(body, taken))
         }
-        repertoire = Repertoire(body)
+        repertoire = Actions(body)
         signals = repertoire.signals(as_array(state, graph.sensors))
         able = as_set(repertoire.admissible([graph.up(one) for one in signals]))
         assert able == (vertices or set(range(2 ** len(body.actions))))
@@ -192,7 +192,7 @@ def test_what_is_guaranteed_by_the_truth_happens(
     for place in range(len(moves[0])):
         # What the last step was has no say in what the next one leads to.
         now = agents.complete(agents.view(fields, place))
-        signals = Repertoire(body).signals(as_array(now, graph.sensors))
+        signals = Actions(body).signals(as_array(now, graph.sensors))
         promises = guaranteed([graph.up(one) for one in signals])
         for choice, promise in enumerate(promises):
             assert as_set(promise) <= agents.happens(body, moves, fields, place, choice)
@@ -237,7 +237,7 @@ def test_an_agent_is_the_loop_by_hand(kind: AgentKind, exclusive: bool) -> None:
     policy = new_policy(kind, body, seed, target=target, explore=explore)
     snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
     agent, loop = Agent(body, policy, snapshot), Loop(body, threshold)
-    draws, place, change = Draws(seed), 1, 0
+    draws, place, change = RandomNumbers(seed), 1, 0
     reasons = set()
     for tick in range(1, 61):
         if tick == 30:

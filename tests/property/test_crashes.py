@@ -20,13 +20,13 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.resume import look_back
 from neurosnap.recording.replay.verify import options_of, verify
-from neurosnap.recording.write.restart_files import Lives
+from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tools import simulate
 from tools.simulate_case import live_on, random_options
 from tools.simulate_case import simulate as schedule
 from tools.simulate_check import WrongError, check
-from tools.simulate_weather import Tally, Weather, random_weather
+from tools.simulate_weather import Weather, WorkerReport, random_weather
 
 BATCH = 25
 
@@ -42,7 +42,7 @@ def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
 
 def test_a_seed_repeats_its_schedule(tmp_path: Path) -> None:
     said: list[list[tuple[str, int, bytes]]] = []
-    tallies: list[list[Tally]] = []
+    tallies: list[list[WorkerReport]] = []
     for folder in (tmp_path / "first", tmp_path / "again"):
         tallies.append([])
         said.append([])
@@ -67,9 +67,9 @@ def heard(log: Path) -> list[tuple[str, int, bytes]]:
 
 
 def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
-    def third(seed: int, folder: Path) -> Tally:
+    def third(seed: int, folder: Path) -> WorkerReport:
         assert folder.is_dir()
-        return Tally(schedules=1 // (7 - seed))
+        return WorkerReport(schedules=1 // (7 - seed))
 
     expected = (
         r"(?s)ZeroDivisionError.*seed 7 fails; again: tools/simulate.py --only 7$"
@@ -78,7 +78,7 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
         simulate.gathered(simulate.outcomes(5, 5, 1, third))
 
 
-class _Deleting(Lives):
+class _Deleting(RestartFiles):
     """Deletes what a run cannot go on from, whatever is in it."""
 
     def _discard(self, path: Path, held_by: Sequence[Path]) -> None:
@@ -89,7 +89,7 @@ class _Deleting(Lives):
 def test_a_restart_that_deletes_a_damaged_recording_is_found(
     seed: int, tmp_path: Path
 ) -> None:
-    def living(lives: type[Lives]) -> Tally:
+    def living(lives: type[RestartFiles]) -> WorkerReport:
         folder, chance = tmp_path / lives.__name__, random.Random(seed)
         folder.mkdir()
         options = random_options(chance, folder)
@@ -97,7 +97,7 @@ def test_a_restart_that_deletes_a_damaged_recording_is_found(
 
     with pytest.raises(WrongError, match="damaged files must be kept"):
         living(_Deleting)
-    assert living(Lives).kept
+    assert living(RestartFiles).kept
 
 
 # What is wrong is found ---------------------------------------------------------------

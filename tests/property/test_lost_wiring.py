@@ -36,7 +36,7 @@ def wirings(messages: list[wire.Message]) -> list[Name]:
     return [
         (message.key, message.epoch)
         for message in messages
-        if isinstance(message, wire.Wiring | wire.Loom)
+        if isinstance(message, wire.Wiring | wire.WorkerWiring)
     ]
 
 

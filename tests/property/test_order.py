@@ -13,7 +13,7 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.poc.order.closure import order_of
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words, from_words, to_words
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from tests.property import oracles
 from tests.property.oracles import Edges
 from tests.property.strategies import Bits, runs
@@ -131,7 +131,7 @@ def test_cells_follow_a_relation_that_changes(
     kind: WiringKind, run: tuple[int, list[Edges]]
 ) -> None:
     sensors, relations = run
-    packing, plain = Conductor(sensors), Conductor(sensors)
+    packing, plain = WaveControl(sensors), WaveControl(sensors)
     cells = Listener()
     for edges in relations:
         graph = PocGraph._derived(packed(sensors, edges))
@@ -154,7 +154,7 @@ def test_cells_follow_what_is_learned(
 ) -> None:
     sensors, seen = run
     snapshot = learner(sensors, threshold=0.2)
-    conductor, cells = Conductor(sensors), Listener()
+    conductor, cells = WaveControl(sensors), Listener()
     for bits in seen:
         if snapshot.learn(bits):
             cells.hear(conductor.rewire(snapshot.poc_graph().wires(kind)))
@@ -177,7 +177,7 @@ def test_words_do_not_show_in_a_learned_order_with_classes(
     sensors: int, seed: int
 ) -> None:
     snapshot, seen = EmpiricalSnapshot(sensors, threshold=0.05), walk(sensors, seed)
-    conductor, told = Conductor(sensors), Listener()
+    conductor, told = WaveControl(sensors), Listener()
     for step in range(40):
         if not snapshot.learn(next(seen)) or step % 8:
             continue

@@ -26,7 +26,7 @@ from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.wave import Wave
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
 from neurosnap.sensorium import pack, unpack
 
@@ -149,7 +149,7 @@ class Network:
     def __init__(self, sensors: int, hub: MemoryHub, workers: int = 0) -> None:
         self.hub = hub
         self.sensors = sensors
-        self.conductor = Conductor(sensors, workers=workers)
+        self.conductor = WaveControl(sensors, workers=workers)
         self.hosts = hosting(sensors, workers)
         self.settled: dict[int, Wave] = {}
         self.faults: list[wire.Fault] = []
@@ -174,14 +174,14 @@ class Network:
                 match message:
                     case wire.Pulse():
                         way: tuple[int, ...] = (message.source, message.target)
-                    case wire.Burst():
+                    case wire.PulseBatch():
                         way = (message.worker, message.to, message.part)
                     case _:
                         continue
                 if self._is_new(message.wave, *way):
                     self._under_way[message.wave] -= 1
             for message in host.receive(burst):
-                if isinstance(message, wire.Pulse | wire.Burst):
+                if isinstance(message, wire.Pulse | wire.PulseBatch):
                     self._under_way[message.wave] += 1
                 if not self.withheld(message):
                     end.publish(message)
@@ -196,12 +196,12 @@ class Network:
     def _hear(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
             message = wire.decode(delivery.key, delivery.payload)
-            if isinstance(message, wire.Settled | wire.Tally):
+            if isinstance(message, wire.CellReport | wire.WorkerReport):
                 self._report(message)
             elif isinstance(message, wire.Fault):
                 self.faults.append(message)
 
-    def _report(self, report: wire.Settled | wire.Tally) -> None:
+    def _report(self, report: wire.CellReport | wire.WorkerReport) -> None:
         number = report.wave
         if self._is_new("report", number, report.sender, report.part):
             self.back[number] += sum(Fraction(1, 2**e) for e in report.credit)
@@ -357,7 +357,7 @@ def test_waves_that_lost_messages_settle_rightly_or_not_at_all(shared: bool) -> 
     assert min(settled[True], settled[False]) > DISTURBED / 4
 
 
-Lost = TypeVar("Lost", wire.Pulse, wire.Settled)
+Lost = TypeVar("Lost", wire.Pulse, wire.CellReport)
 
 
 def one_lost(
@@ -411,7 +411,7 @@ def test_the_cell_whose_report_was_lost_is_named() -> None:
     outcomes: Counter[bool] = Counter()
     for seed in range(ONE_LOST):
         with repeatable(seed):
-            found = one_lost(seed, wire.Settled)
+            found = one_lost(seed, wire.CellReport)
             if found is None:
                 continue
             report, wave, silent, _, _ = found
@@ -485,7 +485,7 @@ class Simulation:
 
     def _say(self, messages: list[wire.Message]) -> None:
         for message in messages:
-            if isinstance(message, wire.Wiring | wire.Loom) and message.after:
+            if isinstance(message, wire.Wiring | wire.WorkerWiring) and message.after:
                 self.rewired.add(self.core.tick)
             self.said.append(message)
             self._end.publish(message)
@@ -602,7 +602,7 @@ def recovered(
             return False
         if chance.random() >= drop:
             return False
-        if isinstance(message, wire.Wiring | wire.Loom):
+        if isinstance(message, wire.Wiring | wire.WorkerWiring):
             cut.add(who)
         return True
 

@@ -17,7 +17,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.random_numbers import Draws
+from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import Decision
@@ -140,7 +140,7 @@ def test_an_agent_that_misses_readings_is_the_loop_by_hand(
     kind: AgentKind, exclusive: bool
 ) -> None:
     body, agent = body_of(exclusive), agent_of(kind, exclusive)
-    loop, draws = Loop(body), Draws(SEED)
+    loop, draws = Loop(body), RandomNumbers(SEED)
     chance = np.random.default_rng(3)
     place, change = 1, 0
     reasons, predicted, missing = set(), 0, 0

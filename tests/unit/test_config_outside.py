@@ -9,7 +9,7 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import FOREVER, prepare
 from neurosnap.apps.config.problems import ConfigError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.sources.live.open import mqtt_options, open_outside
+from neurosnap.sources.live.open import mqtt_options, open_live
 
 MQTT = """
 [source]
@@ -50,7 +50,7 @@ def test_topics_are_sensors_and_files_are_beside_the_description(
     assert given.broker.password() == "hush"
     assert "hush" not in repr(made)
     assert given.sensors[1].off_below == 20
-    source = open_outside(made.source, made.arguments)
+    source = open_live(made.source, made.arguments)
     assert (source.sensors, source.live) == (("door", "warm"), True)
     source.close()
 
@@ -79,7 +79,7 @@ def test_readings_have_names_and_a_pace(tmp_path: Path, kind: str) -> None:
         f'[source]\nkind = "{kind}"\nsensors = ["door", "2"]\nstale_after = 9.5\n',
     )
     assert made.body.own == ("door", "2")
-    source = open_outside(made.source, made.arguments)
+    source = open_live(made.source, made.arguments)
     assert source.sensors == ("door", "2")
     source.close()
 

@@ -20,7 +20,7 @@ from neurosnap.protocol import limits
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.limits import check_readings
 from neurosnap.protocol.wave import DEEPEST, Wave
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.recording.format.records import RUN
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
@@ -117,7 +117,7 @@ def under_way() -> Cell:
     cell.receive([wire.Wiring(1, 1, 0, add=(4,)), wire.Observation(5, b"\2")])
     (sent, report) = cell.receive([wire.WaveStart(7, 5, "state", 0, 7, fence=7)])
     assert isinstance(sent, wire.Pulse)
-    assert isinstance(report, wire.Settled)
+    assert isinstance(report, wire.CellReport)
     return cell
 
 
@@ -184,7 +184,7 @@ def test_a_cell_that_has_seen_nothing_begins_anywhere() -> None:
     cell = Cell(1)
     cell.receive([wire.Wiring(1, 90_000, 0, add=(4,)), wire.Observation(80_000, b"\2")])
     said = cell.receive([wire.WaveStart(99_999, 80_000, "state", 0, 9, fence=99_999)])
-    assert [type(one) for one in said] == [wire.Pulse, wire.Settled]
+    assert [type(one) for one in said] == [wire.Pulse, wire.CellReport]
 
 
 def test_readings_of_ticks_to_come_do_not_displace_the_one_that_is_due() -> None:
@@ -195,7 +195,7 @@ def test_readings_of_ticks_to_come_do_not_displace_the_one_that_is_due() -> None
     for tick in (2, 3):
         state = wire.WaveStart(tick, tick, "state", 0, 1, fence=tick)
         (report,) = cell.receive([wire.Observation(tick, b"\2"), state])
-        assert isinstance(report, wire.Settled)
+        assert isinstance(report, wire.CellReport)
         assert report.literals == (OWN,)
 
 
@@ -231,7 +231,7 @@ def test_waves_that_never_come_are_kept_to_a_number_and_then_forgotten(
     # Only what may yet come about is left, and there is room for more.
     assert set(cell._waves) == {1, *range(1000, 4098, 1000)}
     (report,) = cell.receive([pulse(2, fence=1)])
-    assert isinstance(report, wire.Settled)
+    assert isinstance(report, wire.CellReport)
 
 
 @pytest.mark.slow
@@ -243,7 +243,7 @@ def test_pulses_are_kept_to_a_number_and_forgotten_with_their_waves() -> None:
     assert cell._remembered == cells._PULSES
     cell.receive([start(3, settled_below=3)])
     (report,) = cell.receive([pulse(3)])
-    assert isinstance(report, wire.Settled)
+    assert isinstance(report, wire.CellReport)
     assert cell._remembered == 1
 
 
@@ -261,9 +261,9 @@ def test_of_a_signal_only_its_own_literals_are_kept() -> None:
 # A wave -------------------------------------------------------------------------------
 
 
-def settled(credit: Sequence[int], **more: int) -> wire.Settled:
+def settled(credit: Sequence[int], **more: int) -> wire.CellReport:
     fields = {"part": 0, "pulses": 0, "wave": 1, **more}
-    return wire.Settled(
+    return wire.CellReport(
         cell=0, literals=(0,), hops=(0,), credit=tuple(credit), **fields
     )
 
@@ -281,7 +281,7 @@ def settled(credit: Sequence[int], **more: int) -> wire.Settled:
     ],
     ids=["far too deep", "too deep", "many", "none", "pulses", "part", "wave"],
 )
-def test_a_report_that_is_too_large_is_refused(report: wire.Settled) -> None:
+def test_a_report_that_is_too_large_is_refused(report: wire.CellReport) -> None:
     wave = Wave(1, 0, "signal", 1, (0,))
     with pytest.raises(MessageError, match=r"^settle: must .*, got .{1,250}$"):
         wave.report(report)
@@ -295,9 +295,11 @@ def packed(*numbers: int) -> bytes:
     return struct.pack(f"<{len(numbers)}i", *numbers)
 
 
-def tally(literals: bytes, hops: bytes, **more: int) -> wire.Tally:
+def tally(literals: bytes, hops: bytes, **more: int) -> wire.WorkerReport:
     fields = {"wave": 1, "part": 0, "pulses": 0, **more}
-    return wire.Tally(worker=0, literals=literals, hops=hops, credit=(0,), **fields)
+    return wire.WorkerReport(
+        worker=0, literals=literals, hops=hops, credit=(0,), **fields
+    )
 
 
 @pytest.mark.parametrize(
@@ -325,7 +327,9 @@ def tally(literals: bytes, hops: bytes, **more: int) -> wire.Tally:
         "pulses",
     ],
 )
-def test_a_worker_s_report_that_cannot_be_right_is_refused(report: wire.Tally) -> None:
+def test_a_worker_s_report_that_cannot_be_right_is_refused(
+    report: wire.WorkerReport,
+) -> None:
     wave = Wave(1, 0, "signal", 1, (0,))
     with pytest.raises(MessageError, match=r"^tally: .*must .*, got .{1,250}$"):
         wave.tally(report, range(2))
@@ -338,9 +342,9 @@ def test_a_worker_s_report_that_cannot_be_right_is_refused(report: wire.Tally) -
 
 @pytest.mark.parametrize("report", [settled([0]), tally(packed(0), packed(0))])
 def test_a_report_is_refused_where_nobody_could_send_it(
-    report: wire.Settled | wire.Tally,
+    report: wire.CellReport | wire.WorkerReport,
 ) -> None:
-    conductor = Conductor(2, workers=int(isinstance(report, wire.Settled)))
+    conductor = WaveControl(2, workers=int(isinstance(report, wire.CellReport)))
     conductor.start("signal", signal=(0,))
     with pytest.raises(MessageError, match=r"^(settle|tally): must be a "):
         conductor.report(report)
@@ -351,10 +355,10 @@ def test_the_deepest_share_counts() -> None:
     wave = Wave(1, 0, "signal", 1, (0,))
     wave.report(settled(range(1, DEEPEST + 1)[::400]))
     before = wave.missing
-    wave.report(wire.Settled(1, 1, 0, (), (), (DEEPEST,), 0))
+    wave.report(wire.CellReport(1, 1, 0, (), (), (DEEPEST,), 0))
     assert before - wave.missing == Fraction(1, 2**DEEPEST)
     with pytest.raises(MessageError, match=r"^settle: must give back at most"):
-        wave.report(wire.Settled(1, 2, 0, (), (), (1,), 0))
+        wave.report(wire.CellReport(1, 2, 0, (), (), (1,), 0))
     assert not wave.is_settled
 
 

@@ -86,9 +86,9 @@ def test_a_pulse_that_excites_is_refused_where_inhibition_travels() -> None:
 
 SENT_BY_MANY = [
     wire.Pulse(wave=1, source=7, target=4, hops=1, credit=0),
-    wire.Settled(1, 3, 0, (6,), (2,), (3,), 1),
-    wire.Burst(1, 3, 1, 0, b"", b"", b"", b""),
-    wire.Tally(1, 3, 0, b"", b"", (0,), 0),
+    wire.CellReport(1, 3, 0, (6,), (2,), (3,), 1),
+    wire.PulseBatch(1, 3, 1, 0, b"", b"", b"", b""),
+    wire.WorkerReport(1, 3, 0, b"", b"", (0,), 0),
     wire.Fault("cell/3", "no"),
     wire.Leave("worker/3"),
 ]
@@ -186,9 +186,9 @@ def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
             assert message.sender == "world"
         case wire.Pulse():
             assert message.sender == f"cell/{message.source // 2}"
-        case wire.Settled():
+        case wire.CellReport():
             assert message.sender == f"cell/{message.cell}"
-        case wire.Burst() | wire.Tally():
+        case wire.PulseBatch() | wire.WorkerReport():
             assert message.sender == f"worker/{message.worker}"
         case wire.Fault() | wire.Leave():
             assert message.sender == message.who
@@ -220,15 +220,16 @@ def test_a_worker_listens_to_what_is_for_it_and_to_nothing_else() -> None:
     keys = set(wire.worker_keys(1))
     for_it: list[wire.Message] = [
         wire.Observation(1, b""),
-        wire.Loom(1, 1, 0),
+        wire.WorkerWiring(1, 1, 0),
         wire.WaveStart(1, 0, "signal", 0, 1),
-        wire.Burst(1, 0, 1, 0, b"", b"", b"", b""),
+        wire.PulseBatch(1, 0, 1, 0, b"", b"", b"", b""),
     ]
     for message in for_it:
         assert any(matches(key, message.key) for key in keys)
-    assert not any(matches(key, wire.Loom(0, 1, 0).key) for key in keys)
+    assert not any(matches(key, wire.WorkerWiring(0, 1, 0).key) for key in keys)
     assert not any(
-        matches(key, wire.Burst(1, 1, 0, 0, b"", b"", b"", b"").key) for key in keys
+        matches(key, wire.PulseBatch(1, 1, 0, 0, b"", b"", b"", b"").key)
+        for key in keys
     )
 
 

@@ -59,11 +59,11 @@ async def look(
     """
     check_page()
     from neurosnap.apps.viewer.server import serving
-    from neurosnap.apps.viewer.session import Desk
+    from neurosnap.apps.viewer.session import ViewSession
     from neurosnap.runtime.registry import recorded_in
 
     writes = grows or (lambda: bool(recorded_in(log)))
-    desk = await _begun(lambda: Desk(log, writes), writes, stop)
+    desk = await _begun(lambda: ViewSession(log, writes), writes, stop)
     async with serving(desk, port) as address:
         # Not through what folds lines: it is to be copied whole.
         if as_json:

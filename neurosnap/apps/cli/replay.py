@@ -157,7 +157,7 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
     from neurosnap.apps.cli import output
     from neurosnap.recording.read.split_files import part_path
     from neurosnap.recording.replay.resume import look_back
-    from neurosnap.runtime.journaled_run import run_kept
+    from neurosnap.runtime.journaled_run import run_journaled
     from neurosnap.runtime.parts.world_process import WayIn
     from neurosnap.runtime.run import Outcome
     from neurosnap.runtime.run import run as run_swarm
@@ -182,7 +182,7 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
                     options, new, stop, on_progress, past, way_in=way_in
                 )
 
-            return await run_kept(options, new, swarm_of, past)
+            return await run_journaled(options, new, swarm_of, past)
 
         outcome = run_async(work)
     written = part_path(new, past.part)

@@ -225,10 +225,10 @@ def run(
 ) -> None:
     """Learn from a world, a file or live sensors, and record everything."""
     from neurosnap.apps.cli import output
-    from neurosnap.runtime.journaled_run import run_kept
+    from neurosnap.runtime.journaled_run import run_journaled
     from neurosnap.runtime.parts.world_process import WayIn
     from neurosnap.runtime.preflight import check_cells
-    from neurosnap.runtime.restart import run_on
+    from neurosnap.runtime.restart import run_with_restarts
     from neurosnap.runtime.run import Outcome
     from neurosnap.runtime.run import run as run_swarm
 
@@ -258,7 +258,7 @@ def run(
                 output.outcome(say(as_json), options, outcome, log)
 
             async def work(stop: asyncio.Event) -> Outcome:
-                return await run_kept(
+                return await run_journaled(
                     options, log, lambda way_in: swarm_of(stop, way_in)
                 )
 
@@ -274,7 +274,7 @@ def run(
                         elsewhere=away,
                         way_in=way_in,
                     )
-                return await run_on(
+                return await run_with_restarts(
                     options,
                     log,
                     stop,

@@ -29,7 +29,7 @@ from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.preflight import check_sensors
 from neurosnap.runtime.restart_policy import Supervision
-from neurosnap.sources.live.open import ZENOH, is_outside, settle
+from neurosnap.sources.live.open import ZENOH, is_live, settle
 from neurosnap.sources.open import Argument, open_source
 
 _logger = logging.getLogger(__name__)
@@ -176,7 +176,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
     }
-    if is_outside(name) and optional["sync"] is UNSET:
+    if is_live(name) and optional["sync"] is UNSET:
         optional["sync"] = _SYNC
     return RunOptions(
         source=name,

@@ -10,7 +10,7 @@ from typing import Annotated, TypeAlias
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from neurosnap.sources.live.open import MQTT, STDIN, ZENOH, OutsideArguments, Seconds
+from neurosnap.sources.live.open import MQTT, STDIN, ZENOH, LiveArguments, Seconds
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.open import Argument
 
@@ -58,9 +58,7 @@ class CsvTable(
         return str(folder / self.path), {}
 
 
-class _OutsideTable(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
+class _LiveTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What sources that are fed from outside have in common."""
 
     sensors: Annotated[tuple[Text, ...], msgspec.Meta(min_length=1)]
@@ -75,7 +73,7 @@ class _OutsideTable(
     """Without `interval`: seconds between two ticks at most."""
 
     def __post_init__(self) -> None:
-        msgspec.convert(self._arguments(), OutsideArguments).pace()
+        msgspec.convert(self._arguments(), LiveArguments).pace()
 
     def _arguments(self) -> dict[str, Argument]:
         given = msgspec.structs.asdict(self)
@@ -84,7 +82,7 @@ class _OutsideTable(
         return {"sensors": names, **said}
 
 
-class StdinTable(_OutsideTable, frozen=True, tag_field="kind", tag="stdin"):
+class StdinTable(_LiveTable, frozen=True, tag_field="kind", tag="stdin"):
     """Standard input, a JSON object a line."""
 
     def opening(self, folder: Path) -> Opening:
@@ -92,7 +90,7 @@ class StdinTable(_OutsideTable, frozen=True, tag_field="kind", tag="stdin"):
         return STDIN, self._arguments()
 
 
-class ZenohTable(_OutsideTable, frozen=True, tag_field="kind", tag="zenoh"):
+class ZenohTable(_LiveTable, frozen=True, tag_field="kind", tag="zenoh"):
     """Any program that publishes readings with Zenoh, under the swarm's own keys."""
 
     def opening(self, folder: Path) -> Opening:

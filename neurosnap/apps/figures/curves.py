@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.figures.experiments.learning_error import LearningCell
+from neurosnap.apps.figures.experiments.learning_error import LearningEntry
 
 _NEAR = 1.1
 _ONE_EDGE = 1.0
@@ -34,7 +34,7 @@ class Curve:
     Entry ``t - 1`` belongs to step ``t``, which is after ``t`` observations.
     """
 
-    cell: LearningCell
+    cell: LearningEntry
     mean: NDArray[np.float64]
     std: NDArray[np.float64]
     """Of the runs as they are (no degree of freedom is taken off)."""
@@ -44,7 +44,7 @@ class Curve:
     """The first step at which any run's error differs from its first; None: never."""
 
     @classmethod
-    def of(cls, cell: LearningCell, rows: NDArray[np.uint16]) -> "Curve":
+    def of(cls, cell: LearningEntry, rows: NDArray[np.uint16]) -> "Curve":
         """Return the curve of a cell's rows, ``(runs, steps)``."""
         moved = np.flatnonzero((rows != rows[:, :1]).any(axis=0))
         return cls(

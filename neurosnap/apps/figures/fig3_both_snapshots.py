@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.figures import learners, plots
 from neurosnap.apps.figures.curves import Curve
-from neurosnap.apps.figures.experiments.learning_error import LearningCell
+from neurosnap.apps.figures.experiments.learning_error import LearningEntry
 from neurosnap.apps.figures.experiments.walks import SETTINGS
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
 
@@ -18,7 +18,7 @@ _DECAY = learners.DECAYS[4]
 _BLUE, _RED = (0.1, 0.25, 0.8), (0.85, 0.15, 0.1)
 
 
-def cells(options: FigureOptions) -> list[LearningCell]:
+def cells(options: FigureOptions) -> list[LearningEntry]:
     """Return both learners of each setting; figures 1 and 2 have them too."""
     return [
         learners.learner(options, setting.name, learners.LEAST, decay)

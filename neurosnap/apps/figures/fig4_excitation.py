@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.policy import EXPLORE
 from neurosnap.apps.figures import learners
 from neurosnap.apps.figures.experiments.target_distance import (
-    SeekerCell,
+    TargetEntry,
     guaranteed,
     task,
 )
@@ -33,7 +33,7 @@ _TITLES = {
 }
 
 
-def cells(options: FigureOptions) -> list[SeekerCell]:
+def cells(options: FigureOptions) -> list[TargetEntry]:
     """Return an empirical and a discounted agent a setting, settings outermost.
 
     Targets are drawn. With random fields, most targets have nothing around them that
@@ -41,7 +41,7 @@ def cells(options: FigureOptions) -> list[SeekerCell]:
     the path come after.
     """
     return [
-        SeekerCell(
+        TargetEntry(
             setting=name,
             threshold=learners.LEAST,
             decay=decay,
@@ -80,7 +80,7 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
 
 
 def claims(
-    courses: Sequence[tuple[SeekerCell, NDArray[Any]]],
+    courses: Sequence[tuple[TargetEntry, NDArray[Any]]],
     truths: dict[str, list[float]],
 ) -> tuple[Claim, ...]:
     """Hold the distances against the paper's text ([GK] "Closing the Loop")."""
@@ -115,7 +115,7 @@ def claims(
     )
 
 
-def _summary(cell: SeekerCell, distances: NDArray[Any]) -> dict[str, Any]:
+def _summary(cell: TargetEntry, distances: NDArray[Any]) -> dict[str, Any]:
     means = distances.mean(axis=0)
     return {
         "setting": cell.setting,
@@ -132,7 +132,7 @@ def _summary(cell: SeekerCell, distances: NDArray[Any]) -> dict[str, Any]:
     }
 
 
-def _line(cell: SeekerCell, distances: NDArray[Any]) -> str:
+def _line(cell: TargetEntry, distances: NDArray[Any]) -> str:
     facts = _summary(cell, distances)
     since = ", ".join(
         f"{mean:.3g} from step {step} on" for step, mean in facts["mean_since"].items()
@@ -144,12 +144,12 @@ def _line(cell: SeekerCell, distances: NDArray[Any]) -> str:
     )
 
 
-def _towards(cell: SeekerCell) -> str:
+def _towards(cell: TargetEntry) -> str:
     return "" if cell.target is None else f", target {cell.target}"
 
 
 def _table(
-    courses: Sequence[tuple[SeekerCell, NDArray[Any]]],
+    courses: Sequence[tuple[TargetEntry, NDArray[Any]]],
 ) -> Iterator[Sequence[object]]:
     for cell, distances in courses:
         head = (
@@ -168,7 +168,9 @@ def _table(
             yield *head, step, f"{mean:.6g}", f"{std:.6g}", least, most
 
 
-def _draw(canvas: "Canvas", courses: Sequence[tuple[SeekerCell, NDArray[Any]]]) -> None:
+def _draw(
+    canvas: "Canvas", courses: Sequence[tuple[TargetEntry, NDArray[Any]]]
+) -> None:
     canvas.set_size_inches(10, 7)
     panels = canvas.subplots(2, 2, sharex=True, sharey=True)
     for axes, setting in zip(panels.flat, SETTINGS, strict=True):
@@ -206,7 +208,7 @@ def _nothing() -> Any:  # noqa: ANN401 - matplotlib is imported late
     return NullLocator()
 
 
-def _stroke(axes: "Axes", cell: SeekerCell, distances: NDArray[Any]) -> None:
+def _stroke(axes: "Axes", cell: TargetEntry, distances: NDArray[Any]) -> None:
     # On a logarithmic scale late steps lie too dense to be seen one by one.
     edges = (
         np.unique(np.geomspace(1, cell.steps, _BINS, endpoint=False).astype(np.intp))

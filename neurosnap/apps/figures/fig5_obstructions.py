@@ -12,7 +12,7 @@ from neurosnap.apps.figures.experiments.obstacles import (
     FIRST,
     AgentName,
     Arena,
-    ObstacleCell,
+    ObstacleEntry,
     arena,
 )
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
@@ -40,13 +40,13 @@ _TASKS: tuple[tuple[str, AgentName, int, tuple[str, ...]], ...] = (
 )
 _COLOURS = {"greedy": "C3", "excited": "C0", "random": "0.5"}
 
-Results = Mapping[tuple[str, AgentName], tuple[ObstacleCell, NDArray[np.int32]]]
+Results = Mapping[tuple[str, AgentName], tuple[ObstacleEntry, NDArray[np.int32]]]
 
 
-def cells(options: FigureOptions) -> list[ObstacleCell]:
+def cells(options: FigureOptions) -> list[ObstacleEntry]:
     """Return the agents and worlds of the figure."""
     return [
-        ObstacleCell(
+        ObstacleEntry(
             world=world,
             agent=agent,
             target=target,
@@ -129,7 +129,7 @@ def claims(results: Results) -> tuple[Claim, ...]:
     )
 
 
-def _summary(cell: ObstacleCell, found: NDArray[np.int32]) -> dict[str, Any]:
+def _summary(cell: ObstacleEntry, found: NDArray[np.int32]) -> dict[str, Any]:
     steps = found[:, :, ARRIVED]
     there = steps >= 0
     shortest = np.broadcast_to(_shortest(cell), steps.shape)
@@ -143,7 +143,7 @@ def _summary(cell: ObstacleCell, found: NDArray[np.int32]) -> dict[str, Any]:
     }
 
 
-def _shortest(cell: ObstacleCell) -> NDArray[np.float64]:
+def _shortest(cell: ObstacleEntry) -> NDArray[np.float64]:
     """Return the fewest steps from each place to the goal: ``(places,)``."""
     world = arena(cell.world, cell.target)
     distance = np.where(world.reached(cell.goal), 0.0, np.inf)
@@ -152,7 +152,7 @@ def _shortest(cell: ObstacleCell) -> NDArray[np.float64]:
     return distance
 
 
-def _line(cell: ObstacleCell, found: NDArray[np.int32]) -> str:
+def _line(cell: ObstacleEntry, found: NDArray[np.int32]) -> str:
     facts = _summary(cell, found)
     name = cell.world.removeprefix("neurosnap/").removesuffix("-v0")
     if np.isnan(facts["mean_steps"]):
@@ -279,7 +279,7 @@ def _rail(axes: "Axes", results: Results) -> None:
 
 
 def _bars(
-    axes: "Axes", results: Mapping[str, tuple[ObstacleCell, NDArray[np.int32]]]
+    axes: "Axes", results: Mapping[str, tuple[ObstacleEntry, NDArray[np.int32]]]
 ) -> None:
     counts = [_summary(*result)["blocked"] for result in results.values()]
     colours = [_COLOURS[cell.agent] for cell, _ in results.values()]

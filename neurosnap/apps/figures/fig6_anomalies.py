@@ -20,8 +20,8 @@ from neurosnap.apps.figures.experiments.fault_detection import (
     RIGHT,
     SHOWN,
     VISIBLE,
+    DetectionEntry,
     Judge,
-    WatchedCell,
 )
 from neurosnap.apps.figures.experiments.sensor_faults import FAULTS, PLACES
 from neurosnap.apps.figures.figure import Figure, FigureOptions, Report
@@ -91,13 +91,13 @@ class Score(msgspec.Struct, frozen=True):
     """The share of steps in the first half, where nothing is wrong, with an anomaly."""
 
 
-Watched = tuple[WatchedCell, NDArray[Any]]
+Watched = tuple[DetectionEntry, NDArray[Any]]
 
 
-def cells(options: FigureOptions) -> list[WatchedCell]:
+def cells(options: FigureOptions) -> list[DetectionEntry]:
     """Return a cell a world, learner and fault, worlds outermost."""
     return [
-        WatchedCell(
+        DetectionEntry(
             place=place.name,
             threshold=threshold,
             decay=decay,
@@ -188,7 +188,7 @@ def _delays(flags: NDArray[Any], shift: int) -> list[int | None]:
 
 
 def _summed(
-    watched: Sequence[Watched], kind: Callable[[WatchedCell], str]
+    watched: Sequence[Watched], kind: Callable[[DetectionEntry], str]
 ) -> list[Score]:
     """Return the scores over all worlds of each learner, kind of fault and judge."""
     groups: dict[tuple[float, float | None, str], list[Watched]] = {}

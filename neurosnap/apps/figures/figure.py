@@ -2,8 +2,8 @@
 
 To add one, write a module with a `Figure` and put it into
 `neurosnap.apps.figures.run.FIGURES`. Its cells may be anything that is a
-`neurosnap.apps.figures.results_table.Cell`; its report says what goes into the CSV, the
-picture and the JSON.
+`neurosnap.apps.figures.results_table.Entry`; its report says what goes into the CSV,
+the picture and the JSON.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,7 +15,7 @@ import msgspec
 from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments.learning_error import TruthKind
-from neurosnap.apps.figures.results_table import Cell
+from neurosnap.apps.figures.results_table import Entry
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -93,7 +93,7 @@ class Figure:
     """Its files are called so."""
     title: str
     """What it shows, in a few words."""
-    cells: Callable[[FigureOptions], Sequence[Cell]]
+    cells: Callable[[FigureOptions], Sequence[Entry]]
     """Returns the cells it is made of."""
     report: Callable[[FigureOptions, Sequence[NDArray[Any]]], Report]
     """Takes the rows of those cells, in the same order."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.figures.curves import Curve, Rate, fitted
-from neurosnap.apps.figures.experiments.learning_error import LearningCell
+from neurosnap.apps.figures.experiments.learning_error import LearningEntry
 from neurosnap.apps.figures.experiments.walks import SETTINGS
 from neurosnap.apps.figures.figure import Claim, FigureOptions, Report
 
@@ -35,9 +35,9 @@ COLUMNS = ("setting", "threshold", "decay", "step", "mean", "std", "min", "max")
 
 def learner(
     options: FigureOptions, setting: str, threshold: float, decay: float | None = None
-) -> LearningCell:
+) -> LearningEntry:
     """Return a learner in a setting, under the options of a figure."""
-    return LearningCell(
+    return LearningEntry(
         setting=setting,
         threshold=threshold,
         decay=decay,
@@ -49,18 +49,18 @@ def learner(
     )
 
 
-def empirical(options: FigureOptions) -> list[LearningCell]:
+def empirical(options: FigureOptions) -> list[LearningEntry]:
     """Return an empirical learner a setting and threshold, settings outermost."""
     return [learner(options, s.name, tau) for s in SETTINGS for tau in THRESHOLDS]
 
 
-def discounted(options: FigureOptions) -> list[LearningCell]:
+def discounted(options: FigureOptions) -> list[LearningEntry]:
     """Return a discounted learner a setting and decay, settings outermost."""
     return [learner(options, s.name, LEAST, q) for s in SETTINGS for q in DECAYS]
 
 
 def curves_of(
-    cells: Sequence[LearningCell], rows: Sequence[NDArray[Any]]
+    cells: Sequence[LearningEntry], rows: Sequence[NDArray[Any]]
 ) -> list[Curve]:
     """Return the curve of each cell, of its rows."""
     return [Curve.of(*pair) for pair in zip(cells, rows, strict=True)]

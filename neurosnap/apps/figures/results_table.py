@@ -28,7 +28,7 @@ from neurosnap.system.durable import replace_file
 _logger = logging.getLogger(__name__)
 
 
-class Cell(Protocol):
+class Entry(Protocol):
     """An entry of the table: as many rows as there are runs."""
 
     @property
@@ -77,12 +77,12 @@ class Table:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def path(self, cell: Cell) -> Path:
+    def path(self, cell: Entry) -> Path:
         """Return where a cell is stored."""
         digest = sha256(cell.key.encode()).hexdigest()[:16]
         return self._folder / f"{cell.name}-{digest}.npz"
 
-    def load(self, cell: Cell) -> NDArray[Any] | None:
+    def load(self, cell: Entry) -> NDArray[Any] | None:
         """Return the rows of a cell: ``(runs, …)``; None if they are not there.
 
         A file that is damaged, or holds anything else, is as good as none; that is
@@ -98,7 +98,7 @@ class Table:
             _logger.warning("%s: is computed anew (%s)", path, error)
             return None
 
-    def store(self, cell: Cell, rows: NDArray[Any]) -> None:
+    def store(self, cell: Entry, rows: NDArray[Any]) -> None:
         """Keep the rows of a cell, whole or not at all.
 
         Raises:
@@ -109,13 +109,13 @@ class Table:
         self._folder.mkdir(parents=True, exist_ok=True)
         replace_file(self.path(cell), buffer.getvalue())
 
-    def missing(self, cells: Iterable[Cell]) -> list[Cell]:
+    def missing(self, cells: Iterable[Entry]) -> list[Entry]:
         """Return the cells that are not there, in order."""
         return [cell for cell in cells if self.load(cell) is None]
 
     def fill(
         self,
-        cells: Sequence[Cell],
+        cells: Sequence[Entry],
         workers: int,
         on_progress: Callable[[int, int], None],
         cancelled: Callable[[], bool],
@@ -154,7 +154,7 @@ class Table:
 
     def _collect(
         self,
-        tasks: dict[Future[NDArray[Any]], tuple[Cell, int]],
+        tasks: dict[Future[NDArray[Any]], tuple[Entry, int]],
         total: int,
         on_progress: Callable[[int, int], None],
         cancelled: Callable[[], bool],
@@ -180,7 +180,7 @@ class Table:
         return finished
 
 
-def _rows(cell: Cell, arrays: Arrays) -> NDArray[Any]:
+def _rows(cell: Entry, arrays: Arrays) -> NDArray[Any]:
     """Return the rows in a cell's file.
 
     Raises:

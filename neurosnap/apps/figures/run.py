@@ -31,7 +31,7 @@ from neurosnap.apps.figures.figure import (
     agreement,
     judged,
 )
-from neurosnap.apps.figures.results_table import Cell, Table
+from neurosnap.apps.figures.results_table import Entry, Table
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.system.distribution import must_have, version
 from neurosnap.system.durable import replace_file
@@ -107,7 +107,7 @@ def run_figures(
     _check(options)
     _canvas()  # hours of computing must not end in a missing package
     chosen = chosen_figures(options.only)
-    wanted: dict[str, Cell] = {}
+    wanted: dict[str, Entry] = {}
     for figure in chosen:
         wanted.update((cell.key, cell) for cell in figure.cells(options))
     options.out.mkdir(parents=True, exist_ok=True)

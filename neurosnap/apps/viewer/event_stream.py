@@ -6,8 +6,8 @@ from collections.abc import AsyncIterator
 import msgspec
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.run_view import Film
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.events import wait_at_most
 
@@ -20,7 +20,7 @@ _HEARTBEAT = 15.0
 """Seconds of silence, at most."""
 
 
-async def news(desk: Desk, stop: asyncio.Event) -> AsyncIterator[bytes]:
+async def news(desk: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes]:
     """Yield server-sent events until the recording has its end, or `stop` is set.
 
     A recording that cannot be read any further has its end, too.
@@ -50,11 +50,11 @@ class _Listener:
     """What one who listens was told last."""
 
     def __init__(self) -> None:
-        self._film: Film | None = None
+        self._film: RunView | None = None
         self._frame: api.Frame | None = None
         self._told: tuple[int, int, bool] | None = None
 
-    def event(self, film: Film, live: bool) -> api.Event | None:
+    def event(self, film: RunView, live: bool) -> api.Event | None:
         """Return what is new; None: nothing is."""
         reset = self._film is not None and film is not self._film
         if reset:
@@ -77,7 +77,7 @@ class _Listener:
         ticks = 0 if self._film is None else self._film.last
         return api.Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
 
-    def _changes(self, film: Film) -> list[api.Change]:
+    def _changes(self, film: RunView) -> list[api.Change]:
         """Return how the newest frames differ from what was told.
 
         The last that was told is looked at again, however far behind it is: its

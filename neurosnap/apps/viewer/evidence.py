@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from neurosnap.apps.viewer.api import Edge, Weighed
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 
@@ -16,7 +16,7 @@ _FAR = 100
 """Points of these ticks, and of the key-frames."""
 
 
-def weighed(film: Film, source: int, target: int, tick: int) -> Edge:
+def weighed(film: RunView, source: int, target: int, tick: int) -> Edge:
     """Return what is known of ``source -> target`` at a tick and around it.
 
     Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
@@ -46,7 +46,7 @@ def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:
     )
 
 
-def _near(film: Film, source: int, target: int, tick: int) -> Iterator[Weighed]:
+def _near(film: RunView, source: int, target: int, tick: int) -> Iterator[Weighed]:
     """Yield ticks around one, evenly apart, as far as they can be learned."""
     first = max(film.first, tick - _AROUND)
     last = min(film.last, tick + _AROUND)
@@ -59,7 +59,7 @@ def _near(film: Film, source: int, target: int, tick: int) -> Iterator[Weighed]:
         return  # what is known by then is shown
 
 
-def _far(film: Film, source: int, target: int) -> Iterator[Weighed]:
+def _far(film: RunView, source: int, target: int) -> Iterator[Weighed]:
     """Yield key-frames, evenly apart."""
     for frame in film.reel.keyframes(_FAR):
         try:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.apps.viewer.api import Cells, Member
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.zenoh.location import Place
 from neurosnap.protocol.partition import shares
@@ -21,7 +21,7 @@ _REPORTING = ("settle", "tally", "observe", "state", "decide", "leave")
 """What each part sends on every tick, or at its end."""
 
 
-def members(film: Film) -> Cells:
+def members(film: RunView) -> Cells:
     """Return the parts of a recorded swarm, or of one that is being recorded.
 
     Raises:
@@ -48,7 +48,7 @@ def members(film: Film) -> Cells:
     )
 
 
-def _hosting(film: Film) -> dict[str, range]:
+def _hosting(film: RunView) -> dict[str, range]:
     """Return of each worker or cell, in order, which sensors it has."""
     options = film.options
     count = len(options.sensors)
@@ -56,7 +56,7 @@ def _hosting(film: Film) -> dict[str, range]:
     return dict(zip(options.host_names(), each, strict=True))
 
 
-def _sent(film: Film, hosting: Collection[str]) -> dict[str, int]:
+def _sent(film: RunView, hosting: Collection[str]) -> dict[str, int]:
     """Return how many messages each part has sent, as far as those that host go."""
     noted = film.files.last.noted().expected
     if noted:

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.order_drawing import drawn, graph_id
-from neurosnap.apps.viewer.snapshot_cache import Recall
+from neurosnap.apps.viewer.snapshot_cache import SnapshotCache
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.errors import InvalidValueError, RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.read.growing_files import Files
-from neurosnap.recording.read.tick_index import Reel
+from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.verify import options_of, resumed_at
 from neurosnap.sensorium import unpack
 
@@ -34,7 +34,7 @@ _UNKNOWN = ""
 """The id of an order that cannot be known: an observation is missing."""
 
 
-class Film:
+class RunView:
     """A recording to look at. To be used by one thread at a time.
 
     Args:
@@ -49,8 +49,8 @@ class Film:
         self.path = path
         self.files = Files(path)
         self.options = options_of(self.files.first)
-        self.reel = Reel(self.files)
-        self.recall = Recall(self.reel, self.options)
+        self.reel = TickIndex(self.files)
+        self.recall = SnapshotCache(self.reel, self.options)
         self.scene = Scene(self.options) if scene is None else scene
         self.first = self._first()
         self.last = self.reel.last_tick()

@@ -28,8 +28,8 @@ from neurosnap.apps.viewer.event_stream import news
 from neurosnap.apps.viewer.evidence import weighed
 from neurosnap.apps.viewer.json_answers import answer, refusal, whole
 from neurosnap.apps.viewer.members import members
-from neurosnap.apps.viewer.run_view import Film
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
 _LOOPBACK = "127.0.0.1"
@@ -50,7 +50,7 @@ class Address:
         return f"http://{_LOOPBACK}:{self.port}/?token={self.token}"
 
 
-def application(desk: Desk, address: Address, stop: asyncio.Event) -> ASGIApp:
+def application(desk: ViewSession, address: Address, stop: asyncio.Event) -> ASGIApp:
     """Return what answers requests.
 
     Args:
@@ -68,11 +68,11 @@ def application(desk: Desk, address: Address, stop: asyncio.Event) -> ASGIApp:
         if last - first >= api.MOST_FRAMES:
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
-        return answer(api.Frames(await desk.ask(Film.frames, first, last)))
+        return answer(api.Frames(await desk.ask(RunView.frames, first, last)))
 
     async def graph(request: Request) -> Response:
         tick = whole(request.query_params, "tick")
-        return answer(await desk.ask(Film.graph, tick))
+        return answer(await desk.ask(RunView.graph, tick))
 
     async def edge(request: Request) -> Response:
         asked = (whole(request.query_params, n) for n in ("source", "target", "tick"))
@@ -139,7 +139,7 @@ class _Server(uvicorn.Server):
 
 
 @asynccontextmanager
-async def serving(desk: Desk, port: int = 0) -> AsyncIterator[Address]:
+async def serving(desk: ViewSession, port: int = 0) -> AsyncIterator[Address]:
     """Serve while the context is entered; yields where, once it listens.
 
     Args:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.run_view import Film
-from neurosnap.apps.viewer.time_series import Ledger
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.events import wait_at_most
 
@@ -26,7 +26,7 @@ _EVERY = 0.1
 """Seconds between two looks at a recording that grows."""
 
 
-class Desk:
+class ViewSession:
     """What is open, and what is read of it in the background.
 
     Args:
@@ -46,14 +46,14 @@ class Desk:
 
     def _open(self) -> None:
         # Both or none: the ledger has a film of its own, of the same file.
-        film = Film(self._log)
-        ledger = Ledger(Film(self._log, film.scene))
+        film = RunView(self._log)
+        ledger = TimeSeries(RunView(self._log, film.scene))
         self.film, self.ledger = film, ledger
         self.live = self._is_live(self._grows())
 
     async def ask(
         self,
-        question: Callable[Concatenate[Film, P], T],
+        question: Callable[Concatenate[RunView, P], T],
         *arguments: P.args,
         **named: P.kwargs,
     ) -> T:
@@ -64,7 +64,7 @@ class Desk:
     async def run(self) -> api.Run:
         """Return what is being looked at, as it is now."""
         await self.look()
-        return await self.ask(Film.run, self.live)
+        return await self.ask(RunView.run, self.live)
 
     async def look(self) -> None:
         """See whether the recording has grown, if it is time to.

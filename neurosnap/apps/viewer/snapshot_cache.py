@@ -14,7 +14,7 @@ from neurosnap.errors import RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.tick_index import Reel
+from neurosnap.recording.read.tick_index import TickIndex
 
 _STRIDE = 100
 """Ticks between two snapshots that are kept on the way."""
@@ -24,7 +24,7 @@ _A_PAIR = 12
 """Bytes a pair of sensors takes in a snapshot, about."""
 
 
-class Recall:
+class SnapshotCache:
     """What was learned, by tick. To be used by one thread at a time.
 
     Args:
@@ -32,7 +32,7 @@ class Recall:
         options: The run's.
     """
 
-    def __init__(self, reel: Reel, options: RunOptions) -> None:
+    def __init__(self, reel: TickIndex, options: RunOptions) -> None:
         self._reel = reel
         self._options = options
         self._kept: OrderedDict[int, Snapshot] = OrderedDict()

@@ -15,7 +15,7 @@ from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import ShapeError
 from neurosnap.protocol.observations import readings, selection
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.tick_index import Reel, Strip
+from neurosnap.recording.read.tick_index import Strip, TickIndex
 
 _BEYOND = 4
 """Chunks behind the last tick in which something late is looked for. The recorder
@@ -35,7 +35,7 @@ class Ticks:
 
     def __init__(
         self,
-        reel: Reel,
+        reel: TickIndex,
         options: RunOptions,
         first: int,
         last: int,
@@ -81,7 +81,7 @@ class Ticks:
         """Return the literals that start a tick's state wave."""
         return tuple(self.literals(tick).nonzero()[0].tolist())
 
-    def _gather(self, reel: Reel) -> None:
+    def _gather(self, reel: TickIndex) -> None:
         first, last = self._range[0], self._range[-1]
         closing = reel.files.last.closing
         if closing is not None and closing.tick in self._range:
@@ -109,8 +109,8 @@ class Ticks:
             for start in strip.all("wave", wire.WaveStart):
                 if start.tick in self._range:
                     self._waves.begin(start)
-            self._waves.report(strip.all("settle", wire.Settled))
-            self._waves.tally(strip.all("tally", wire.Tally))
+            self._waves.report(strip.all("settle", wire.CellReport))
+            self._waves.tally(strip.all("tally", wire.WorkerReport))
 
     def _is_whole(self) -> bool:
         """Return whether all is there that these ticks can have."""

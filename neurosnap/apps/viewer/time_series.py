@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.viewer.api import COLUMNS, Column, Series
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import InvalidValueError, RecordingError
 
@@ -19,7 +19,7 @@ _BATCH = 64
 _STARTS_WITH = 1024
 
 
-class Ledger:
+class TimeSeries:
     """The columns of a run, as far as they have been read.
 
     Reading is for one thread at a time and may go on while others look.
@@ -28,7 +28,7 @@ class Ledger:
         film: A film of its own: it is read from one end to the other.
     """
 
-    def __init__(self, film: Film) -> None:
+    def __init__(self, film: RunView) -> None:
         self._film = film
         self.columns: tuple[Column, ...] = (*COLUMNS, *film.scene.columns)
         self._first = film.first

@@ -40,7 +40,7 @@ class Waves:
         """Take note of a wave; some are announced to many."""
         self._starts.setdefault(start.tick, {}).setdefault(start.wave, start)
 
-    def report(self, reports: Iterable[wire.Settled]) -> None:
+    def report(self, reports: Iterable[wire.CellReport]) -> None:
         """Take in what cells reported, on whatever wave."""
         for report in reports:
             found = self._at(report.wave)
@@ -48,7 +48,7 @@ class Waves:
             found.credit += report.credit
             found.pulses += report.pulses
 
-    def tally(self, tallies: Iterable[wire.Tally]) -> None:
+    def tally(self, tallies: Iterable[wire.WorkerReport]) -> None:
         """Take in what workers reported, on whatever wave."""
         for tally in tallies:
             found = self._at(tally.wave)

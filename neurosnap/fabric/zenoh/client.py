@@ -22,7 +22,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.inbox import Courier, Door, Inbox
+from neurosnap.fabric.inbox import DeliveryThread, Door, Inbox
 from neurosnap.fabric.protocol import (
     Failure,
     Handler,
@@ -194,7 +194,7 @@ class ZenohFabric:
             take = Assembly(cut).take
             self._polls.append(Poll(channel, take, handler, poll, self._failure))
             return
-        kind = Courier if self._swift else Inbox
+        kind = DeliveryThread if self._swift else Inbox
         door: Door[wire.Delivery] = kind(self.who, handler, self._failure.set)
         self._doors.append(door)
         take = Assembly(cut).take

@@ -52,7 +52,7 @@ def is_of(name: str, swarm: str) -> bool:
     return base == swarm and number.isdecimal() == bool(dash)
 
 
-class Sighting:
+class FoundSwarm:
     """A swarm that came.
 
     Attributes:
@@ -65,7 +65,7 @@ class Sighting:
         self.gone = asyncio.Event()
 
 
-class Lookout:
+class Discovery:
     """Looks out for the swarms of one id. Use as an async context manager.
 
     Args:
@@ -96,8 +96,10 @@ class Lookout:
         self._stop = stop or asyncio.Event()
         self._patience = patience
         self._credentials = credentials
-        self._there: dict[str, Sighting] = {}  # by name, in the order they came
-        self._next: Sighting | None = None  # the last that came, until it was returned
+        self._there: dict[str, FoundSwarm] = {}  # by name, in the order they came
+        self._next: FoundSwarm | None = (
+            None  # the last that came, until it was returned
+        )
         self._came = asyncio.Event()
 
     async def __aenter__(self) -> Self:
@@ -150,14 +152,14 @@ class Lookout:
             if not is_of(name, self._swarm):
                 continue
             if alive and name not in self._there:
-                self._next = self._there[name] = Sighting(name)
+                self._next = self._there[name] = FoundSwarm(name)
                 self._came.set()
             elif not alive and name in self._there:
                 self._there.pop(name).gone.set()
 
     async def next(
         self, stop: asyncio.Event, patience: float | None = None
-    ) -> Sighting | None:
+    ) -> FoundSwarm | None:
         """Return the swarm that came last, one each time it came.
 
         Args:

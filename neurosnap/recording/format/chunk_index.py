@@ -24,7 +24,7 @@ _BEFORE = 22  # channel, sequence and two times, before a message's payload
 _SEQUENCE = struct.Struct("<I")
 
 
-class Sieve(NamedTuple):
+class ChunkIndex(NamedTuple):
     """The messages of a chunk, in the order they were recorded."""
 
     data: bytes
@@ -48,7 +48,7 @@ class Sieve(NamedTuple):
         return number
 
 
-def sieve(data: bytes) -> Sieve:
+def sieve(data: bytes) -> ChunkIndex:
     """Walk through the records of a chunk.
 
     Raises:
@@ -68,7 +68,7 @@ def sieve(data: bytes) -> Sieve:
         channel: Channel = parse(Channel.read, data[start:stop])
         registered[channel.id] = channel
     _, channels, starts, stops = found[opcodes == _MESSAGE].T
-    return Sieve(data, channels, starts, stops, registered)
+    return ChunkIndex(data, channels, starts, stops, registered)
 
 
 @njit(nogil=True)

@@ -58,7 +58,7 @@ def _start(gap: tuple[int, int]) -> int:
     return gap[0]
 
 
-class Sequences:
+class RunningNumbers:
     """The running numbers of all senders, as they arrive.
 
     Memory grows with the senders and the open gaps, not with the messages.

@@ -55,7 +55,7 @@ _DATA_END = HEAD.size + _CRC.size
 _MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
 
 
-class Glance(msgspec.Struct):
+class IndexScan(msgspec.Struct):
     """What was seen of a file so far."""
 
     layout: Layout
@@ -64,7 +64,7 @@ class Glance(msgspec.Struct):
     """Where the first record starts that was not seen, in a file without its end."""
 
 
-def glance(path: Path) -> Glance:
+def glance(path: Path) -> IndexScan:
     """Look at a recording. Time: as its summary is long, or its records are many.
 
     Raises:
@@ -80,13 +80,13 @@ def glance(path: Path) -> Glance:
             except RecordingError:
                 pass  # noted where the walk gets there
             else:
-                return Glance(whole, whole.size)
-        seen = Glance(layout, offset)
+                return IndexScan(whole, whole.size)
+        seen = IndexScan(layout, offset)
         _go_on(path, file, seen)
         return seen
 
 
-def go_on(path: Path, seen: Glance) -> bool:
+def go_on(path: Path, seen: IndexScan) -> bool:
     """Look at what a file has gained; return whether that is anything.
 
     Raises:
@@ -279,7 +279,7 @@ def _indexed(layout: Layout, body: bytes) -> Chunk:
 # From head to head --------------------------------------------------------------------
 
 
-def _go_on(path: Path, file: BinaryIO, seen: Glance) -> None:
+def _go_on(path: Path, file: BinaryIO, seen: IndexScan) -> None:
     """Walk on from where the walk stopped, to the end or to where the file was cut."""
     layout = seen.layout
     layout.cut = None
@@ -291,7 +291,7 @@ def _go_on(path: Path, file: BinaryIO, seen: Glance) -> None:
             over = _leap(path, file, seen, str(error))
 
 
-def _leap(path: Path, file: BinaryIO, seen: Glance, why: str) -> bool:
+def _leap(path: Path, file: BinaryIO, seen: IndexScan, why: str) -> bool:
     """Go on behind what is no record; return whether nothing is there."""
     layout, at = seen.layout, seen.offset
     found = find_record(path, file, at + 1, layout.size)
@@ -303,7 +303,7 @@ def _leap(path: Path, file: BinaryIO, seen: Glance, why: str) -> bool:
     return False
 
 
-def _take_next(path: Path, file: BinaryIO, seen: Glance) -> bool:
+def _take_next(path: Path, file: BinaryIO, seen: IndexScan) -> bool:
     """File the next record; return whether there is none."""
     layout, at = seen.layout, seen.offset
     file.seek(at)

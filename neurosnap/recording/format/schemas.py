@@ -10,15 +10,28 @@ from typing import Any
 
 import msgspec
 
-from neurosnap.wire import Message
+from neurosnap.wire import CellReport, Message, PulseBatch, WorkerReport, WorkerWiring
 
 ENCODING = "jsonschema"
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
+_TITLES: dict[type[Message], str] = {
+    CellReport: "Settled",
+    PulseBatch: "Burst",
+    WorkerReport: "Tally",
+    WorkerWiring: "Loom",
+}
+"""What recordings call the messages whose classes are named otherwise by now."""
+
+
+def _title(message: type[Message]) -> str:
+    return _TITLES.get(message, message.__name__)
+
+
 def name(message: type[Message]) -> str:
     """Return the name a message's schema is recorded under."""
-    return f"neurosnap.{message.__name__}"
+    return f"neurosnap.{_title(message)}"
 
 
 def schema(message: type[Message]) -> dict[str, Any]:
@@ -29,7 +42,8 @@ def schema(message: type[Message]) -> dict[str, Any]:
         field: {"type": "string", **rule} if "enum" in rule else rule
         for field, rule in flat["properties"].items()
     }
-    return {"$schema": _DIALECT, **flat, "properties": properties}
+    titled = {**flat, "title": _title(message)}
+    return {"$schema": _DIALECT, **titled, "properties": properties}
 
 
 def encoded(message: type[Message]) -> bytes:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.index_scan import Glance, glance, go_on
+from neurosnap.recording.format.index_scan import IndexScan, glance, go_on
 from neurosnap.recording.format.records import Chunk, opened
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
@@ -24,7 +24,7 @@ class File:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.identity = identity(path)  # before it is read: another may come after
-        self.seen: Glance = glance(path)
+        self.seen: IndexScan = glance(path)
         self.recording = Recording.seen(path, self.seen.layout)
 
     @property

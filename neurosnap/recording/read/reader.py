@@ -20,7 +20,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.zenoh.location import Place
 from neurosnap.recording.format.chunks import EVER, raw_messages
-from neurosnap.recording.format.completeness import Completeness, Sequences
+from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.full_scan import scan
 from neurosnap.recording.format.records import (
     CLOSING,
@@ -314,12 +314,12 @@ class Recording:
             raise InvalidValueError("topics", rule, topic)
         return self._decoded(wanted, start, end)
 
-    def blank_sequences(self) -> Sequences:
+    def blank_sequences(self) -> RunningNumbers:
         """Return the senders' running numbers before any message has come."""
         share = self.share
-        return Sequences(share or {}, anywhere=share is None)
+        return RunningNumbers(share or {}, anywhere=share is None)
 
-    def sequences(self) -> Sequences:
+    def sequences(self) -> RunningNumbers:
         """Read all messages and return every sender's running numbers.
 
         Raises:
@@ -341,7 +341,7 @@ class Recording:
         """
         return self.balance(self.sequences())
 
-    def balance(self, sequences: Sequences) -> Completeness:
+    def balance(self, sequences: RunningNumbers) -> Completeness:
         """Return `completeness`, by running numbers that were read already.
 
         Raises:

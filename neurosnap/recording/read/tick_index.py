@@ -17,7 +17,7 @@ from mcap.records import Channel
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.channels import channels_in
-from neurosnap.recording.format.chunk_index import Sieve, sieve
+from neurosnap.recording.format.chunk_index import ChunkIndex, sieve
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.records import Chunk, damaged, opened
 from neurosnap.recording.read.growing_files import File, Files
@@ -39,7 +39,7 @@ class Strip:
         place: How to say that something in it is not what it should be.
     """
 
-    def __init__(self, found: Sieve, topics: dict[int, str], place: str) -> None:
+    def __init__(self, found: ChunkIndex, topics: dict[int, str], place: str) -> None:
         self.size = len(found.data)
         self._found = found
         self._channels = {topic: channel for channel, topic in topics.items()}
@@ -74,7 +74,7 @@ class Strip:
         return places
 
 
-class Reel:
+class TickIndex:
     """A recording's chunks, by tick. To be used by one thread at a time.
 
     Args:
@@ -263,7 +263,7 @@ class Reel:
         return self._topics[file]
 
 
-def _unpacked(file: File, chunk: Chunk) -> Sieve:
+def _unpacked(file: File, chunk: Chunk) -> ChunkIndex:
     """Return the messages of a chunk, verified."""
     with opened(file.path) as stream:
         data = unpack(file.path, stream, chunk)

@@ -122,7 +122,7 @@ async def play(
     if start > 1:
         snapshot = learned_by(recording, start - 1)
         fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
-    pace = _Pace(rate)
+    pace = _TickSchedule(rate)
     for count, recorded in enumerate(_from(recording, start)):
         message = recorded.message
         if isinstance(message, wire.Observation):
@@ -157,7 +157,7 @@ def _from(recording: Recording, start: int) -> Iterator[Recorded]:
     return messages if start == 1 else itertools.dropwhile(before, messages)
 
 
-class _Pace:
+class _TickSchedule:
     """Waits until it is a message's turn."""
 
     def __init__(self, rate: float) -> None:

@@ -20,7 +20,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, starts
 from neurosnap.recording.read.reader import Recording
@@ -35,7 +35,14 @@ from neurosnap.recording.replay.verify import (
 )
 from neurosnap.sensorium import pack
 
-_DATED = wire.Pulse | wire.Settled | wire.Burst | wire.Tally | wire.State | wire.Reached
+_DATED = (
+    wire.Pulse
+    | wire.CellReport
+    | wire.PulseBatch
+    | wire.WorkerReport
+    | wire.State
+    | wire.Reached
+)
 
 
 class _Point(NamedTuple):
@@ -49,7 +56,7 @@ class _Point(NamedTuple):
     """The state after it, packed."""
 
 
-def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, Past]:
+def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, ResumePoint]:
     """Find out where a recorded run can go on.
 
     Derives the run again on the way, from its last key-frame but one: what is resumed
@@ -92,11 +99,11 @@ def _backwards(log: Path, most: int | None) -> Iterator[tuple[Recording, Recordi
 
 def _look_back(
     recording: Recording, stretch: Recording, most: int | None
-) -> tuple[RunOptions, Past]:
+) -> tuple[RunOptions, ResumePoint]:
     """Find out where a run can go on in one stretch of its last file."""
     options = options_of(recording)
     tick, waves, state = _derive(stretch, most)
-    return options, Past(
+    return options, ResumePoint(
         log=str(recording.path),
         tick=tick,
         actions=_actions(recording, options, tick),
@@ -108,7 +115,7 @@ def _look_back(
     )
 
 
-def past_of(log: Path, options: RunOptions) -> Past:
+def past_of(log: Path, options: RunOptions) -> ResumePoint:
     """Return where a run that is described again goes on with its recording.
 
     Args:
@@ -130,7 +137,7 @@ def past_of(log: Path, options: RunOptions) -> Past:
     return past
 
 
-def past_at(log: Path, there: Past) -> Past:
+def past_at(log: Path, there: ResumePoint) -> ResumePoint:
     """Return where a run goes on by another copy of its recording.
 
     Args:
@@ -343,7 +350,7 @@ def _below(ranges: list[tuple[int, int]], end: int) -> int:
     return sum(max(0, min(stop, end) - start) for start, stop in ranges)
 
 
-def restore(past: Past, ticks: int) -> Coordinator:
+def restore(past: ResumePoint, ticks: int) -> Coordinator:
     """Return the coordinator's core as it was after the last whole tick.
 
     Args:

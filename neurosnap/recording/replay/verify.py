@@ -40,7 +40,7 @@ _INPUTS = ("observe", "settle", "tally")
 _OUTPUTS = ("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly")
 _SHOWN = 300  # characters of a message shown in a difference
 
-_Report: TypeAlias = wire.Settled | wire.Tally
+_Report: TypeAlias = wire.CellReport | wire.WorkerReport
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -302,7 +302,7 @@ class Replay:
                 self._check_reached(recorded, message.wave, message.signal)
             case wire.Wiring():
                 self._told[f"cell/{message.cell}"] = message.epoch
-            case wire.Loom():
+            case wire.WorkerWiring():
                 self._told[f"worker/{message.worker}"] = message.epoch
             case wire.KeyFrame(waves=0):  # from before: the wiring went on by changes
                 self.core.recall()
@@ -342,9 +342,13 @@ class Replay:
         match recorded.message:
             case wire.State(wave=wave) | wire.Reached(wave=wave):
                 return self._feed_reports(wave)
-            case wire.Wiring() | wire.Loom() | wire.WaveStart() if self.core.in_flight:
+            case wire.Wiring() | wire.WorkerWiring() | wire.WaveStart() if (
+                self.core.in_flight
+            ):
                 return self._feed_deadline(recorded)
-            case wire.Anomaly() | wire.Wiring() | wire.Loom() | wire.WaveStart():
+            case (
+                wire.Anomaly() | wire.Wiring() | wire.WorkerWiring() | wire.WaveStart()
+            ):
                 return self._feed_observation()
             case _:
                 return []
@@ -435,7 +439,7 @@ class Replay:
             match recorded.message:
                 case wire.Observation() as observation:
                     self._observations.setdefault(observation.tick, observation)
-                case wire.Settled() | wire.Tally() as report:
+                case wire.CellReport() | wire.WorkerReport() as report:
                     dated = b'"epoch":' in recorded.payload
                     self._reports.setdefault(report.wave, []).append((report, dated))
                 case _:
@@ -449,7 +453,7 @@ class Replay:
         match recorded.message:
             case wire.Observation(tick=tick):
                 return tick <= self.first
-            case wire.Settled(wave=wave) | wire.Tally(wave=wave):
+            case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
                 return wave <= self._start.frame.waves
             case _:
                 return recorded.sequence <= self._start.sequence

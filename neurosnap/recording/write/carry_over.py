@@ -5,13 +5,13 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.protocol.resume_point import Past, first_number
+from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.stretches import lost_before, pieces
 from neurosnap.recording.write.writer import Writer
 
 
-def facts_of(metadata: Mapping[str, str], past: Past | None) -> dict[str, str]:
+def facts_of(metadata: Mapping[str, str], past: ResumePoint | None) -> dict[str, str]:
     """Return what is written of a run, where it is resumed with that it is."""
     if past is None:
         return dict(metadata)
@@ -20,7 +20,7 @@ def facts_of(metadata: Mapping[str, str], past: Past | None) -> dict[str, str]:
 
 
 def begin_recording(
-    writer: Writer, metadata: Mapping[str, str], past: Past | None
+    writer: Writer, metadata: Mapping[str, str], past: ResumePoint | None
 ) -> None:
     """Start a recording: with what is taken over, where a run is resumed."""
     writer.start(facts_of(metadata, past))

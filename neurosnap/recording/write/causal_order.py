@@ -19,7 +19,7 @@ class Heard(NamedTuple):
     """When it came, nanoseconds since the epoch."""
 
 
-class Causes:
+class CausalOrder:
     """Lets messages wait for the word of the coordinator that they answer.
 
     Each sender's own order is kept. The word may be lost, or never have been said: so
@@ -102,7 +102,7 @@ def is_beyond(message: wire.Message, tick: int, wave: int) -> bool:
     match message:
         case wire.Observation():
             return message.tick > tick
-        case wire.Pulse() | wire.Settled() | wire.Burst() | wire.Tally():
+        case wire.Pulse() | wire.CellReport() | wire.PulseBatch() | wire.WorkerReport():
             return message.wave > wave
         case _:
             return False

@@ -19,7 +19,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.system.durable import sync_folder
 
 
-class Saving:
+class FsyncThread:
     """Saves files one after the other. To be used from one thread."""
 
     def __init__(self) -> None:

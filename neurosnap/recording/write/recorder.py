@@ -15,7 +15,7 @@ from neurosnap.errors import NeurosnapError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.fabric.zenoh.location import Place
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.sources.live.journal import cut as cut_journal
 
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
@@ -24,7 +24,7 @@ _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
 
 
 async def run_recorder(
-    writer: Parts,
+    writer: SplitWriter,
     fabric: Fabric,
     stop: asyncio.Event,
     *,
@@ -76,7 +76,7 @@ async def run_recorder(
 
 
 async def _flush(
-    writer: Parts,
+    writer: SplitWriter,
     fabric: Fabric,
     framed: Callable[[], int] = lambda: 0,
     journal: Path | None = None,
@@ -110,7 +110,9 @@ async def _flush(
 class _Listener:
     """Writes each delivery, and keeps count of who has left and what it came to."""
 
-    def __init__(self, writer: Parts, parts: Collection[str], fabric: Fabric) -> None:
+    def __init__(
+        self, writer: SplitWriter, parts: Collection[str], fabric: Fabric
+    ) -> None:
         self._fabric = fabric
         self.all_left = asyncio.Event()
         self.closed = False

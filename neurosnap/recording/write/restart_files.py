@@ -21,7 +21,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
 from neurosnap.recording.read.reader import Recording
@@ -38,7 +38,7 @@ _CHUNK = re.compile(
 )
 
 
-class Lives:
+class RestartFiles:
     """The files of one run, from one life of its swarm to the next.
 
     Args:
@@ -72,7 +72,7 @@ class Lives:
         """There is a file of the recording."""
         return bool(part_paths(self._log))
 
-    def furthest(self, options: RunOptions) -> Past | None:
+    def furthest(self, options: RunOptions) -> ResumePoint | None:
         """Return where the recorded run can go on; None: it has no whole tick.
 
         Of several files, one that is damaged may be skipped: then the last is taken
@@ -98,8 +98,8 @@ class Lives:
         return None
 
     def go_on(
-        self, found: Past | None, before: Past | None
-    ) -> tuple[bool, Past | None]:
+        self, found: ResumePoint | None, before: ResumePoint | None
+    ) -> tuple[bool, ResumePoint | None]:
         """Make room for the recording of the next life.
 
         Args:

@@ -39,14 +39,14 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.zenoh.location import Place
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
 from neurosnap.recording.read.split_files import part_path, part_paths
 from neurosnap.recording.write.carry_over import begin_recording, facts_of
-from neurosnap.recording.write.causal_order import Causes, Heard, is_beyond
-from neurosnap.recording.write.fsync_thread import Saving
+from neurosnap.recording.write.causal_order import CausalOrder, Heard, is_beyond
+from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.writer import Writer
 
 _log = logging.getLogger(__name__)
@@ -102,7 +102,7 @@ class _Boundary(NamedTuple):
     """The time of recording after which nothing of before is waited for."""
 
 
-class Parts:
+class SplitWriter:
     """Writes a recording, in one file or in several; see `Writer`.
 
     Args:
@@ -121,7 +121,7 @@ class Parts:
         self,
         log: Path | str,
         metadata: Mapping[str, str],
-        past: Past | None = None,
+        past: ResumePoint | None = None,
         *,
         split: Split | None = None,
         new_writer: Callable[[Path], Writer] = Writer,
@@ -137,10 +137,10 @@ class Parts:
         self._check_free()
         self._older: Writer | None = None
         self._boundary = _Boundary(wire.Decision(0, -1, ""), 0, 0)
-        self._causes = Causes(LATE)
+        self._causes = CausalOrder(LATE)
         self._passed: set[str] = set()  # whose messages go to the newest file
         self._closed: list[Completeness] = []
-        self._saving = Saving()
+        self._saving = FsyncThread()
         self._warned = False
         self._places: Mapping[str, Place] = {}
         self._vanished: list[str] = []

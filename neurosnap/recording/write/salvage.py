@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.recording.format.completeness import Completeness, Sequences
+from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import Whole, open_whole
 from neurosnap.recording.read.stretches import lost_behind
@@ -73,7 +73,7 @@ def salvage(log: Path, out: Path) -> Salvaged:
 def _begin(writer: Writer, first: Recording) -> None:
     """Let the senders' shares begin as in the first file there is."""
     if (share := first.share) is None:
-        writer.sequences = Sequences(anywhere=True)
+        writer.sequences = RunningNumbers(anywhere=True)
         return
     for sender, number in share.items():
         writer.sequences.begin(sender, number)

@@ -26,7 +26,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.fabric.zenoh.location import Place
 from neurosnap.recording.format import schemas
-from neurosnap.recording.format.completeness import Completeness, Sequences
+from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.facts import sealed_facts
 from neurosnap.recording.format.records import (
     GAP,
@@ -85,7 +85,7 @@ class Writer:
         if not 1 <= chunk <= _LARGEST_CHUNK:
             raise InvalidValueError("chunk", f"must be in [1, {_LARGEST_CHUNK}]", chunk)
         self.path = Path(path)
-        self.sequences = Sequences()
+        self.sequences = RunningNumbers()
         self.foreign = 0
         self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
         self._started = False

@@ -4,7 +4,7 @@ import asyncio
 
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.roles import Role, role_of
-from neurosnap.fabric.zenoh.discovery import Lookout
+from neurosnap.fabric.zenoh.discovery import Discovery
 from neurosnap.fabric.zenoh.reach import reach
 from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.parts.job import PartConnection
@@ -64,7 +64,7 @@ class Connections:
         await asyncio.to_thread(session.close)
         return True
 
-    def lookout(self, swarm: str, stop: asyncio.Event) -> Lookout:
+    def lookout(self, swarm: str, stop: asyncio.Event) -> Discovery:
         """Return a lookout for the swarms of an id, to be entered.
 
         Args:
@@ -74,7 +74,7 @@ class Connections:
         Raises:
             InvalidValueError: As from `to`.
         """
-        return Lookout(
+        return Discovery(
             swarm,
             self._network.endpoint("watcher", self._own),
             stop=stop,

@@ -10,10 +10,10 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.hosts.run_description import Brief
+from neurosnap.runtime.hosts.run_description import RunDescription
 from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.job import Job
 from neurosnap.runtime.parts.recorder_process import RecorderJob
@@ -23,7 +23,7 @@ from neurosnap.runtime.run import describe
 from neurosnap.sources.open import open_source
 
 
-class Duty(NamedTuple):
+class RemotePart(NamedTuple):
     """What one part does."""
 
     who: str
@@ -33,22 +33,22 @@ class Duty(NamedTuple):
     """It ends by itself, once it has heard the others' last words."""
 
 
-Share: TypeAlias = Callable[[str, Brief], Sequence[Duty]]
+Share: TypeAlias = Callable[[str, RunDescription], Sequence[RemotePart]]
 """Returns the parts a host starts in the swarm of a name; raises `InvalidValueError`
 where the run is not one for it. May block."""
 
 
 def cells(numbers: Sequence[int]) -> Share:
     """Return the share of some cells, a process each."""
-    return lambda _, __: [Duty(f"cell/{n}", CellJob(n)) for n in numbers]
+    return lambda _, __: [RemotePart(f"cell/{n}", CellJob(n)) for n in numbers]
 
 
 def workers(numbers: Sequence[int]) -> Share:
     """Return the share of some workers, with all the cells that are theirs."""
 
-    def share(_: str, brief: Brief) -> list[Duty]:
+    def share(_: str, brief: RunDescription) -> list[RemotePart]:
         sizes = len(brief.options.sensors), brief.options.sharing
-        return [Duty(f"worker/{n}", WorkerJob(n, *sizes)) for n in numbers]
+        return [RemotePart(f"worker/{n}", WorkerJob(n, *sizes)) for n in numbers]
 
     return share
 
@@ -62,7 +62,7 @@ def world(source: str) -> Share:
             module to import, or a file to read.
     """
 
-    def share(_: str, brief: Brief) -> list[Duty]:
+    def share(_: str, brief: RunDescription) -> list[RemotePart]:
         options = brief.options
         if Path(source).name != Path(options.source).name:
             rule = f"must be what the coordinator runs, {options.source}"
@@ -73,7 +73,7 @@ def world(source: str) -> Share:
             rule = "must have the sensors and actions that the coordinator knows of"
             raise InvalidValueError("source", rule, source)
         own = msgspec.structs.replace(options, source=source)
-        return [Duty("world", WorldJob(own, brief.past))]
+        return [RemotePart("world", WorldJob(own, brief.past))]
 
     return share
 
@@ -92,7 +92,7 @@ def recorder(
         sync: As in `RunOptions.sync`; None: as the coordinator says.
     """
 
-    def share(swarm: str, brief: Brief) -> list[Duty]:
+    def share(swarm: str, brief: RunDescription) -> list[RemotePart]:
         past = _taken_over(resumed, brief.past)
         heard = ("coordinator", "world", *brief.options.host_names())
         options = brief.options
@@ -100,12 +100,12 @@ def recorder(
             options = msgspec.structs.replace(options, sync=sync)
         metadata = {**describe(options), "swarm": swarm}
         job = RecorderJob(str(new_log()), metadata, past, heard)
-        return [Duty("recorder", job, lingers=True)]
+        return [RemotePart("recorder", job, lingers=True)]
 
     return share
 
 
-def _taken_over(resumed: Path | None, past: Past | None) -> Past | None:
+def _taken_over(resumed: Path | None, past: ResumePoint | None) -> ResumePoint | None:
     """Return what a recorder here takes over, of a run with such a past."""
     if resumed is None and past is None:
         return None

@@ -9,17 +9,17 @@ from collections.abc import Collection
 import msgspec
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.protocol.resume_point import Past, first_number
+from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 
 _SHOWN = 8  # names in an error
 
 
-class Brief(msgspec.Struct, frozen=True, kw_only=True):
+class RunDescription(msgspec.Struct, frozen=True, kw_only=True):
     """What a run is."""
 
     options: RunOptions
-    past: Past | None = None
+    past: ResumePoint | None = None
     """Where it goes on from, where it is taken up again."""
     vacant: tuple[str, ...] = ()
     """The parts that somebody else starts, by name."""
@@ -50,13 +50,13 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
         return msgspec.json.encode(msgspec.structs.replace(self, past=past))
 
 
-def read_brief(content: bytes) -> Brief:
+def read_description(content: bytes) -> RunDescription:
     """Return what a coordinator told.
 
     Raises:
         SwarmError: It is no brief.
     """
     try:
-        return msgspec.json.decode(content, type=Brief)
+        return msgspec.json.decode(content, type=RunDescription)
     except msgspec.DecodeError as error:
         raise SwarmError(f"coordinator: must tell what the run is, {error}") from error

@@ -20,11 +20,11 @@ from neurosnap.errors import (
     SwarmError,
 )
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.zenoh.discovery import Sighting
+from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.runtime.hosts.connections import Connections
 from neurosnap.runtime.hosts.network import Network
-from neurosnap.runtime.hosts.remote_parts import Duty, Share
-from neurosnap.runtime.hosts.run_description import read_brief
+from neurosnap.runtime.hosts.remote_parts import RemotePart, Share
+from neurosnap.runtime.hosts.run_description import read_description
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.restart_policy import RestartKind
 from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
@@ -123,7 +123,7 @@ class _Host:
         self._connections = connections
         self._stop = stop
 
-    async def take_part(self, seen: Sighting) -> Served:
+    async def take_part(self, seen: FoundSwarm) -> Served:
         """Be the share of one swarm until it is over, or the service is to stop.
 
         Raises:
@@ -135,7 +135,7 @@ class _Host:
             content = await fabric.ask()
             if content is None:
                 return Served(seen.name, "its coordinator vanished", {})
-            brief = read_brief(content)
+            brief = read_description(content)
             duties = await asyncio.to_thread(self._share, seen.name, brief)
             names = [duty.who for duty in duties]
             brief.check_vacant(names)
@@ -152,7 +152,7 @@ class _Host:
 
     async def _run(
         self,
-        duties: Sequence[Duty],
+        duties: Sequence[RemotePart],
         connections: Sequence[PartConnection],
         gone: asyncio.Event,
     ) -> dict[str, bytes]:
@@ -186,7 +186,7 @@ class _Host:
 
 async def _start(
     supervisor: Supervisor,
-    duties: Sequence[Duty],
+    duties: Sequence[RemotePart],
     connections: Sequence[PartConnection],
 ) -> list[Child]:
     """Start a share's parts; return those with a line of their own.

@@ -15,7 +15,7 @@ from neurosnap import wire
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.runtime.parts.participant import decoded
-from neurosnap.runtime.parts.world_deadline import Answer
+from neurosnap.runtime.parts.world_deadline import WorldDeadline
 
 _LAST_WORD = 0.5  # seconds
 _WORD = 0.25  # seconds between two words of how far it is, at most
@@ -53,7 +53,7 @@ class Core(Protocol):
         ...
 
 
-async def conduct(
+async def run_coordinator(
     core: Core,
     fabric: Fabric,
     stop: asyncio.Event,
@@ -90,7 +90,9 @@ async def conduct(
             it is named.
         WaveLostError: A wave did not settle, and neither did its repeats.
     """
-    shell = _Shell(core, fabric, deadline, Answer(answer), on_progress, parts)
+    shell = _CoordinatorLoop(
+        core, fabric, deadline, WorldDeadline(answer), on_progress, parts
+    )
     presence = _Presence(parts, fabric, shell)
     await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
     await fabric.watch(presence.change)
@@ -116,7 +118,7 @@ async def conduct(
         serving.cancel()
 
 
-class _Shell:
+class _CoordinatorLoop:
     """Feeds the core and keeps the deadlines.
 
     Messages come on the fabric's thread and deadlines on the loop's: `_lock` is held
@@ -129,7 +131,7 @@ class _Shell:
         core: Core,
         fabric: Fabric,
         deadline: float,
-        answer: Answer,
+        answer: WorldDeadline,
         on_progress: Callable[[int], None],
         parts: Collection[str],
     ) -> None:
@@ -229,7 +231,9 @@ class _Shell:
 class _Presence:
     """Who is there, of those who must be."""
 
-    def __init__(self, parts: Collection[str], fabric: Fabric, shell: _Shell) -> None:
+    def __init__(
+        self, parts: Collection[str], fabric: Fabric, shell: _CoordinatorLoop
+    ) -> None:
         self._missing = set(parts)
         self._parts = frozenset(parts)
         self._fabric = fabric

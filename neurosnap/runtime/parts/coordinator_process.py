@@ -10,14 +10,14 @@ from neurosnap.errors import SwarmError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.coordinator import Coordinator, Totals
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.resume import restore
-from neurosnap.runtime.hosts.run_description import Brief
-from neurosnap.runtime.parts.coordinator_loop import conduct
+from neurosnap.runtime.hosts.run_description import RunDescription
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import take_part
-from neurosnap.sources.live.open import is_outside
+from neurosnap.sources.live.open import is_live
 
 _LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
 _LOOK = 0.1  # seconds between two looks at who is there
@@ -42,7 +42,7 @@ class Result(msgspec.Struct):
         return cls(core.totals, seconds, named)
 
 
-def coordinator_for(options: RunOptions, past: Past | None) -> Coordinator:
+def coordinator_for(options: RunOptions, past: ResumePoint | None) -> Coordinator:
     """Return the core of a run: new, or as it was where it is taken up again."""
     return Coordinator.of(options) if past is None else restore(past, options.ticks)
 
@@ -52,13 +52,13 @@ def answer_within(options: RunOptions) -> float | None:
 
     What is outside says something when something happens there, and not before.
     """
-    return None if is_outside(options.source) else _TRIES * options.deadline
+    return None if is_live(options.source) else _TRIES * options.deadline
 
 
 class CoordinatorJob(msgspec.Struct, frozen=True):
     """The coordinator: learns, conducts and decides."""
 
-    brief: Brief
+    brief: RunDescription
     """What the run is."""
     patience: float | None
     """Seconds the parts may take to come up; None: as many as that takes on a small
@@ -71,7 +71,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
 
         Raises:
             SwarmError: The swarm has a coordinator already, or parts of an earlier one
-                that do not leave; and as from `conduct`.
+                that do not leave; and as from `run_coordinator`.
         """
         brief, options = self.brief, self.brief.options
         core = coordinator_for(options, brief.past)
@@ -85,7 +85,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
             part.reporter.ready()
             seconds = await take_part(
                 fabric,
-                conduct(
+                run_coordinator(
                     core,
                     fabric,
                     part.stop,

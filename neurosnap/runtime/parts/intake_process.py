@@ -26,8 +26,8 @@ from neurosnap.sources.live import remote_source
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.journal_frames import HEAD, frame, is_right
 from neurosnap.sources.live.latest_readings import Bits
-from neurosnap.sources.live.live_source import OutsideSource
-from neurosnap.sources.live.open import open_outside
+from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.open import open_live
 
 INTAKE = "intake"
 """What the part is called."""
@@ -60,7 +60,7 @@ class IntakeJob(msgspec.Struct, frozen=True):
         """
         options = self.options
         journal = Journal(Path(self.folder), options.body.own)
-        source = open_outside(
+        source = open_live(
             options.source, options.arguments, journal=journal, most=options.ticks
         )
         counter = _Counter(source)
@@ -85,7 +85,7 @@ class IntakeJob(msgspec.Struct, frozen=True):
 class _Counter:
     """Answers one world at a time."""
 
-    def __init__(self, source: OutsideSource) -> None:
+    def __init__(self, source: LiveSource) -> None:
         self._source = source
         self._turn = asyncio.Lock()
         self._keeping: asyncio.Task[None] | None = None

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.sources.live.journal import journal_of
 
@@ -18,14 +18,14 @@ class RecorderJob(msgspec.Struct, frozen=True):
     """Where to record; of several files the first."""
     metadata: dict[str, str]
     """What the recording says of the run."""
-    past: Past | None
+    past: ResumePoint | None
     """What it takes over, of a run that is resumed."""
     parts: tuple[str, ...]
     """Whose last words it waits for."""
 
     async def run(self, part: PartContext) -> None:
         """Record everything, after what there is of a resumed run."""
-        with Parts(self.path, self.metadata, self.past) as writer:
+        with SplitWriter(self.path, self.metadata, self.past) as writer:
             async with part.connection.fabric() as fabric:
                 balance = await run_recorder(
                     writer,

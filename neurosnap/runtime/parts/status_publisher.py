@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from neurosnap.sources.mqtt.publisher import MqttOutlet
+    from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 OUTLET = "watcher/outlet"
 """Its name: it has no last word, and nobody waits for it."""
@@ -50,7 +50,7 @@ class Listener:
         options: The run's.
     """
 
-    def __init__(self, outlet: "MqttOutlet", options: RunOptions) -> None:
+    def __init__(self, outlet: "MqttPublisher", options: RunOptions) -> None:
         self._outlet = outlet
         self._options = options
         # Nothing orders what the world says and what the coordinator makes of it.
@@ -90,7 +90,7 @@ class Listener:
             self._state = None
 
 
-async def run_outlet(
+async def publish_status(
     options: RunOptions,
     fabric: Fabric,
     stop: asyncio.Event,
@@ -113,13 +113,13 @@ async def run_outlet(
         NeurosnapError: The broker cannot be reached at the start; or nothing more can
             be heard of the swarm.
     """
-    from neurosnap.sources.mqtt.publisher import MqttOutlet
+    from neurosnap.sources.mqtt.publisher import MqttPublisher
 
     given = mqtt_options(options.arguments)
     if given.publish is None:
         raise InvalidValueError("publish", "must be a table of the source", None)
     body = options.body
-    outlet = MqttOutlet(
+    outlet = MqttPublisher(
         given.broker,
         given.publish,
         body.sensors,
@@ -150,7 +150,7 @@ async def run_outlet(
 
 
 class StatusJob(msgspec.Struct, frozen=True):
-    """Publishes how a run goes; see `run_outlet`."""
+    """Publishes how a run goes; see `publish_status`."""
 
     options: RunOptions
 
@@ -158,5 +158,5 @@ class StatusJob(msgspec.Struct, frozen=True):
         """Publish until the run is over."""
         async with part.connection.fabric() as fabric:
             ready = part.reporter.ready
-            await run_outlet(self.options, fabric, part.stop, ready)
+            await publish_status(self.options, fabric, part.stop, ready)
         part.reporter.done()

@@ -11,7 +11,7 @@ _log = logging.getLogger(__name__)
 _WARNED = 1 / 3  # of its time is over when the world is named as who is waited for
 
 
-class Answer:
+class WorldDeadline:
     """A deadline for the world's next observation.
 
     Only what the coordinator says is needed: a decision asks the world for an

@@ -11,14 +11,14 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import MessageError, NeurosnapError
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.live_source import OutsideSource
-from neurosnap.sources.live.open import lost_by, open_outside
+from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.open import lost_by, open_live
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub
 from neurosnap.sources.open import open_source
@@ -31,7 +31,7 @@ async def run_world(
     fabric: Fabric,
     stop: asyncio.Event,
     *,
-    past: Past | None = None,
+    past: ResumePoint | None = None,
 ) -> None:
     """Be the world until the source is over or `stop` is set.
 
@@ -111,7 +111,7 @@ class WorldJob(msgspec.Struct, frozen=True):
     """The world, or the file of readings."""
 
     options: RunOptions
-    past: Past | None
+    past: ResumePoint | None
     """Where it goes on from, for a run that is resumed."""
     way_in: WayIn | None = None
     """How outside readings that are kept get here."""
@@ -144,17 +144,17 @@ class WorldJob(msgspec.Struct, frozen=True):
 
 def open_kept(
     options: RunOptions, way_in: WayIn, hub: Hub | None = None
-) -> OutsideSource | RemoteSource:
+) -> LiveSource | RemoteSource:
     """Return the source of a run whose readings are kept; `go_on` comes first.
 
     Raises:
-        NeurosnapError: As from `open_outside`; or readings cannot be kept.
+        NeurosnapError: As from `open_live`; or readings cannot be kept.
     """
     body = options.body
     if way_in.address:
         return RemoteSource(way_in.address, body.own, body.actions)
     journal = Journal(Path(way_in.journal), body.own)
-    return open_outside(
+    return open_live(
         options.source, options.arguments, hub, journal=journal, most=options.ticks
     )
 
@@ -165,7 +165,7 @@ async def synced(source: Source, seconds: float) -> AsyncIterator[None]:
 
     What the disk fails of, the source fails of.
     """
-    if not isinstance(source, OutsideSource) or not source.journal or not seconds:
+    if not isinstance(source, LiveSource) or not source.journal or not seconds:
         yield
         return
     syncing = asyncio.create_task(_sync(source, source.journal, seconds), name="sync")
@@ -175,7 +175,7 @@ async def synced(source: Source, seconds: float) -> AsyncIterator[None]:
         syncing.cancel()
 
 
-async def _sync(source: OutsideSource, journal: Journal, seconds: float) -> None:
+async def _sync(source: LiveSource, journal: Journal, seconds: float) -> None:
     try:
         while True:
             await asyncio.sleep(seconds)
@@ -186,6 +186,6 @@ async def _sync(source: OutsideSource, journal: Journal, seconds: float) -> None
 
 def lost_of(source: Source, options: RunOptions) -> int:
     """Return how many readings a source that takes them in itself has lost."""
-    if not isinstance(source, OutsideSource):
+    if not isinstance(source, LiveSource):
         return 0
     return lost_by(options.source, source.statistics())

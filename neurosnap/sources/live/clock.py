@@ -3,7 +3,7 @@
 from neurosnap.sources.live.latest_readings import TOLERANCE
 
 
-class Stamps:
+class ClockMapping:
     """Converts stamps; equal ones stay equal, and in order they stay in order.
 
     The difference of the two clocks is kept until it is clearly another one, because

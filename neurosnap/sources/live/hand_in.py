@@ -2,17 +2,17 @@
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.json_reading import Names, Single, read
-from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.live.live_source import LiveSource
 
 
-def hand_in(source: OutsideSource, payload: bytes, *, spare: bool) -> None:
+def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
     """Hand in what one JSON object says.
 
     Args:
         source: Takes it.
         payload: The object, as `neurosnap.sources.live.json_reading` has it.
         spare: Do not drop a whole reading while too many wait; see
-            `OutsideSource.give`.
+            `LiveSource.give`.
 
     Raises:
         InvalidValueError: It is no reading, or none of this source.

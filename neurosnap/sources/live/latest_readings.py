@@ -36,7 +36,7 @@ Spans: TypeAlias = float | Sequence[float | None] | None
 """Seconds, one for all sensors or one a sensor; None: no such bound."""
 
 
-class Board:
+class LatestReadings:
     """The latest reading of each sensor; not to be used from two threads at once.
 
     Args:

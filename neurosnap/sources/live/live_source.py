@@ -26,12 +26,12 @@ import numpy as np
 
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sensorium import pack, unpack
-from neurosnap.sources.live.clock import Stamps
+from neurosnap.sources.live.clock import ClockMapping
 from neurosnap.sources.live.journal import Journal, Row
-from neurosnap.sources.live.latest_readings import Bits, Board
+from neurosnap.sources.live.latest_readings import Bits, LatestReadings
 from neurosnap.sources.live.rejected import Refusals
 from neurosnap.sources.live.statistics import Statistics
-from neurosnap.sources.live.tick_schedule import Pace
+from neurosnap.sources.live.tick_schedule import TickSchedule
 
 WAITING = 1024
 """Whole readings that may wait for their tick."""
@@ -59,7 +59,7 @@ class Shown(NamedTuple):
 class Feeder(Protocol):
     """Brings readings to a source, from a thread of its own."""
 
-    def start(self, source: "OutsideSource") -> None:
+    def start(self, source: "LiveSource") -> None:
         """Begin, and return without waiting for anybody; called once.
 
         From then on it may call, from any thread, the source's `put`, `put_all`,
@@ -74,7 +74,7 @@ class Feeder(Protocol):
         """
 
 
-class OutsideSource:
+class LiveSource:
     """A live `Source` over a board and a pace.
 
     Args:
@@ -96,8 +96,8 @@ class OutsideSource:
 
     def __init__(
         self,
-        board: Board,
-        pace: Pace,
+        board: LatestReadings,
+        pace: TickSchedule,
         *,
         feeder: Feeder | None = None,
         actions: Sequence[str] = (),
@@ -134,7 +134,7 @@ class OutsideSource:
         self._turn = 0  # whoever asks and is not of this turn is let go
         self._away = False
         self._unshown: Bits = np.zeros(len(board.sensors), np.bool_)
-        self._stamps = Stamps(clock(), wall())
+        self._stamps = ClockMapping(clock(), wall())
         # A feeder is not started once it was stopped, and not stopped halfway.
         self._feeding = threading.Lock()
         self._sensitive = True  # a reading may bring the next tick nearer

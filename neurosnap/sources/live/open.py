@@ -12,11 +12,11 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.latest_readings import Board
-from neurosnap.sources.live.live_source import Feeder, OutsideSource
+from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.live.statistics import Statistics
-from neurosnap.sources.live.stdin_source import NdjsonFeeder, first_line, names_in
-from neurosnap.sources.live.tick_schedule import Pace, pace_of
+from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
+from neurosnap.sources.live.tick_schedule import TickSchedule, pace_of
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.system.distribution import must_have
@@ -30,7 +30,7 @@ Argument: TypeAlias = bool | int | float | str
 Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 
 
-class OutsideArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class LiveArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What an outside source is opened with."""
 
     sensors: str = ""
@@ -60,7 +60,7 @@ class OutsideArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             rule = f"must be names with commas between them, or a JSON list ({error})"
             raise InvalidValueError("sensors", rule, self.sensors) from error
 
-    def pace(self) -> Pace:
+    def pace(self) -> TickSchedule:
         """Return when a tick is due.
 
         Raises:
@@ -69,8 +69,8 @@ class OutsideArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return pace_of(self.interval, self.min_interval, self.max_interval)
 
 
-def is_outside(spec: str) -> bool:
-    """Tell whether `spec` is the name of a source that `open_outside` opens."""
+def is_live(spec: str) -> bool:
+    """Tell whether `spec` is the name of a source that `open_live` opens."""
     return spec in (STDIN, ZENOH, MQTT)
 
 
@@ -81,8 +81,8 @@ def settle(spec: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     lets everybody open the source with what it returns.
 
     Args:
-        spec: As for `open_outside`.
-        arguments: As for `open_outside`. Without `sensors` the first line of standard
+        spec: As for `open_live`.
+        arguments: As for `open_live`. Without `sensors` the first line of standard
             input says them; this waits for it.
 
     Raises:
@@ -98,24 +98,24 @@ def settle(spec: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     return {**arguments, "sensors": names, "head": line.decode()}
 
 
-def open_outside(
+def open_live(
     spec: str,
     arguments: Mapping[str, Argument] | None = None,
     hub: Hub | None = None,
     *,
     journal: Journal | None = None,
     most: int | None = None,
-) -> OutsideSource:
+) -> LiveSource:
     """Return the source called `spec`; nothing is started before its first tick.
 
     Args:
         spec: ``-``, ``zenoh:`` or ``mqtt:``.
-        arguments: As `OutsideArguments` has them; `sensors` must be among them. For
+        arguments: As `LiveArguments` has them; `sensors` must be among them. For
             ``mqtt:`` one alone, `options`: `MqttOptions` as JSON, as a file of ours
             has it in its table `[source]`.
         hub: The swarm's; None: for a look only, ``zenoh:`` cannot be started.
-        journal: As for `OutsideSource`.
-        most: As for `OutsideSource`.
+        journal: As for `LiveSource`.
+        most: As for `LiveSource`.
 
     Raises:
         InvalidValueError: There is no such source, or an argument is wrong.
@@ -126,7 +126,7 @@ def open_outside(
         (('door', 'motion'), True)
         >>> source.close()
     """
-    if not is_outside(spec):
+    if not is_live(spec):
         rule = f"must be {STDIN}, {ZENOH} or {MQTT}"
         raise InvalidValueError("source", rule, spec)
     arguments = {} if arguments is None else arguments
@@ -136,14 +136,14 @@ def open_outside(
     if not given.sensors:
         rule = "must be named for such a source (--set sensors=a,b,c)"
         raise InvalidValueError("sensors", rule, given.sensors)
-    board = Board(given.names(), stale_after=given.stale_after)
+    board = LatestReadings(given.names(), stale_after=given.stale_after)
     pace = given.pace()
     feeder: Feeder
     if spec == STDIN:
-        feeder = NdjsonFeeder(head=given.head.encode() if given.head else None)
+        feeder = StdinFeeder(head=given.head.encode() if given.head else None)
     else:
         feeder = _Nobody() if hub is None else ZenohFeeder(hub)
-    return OutsideSource(board, pace, feeder=feeder, journal=journal, most=most)
+    return LiveSource(board, pace, feeder=feeder, journal=journal, most=most)
 
 
 def lost_by(spec: str, said: Statistics) -> int:
@@ -171,7 +171,7 @@ def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:
 
 def _open_mqtt(
     options: MqttOptions, journal: Journal | None, most: int | None
-) -> OutsideSource:
+) -> LiveSource:
     try:
         from neurosnap.sources.mqtt.mqtt_source import mqtt_source
     except ImportError as error:  # an extra
@@ -183,7 +183,7 @@ def _open_mqtt(
 class _Nobody:
     """Feeds a source that is only looked at."""
 
-    def start(self, source: OutsideSource) -> None:
+    def start(self, source: LiveSource) -> None:
         """Say that there is no hub to listen to."""
         rule = "must be a swarm's with a hub, cells in processes"
         source.fail(NeurosnapError(f"source: {rule}, got {ZENOH!r}"))
@@ -192,9 +192,9 @@ class _Nobody:
         """Nothing was started."""
 
 
-def _converted(arguments: Mapping[str, Argument]) -> OutsideArguments:
+def _converted(arguments: Mapping[str, Argument]) -> LiveArguments:
     try:
-        return msgspec.convert(dict(arguments), OutsideArguments)
+        return msgspec.convert(dict(arguments), LiveArguments)
     except msgspec.ValidationError as error:
         rule = f"must be ones such a source takes ({error})"
         raise InvalidValueError("arguments", rule, dict(arguments)) from error

@@ -15,7 +15,7 @@ from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.sources.live.hand_in import hand_in
 from neurosnap.sources.live.json_reading import LIMIT, Names, Single, read, too_long
 from neurosnap.sources.live.line_splitter import Lines
-from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.live.live_source import LiveSource
 
 STANDARD_INPUT = 0
 
@@ -23,7 +23,7 @@ _PIECE = 1 << 16
 _NAME = "standard input"
 
 
-class NdjsonFeeder:
+class StdinFeeder:
     """Reads lines from a file descriptor, on a thread of its own.
 
     Args:
@@ -43,7 +43,7 @@ class NdjsonFeeder:
         self._heard, self._told = os.pipe()
         self._open = True
 
-    def start(self, source: OutsideSource) -> None:
+    def start(self, source: LiveSource) -> None:
         """Begin to read."""
         self._thread = threading.Thread(
             target=self._run, args=(source,), name="outside/lines", daemon=True
@@ -60,7 +60,7 @@ class NdjsonFeeder:
             self._thread.join()
         os.close(self._heard)
 
-    def _run(self, source: OutsideSource) -> None:
+    def _run(self, source: LiveSource) -> None:
         try:
             if self._head is not None:
                 for number, line in self._lines.feed(self._head + b"\n"):
@@ -91,7 +91,7 @@ class NdjsonFeeder:
             return b""
         return os.read(self._descriptor, _PIECE)
 
-    def _take(self, source: OutsideSource, number: int, line: bytes | None) -> None:
+    def _take(self, source: LiveSource, number: int, line: bytes | None) -> None:
         if source.is_full:
             return  # the run has all its ticks: nobody asked for more
         place = f"{_NAME}:{number}"

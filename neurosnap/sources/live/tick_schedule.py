@@ -9,7 +9,7 @@ from typing import Protocol
 from neurosnap.errors import InvalidValueError
 
 
-class Pace(Protocol):
+class TickSchedule(Protocol):
     """Says when the next tick is due."""
 
     skipped: int
@@ -122,7 +122,7 @@ class OnChange:
 
 def pace_of(
     interval: float | None, min_interval: float, max_interval: float | None
-) -> Pace:
+) -> TickSchedule:
     """Return the pace that a table or arguments describe.
 
     Args:

@@ -38,7 +38,7 @@ from neurosnap.fabric.zenoh.discovery import id_of
 from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.sources.live.hand_in import hand_in
 from neurosnap.sources.live.json_reading import LIMIT, read_on, too_long
-from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.live.live_source import LiveSource
 
 _PATIENCE = 10.0  # seconds the hub may take to answer
 
@@ -80,7 +80,7 @@ class ZenohFeeder:
         self._thread: threading.Thread | None = None
         self._open = ExitStack()
 
-    def start(self, source: OutsideSource) -> None:
+    def start(self, source: LiveSource) -> None:
         """Connect on a thread of its own; what fails of it, the source is told."""
         self._thread = threading.Thread(
             target=self._listen, args=(source,), name="outside/zenoh", daemon=True
@@ -93,7 +93,7 @@ class ZenohFeeder:
             self._thread.join()
         self._open.close()
 
-    def _listen(self, source: OutsideSource) -> None:
+    def _listen(self, source: LiveSource) -> None:
         hub = self._hub
         # A swarm that goes on after a death is called otherwise, and no program outside
         # knows of that.
@@ -121,7 +121,7 @@ class ZenohFeeder:
             source.fail(error)
 
 
-def hand_over(source: OutsideSource, key: str, payload: zenoh.ZBytes) -> None:
+def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:
     """Hand in one message; what is no reading is refused.
 
     Args:

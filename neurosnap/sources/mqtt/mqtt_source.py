@@ -12,8 +12,8 @@ again, since silence says nothing then.
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.latest_readings import Board
-from neurosnap.sources.live.live_source import OutsideSource
+from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.loop_thread import LoopThread
 from neurosnap.sources.mqtt.options import MqttOptions
@@ -25,7 +25,7 @@ from neurosnap.sources.mqtt.routes import Routes
 
 def mqtt_source(
     options: MqttOptions, *, journal: Journal | None = None, most: int | None = None
-) -> OutsideSource:
+) -> LiveSource:
     """Return the source that `options` describe; it connects with its first tick.
 
     At each step exactly one action is taken: its payload is published, if the broker
@@ -34,15 +34,15 @@ def mqtt_source(
 
     Args:
         options: What is read and done.
-        journal: As for `OutsideSource`.
-        most: As for `OutsideSource`.
+        journal: As for `LiveSource`.
+        most: As for `LiveSource`.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
     """
     feeder = MqttFeeder(options)
-    return OutsideSource(
-        Board(
+    return LiveSource(
+        LatestReadings(
             [sensor.name for sensor in options.sensors],
             stale_after=[
                 options.stale_after
@@ -76,7 +76,7 @@ class MqttFeeder:
         filters = [sensor.topic for sensor in options.sensors]
         self._routes = Routes(filters)
         self._readers = [Reader(sensor) for sensor in options.sensors]
-        self._source: OutsideSource | None = None
+        self._source: LiveSource | None = None
         publish = options.publish
         self._link = MqttLink(
             options.broker,
@@ -89,7 +89,7 @@ class MqttFeeder:
         )
         self._thread = LoopThread("mqtt", self._link.serve, self._fail)
 
-    def start(self, source: OutsideSource) -> None:
+    def start(self, source: LiveSource) -> None:
         """Begin to connect; what the link fails of, see there, the source fails of."""
         self._source = source
         source.hears(False)

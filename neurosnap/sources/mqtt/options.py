@@ -13,7 +13,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.tick_schedule import Pace, pace_of
+from neurosnap.sources.live.tick_schedule import TickSchedule, pace_of
 
 ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
 OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
@@ -223,7 +223,7 @@ class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     def __post_init__(self) -> None:
         self.pace()
 
-    def pace(self) -> Pace:
+    def pace(self) -> TickSchedule:
         """Return when a tick is due."""
         # Every recording has the default written out: it is as good as not given.
         given = self.interval is None or self.min_interval != _LEAST

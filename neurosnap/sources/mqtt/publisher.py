@@ -27,7 +27,7 @@ from neurosnap.sources.mqtt.published_topics import (
 )
 
 
-class MqttOutlet:
+class MqttPublisher:
     """Publishes one run.
 
     The methods that take something in may be called from any thread, one at a time,

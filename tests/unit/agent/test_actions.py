@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
@@ -40,7 +40,7 @@ class TestSignals:
     def test_a_pure_action_comes_alone_with_its_context(self) -> None:
         body = Body.full(["a", "b"], ["go", "stay"])
         state = array(body, "a", "b*", "stay", "stay&a", "go*")
-        signals = Repertoire(body).signals(state)
+        signals = Actions(body).signals(state)
         assert [set(one) for one in signals] == [
             literals(body, "go", "go&a", "go&~b"),
             literals(body, "stay", "stay&a", "stay&~b"),
@@ -48,14 +48,14 @@ class TestSignals:
 
     def test_what_the_state_does_not_know_is_in_no_context(self) -> None:
         body = Body.full(["a", "b"], ["go"])
-        (signal,) = Repertoire(body).signals(array(body, "b"))
+        (signal,) = Actions(body).signals(array(body, "b"))
         assert set(signal) == literals(body, "go", "go&b")
-        (nothing,) = Repertoire(body).signals(array(body))
+        (nothing,) = Actions(body).signals(array(body))
         assert set(nothing) == literals(body, "go")
 
     def test_a_generalised_action_is_complete_and_has_all_contexts(self) -> None:
         body = Body.full(["a"], ["x", "y"], exclusive=False)
-        signals = Repertoire(body).signals(array(body, "a*"))
+        signals = Actions(body).signals(array(body, "a*"))
         assert [set(one) for one in signals] == [
             literals(body, "x*", "y*"),
             literals(body, "x", "y*", "x&~a"),
@@ -65,7 +65,7 @@ class TestSignals:
 
     def test_signals_are_plain_numbers_each_once(self) -> None:
         body = Body.full(["a", "b"], ["x", "y"], exclusive=False)
-        for signal in Repertoire(body).signals(array(body, "a", "b")):
+        for signal in Actions(body).signals(array(body, "a", "b")):
             assert all(type(literal) is int for literal in signal)
             assert len(set(signal)) == len(signal)
 
@@ -81,12 +81,12 @@ class TestSignals:
         with pytest.raises(
             InvalidValueError, match=r"^agent: must have actions that are sensors, got "
         ):
-            Repertoire(body)
+            Actions(body)
 
 
 class TestAdmissible:
     def able(self, body: Body, relation: PocGraph, *state: str) -> list[int]:
-        repertoire = Repertoire(body)
+        repertoire = Actions(body)
         signals = repertoire.signals(array(body, *state))
         possible = repertoire.admissible([relation.up(signal) for signal in signals])
         return possible.nonzero()[0].tolist()
@@ -172,7 +172,7 @@ class TestGuaranteed:
         # The paper's text propagates over the loaded graph, which would keep `better`.
         body = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
         state = array(body, "a", "better", "worse*", "y", "x*")
-        signals = Repertoire(body).signals(state)
+        signals = Actions(body).signals(state)
         relation = graph(body)
         bound = guaranteed([relation.up(signal) for signal in signals])
         assert as_set(bound[0]) == literals(body, "x", "x&a")

@@ -5,7 +5,7 @@ The truth is found by looking at every action at every place.
 
 import pytest
 
-from neurosnap.agent.actions import Repertoire, guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
 from neurosnap.agent.planner import Planner, subgoals
@@ -18,7 +18,7 @@ from tests.property.strategies import as_set
 
 
 def promised(body: Body, graph: PocGraph, now: set[int]) -> list[set[int]]:
-    signals = Repertoire(body).signals(as_array(now, graph.sensors))
+    signals = Actions(body).signals(as_array(now, graph.sensors))
     return [as_set(one) for one in guaranteed([graph.up(one) for one in signals])]
 
 

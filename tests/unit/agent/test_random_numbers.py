@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.agent.random_numbers import WIDTH, Draws, pick
+from neurosnap.agent.random_numbers import WIDTH, RandomNumbers, pick
 from tests.drawing import examples
 
 LARGEST = 2**63 - 1
@@ -15,12 +15,12 @@ SEEDS = pytest.mark.parametrize("seed", [0, 1, 12345, LARGEST])
 @SEEDS
 def test_they_are_the_doubles_that_numpy_makes_of_the_same_counter(seed: int) -> None:
     numpys = np.random.Generator(np.random.Philox(key=seed)).random((3000, WIDTH))
-    np.testing.assert_array_equal(Draws(seed).table(3000), numpys)
+    np.testing.assert_array_equal(RandomNumbers(seed).table(3000), numpys)
 
 
 @SEEDS
 def test_one_tick_is_a_row_of_the_table(seed: int) -> None:
-    draws, table = Draws(seed), Draws(seed).table(3100)
+    draws, table = RandomNumbers(seed), RandomNumbers(seed).table(3100)
     for tick in [0, 1, 1023, 1024, 1025, 2047, 2048, 3099]:
         np.testing.assert_array_equal(draws.at(tick), table[tick])
 
@@ -28,32 +28,32 @@ def test_one_tick_is_a_row_of_the_table(seed: int) -> None:
 @examples(30)
 @given(st.integers(0, LARGEST), st.lists(st.integers(0, 5000), min_size=1, max_size=8))
 def test_no_order_of_asking_matters(seed: int, ticks: list[int]) -> None:
-    draws = Draws(seed)
+    draws = RandomNumbers(seed)
     there = [draws.at(tick).tolist() for tick in ticks]
     back = [draws.at(tick).tolist() for tick in reversed(ticks)]
-    alone = [Draws(seed).at(tick).tolist() for tick in ticks]
+    alone = [RandomNumbers(seed).at(tick).tolist() for tick in ticks]
     assert there == back[::-1] == alone
 
 
 def test_a_late_tick_is_as_good_as_an_early_one() -> None:
-    late = Draws(3).at(2**40)
+    late = RandomNumbers(3).at(2**40)
     assert late.shape == (WIDTH,)
     assert ((late >= 0) & (late < 1)).all()
-    assert (late == Draws(3).at(2**40)).all()
+    assert (late == RandomNumbers(3).at(2**40)).all()
 
 
 def test_seeds_and_ticks_all_differ() -> None:
     rows = {
         tuple(row)
         for seed in (0, 1, 2, LARGEST - 1, LARGEST)
-        for row in Draws(seed).table(2050).tolist()
+        for row in RandomNumbers(seed).table(2050).tolist()
     }
     assert len(rows) == 5 * 2050
 
 
 @SEEDS
 def test_each_number_is_uniform(seed: int) -> None:
-    table, bins = Draws(seed).table(64_000), 64
+    table, bins = RandomNumbers(seed).table(64_000), 64
     assert (table >= 0).all()
     assert (table < 1).all()
     for column in table.T:
@@ -69,7 +69,7 @@ def test_each_number_is_uniform(seed: int) -> None:
 def test_the_numbers_of_a_tick_and_of_its_neighbour_have_nothing_in_common(
     seed: int,
 ) -> None:
-    table = Draws(seed).table(40_001)
+    table = RandomNumbers(seed).table(40_001)
     pairs = np.hstack([table[:-1], table[1:]])
     correlation = np.corrcoef(pairs.T) - np.eye(2 * WIDTH)
     assert np.abs(correlation).max() < 6 / 40_000**0.5

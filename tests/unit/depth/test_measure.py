@@ -303,7 +303,7 @@ def test_a_wave_that_reaches_less_than_the_order_says_is_an_error() -> None:
     probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
     start = probe.begin()[-1]
     assert isinstance(start, wire.WaveStart)
-    lie = wire.Settled(start.wave, 0, 0, (0,), (0,), (start.credit,), 0, epoch=1)
+    lie = wire.CellReport(start.wave, 0, 0, (0,), (0,), (start.credit,), 0, epoch=1)
     rule = r"^wave 1: must reach all above its signal, got 1 of 3 literals$"
     with pytest.raises(SwarmError, match=rule):
         probe.receive(lie)
@@ -312,7 +312,7 @@ def test_a_wave_that_reaches_less_than_the_order_says_is_an_error() -> None:
 def test_a_report_that_cannot_be_right_is_a_fault() -> None:
     probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
     probe.begin()
-    twice = wire.Settled(1, 0, 0, (0,), (0,), (0, 0), 0)
+    twice = wire.CellReport(1, 0, 0, (0,), (0,), (0, 0), 0)
     (fault,) = probe.receive(twice)
     assert isinstance(fault, wire.Fault)
     assert not probe.finished
@@ -356,7 +356,7 @@ def test_workers_that_were_cut_off_get_their_wiring_whole() -> None:
 
     def lost(message: wire.Message) -> bool:
         match message:
-            case wire.Loom(worker=0, epoch=1) | wire.WaveStart(wave=1):
+            case wire.WorkerWiring(worker=0, epoch=1) | wire.WaveStart(wave=1):
                 cut.append(message)
                 return True
         return False

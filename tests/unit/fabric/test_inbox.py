@@ -8,12 +8,12 @@ from typing import TypeAlias
 import pytest
 
 from neurosnap.errors import InboxOverflowError
-from neurosnap.fabric.inbox import Courier, Inbox
+from neurosnap.fabric.inbox import DeliveryThread, Inbox
 from tests.patience import PATIENCE
 
-Kind: TypeAlias = type[Inbox[int]] | type[Courier[int]]
+Kind: TypeAlias = type[Inbox[int]] | type[DeliveryThread[int]]
 
-both = pytest.mark.parametrize("kind", [Inbox, Courier])
+both = pytest.mark.parametrize("kind", [Inbox, DeliveryThread])
 
 
 class Owner:
@@ -101,7 +101,7 @@ async def test_an_inbox_wakes_the_loop_once_a_burst() -> None:
 async def test_an_inbox_delivers_on_the_loop_and_a_courier_on_its_own_thread() -> None:
     here, there = Owner(), Owner()
     inbox = Inbox("me", here.deliver, here.fail)
-    courier = Courier("me", there.deliver, there.fail)
+    courier = DeliveryThread("me", there.deliver, there.fail)
     inbox.push(1)
     courier.push(1)
     await here.until(lambda: bool(here.bursts))
@@ -161,7 +161,7 @@ async def test_a_courier_that_is_pushed_too_much_is_an_error() -> None:
         go_on.wait(10)
 
     owner = Owner(block)
-    courier = Courier("cell/3", owner.deliver, owner.fail, capacity=3)
+    courier = DeliveryThread("cell/3", owner.deliver, owner.fail, capacity=3)
     try:
         courier.push(0)
         await asyncio.to_thread(entered.wait, 10)

@@ -65,8 +65,8 @@ def sent(messages: Sequence[wire.Message]) -> list[wire.Pulse]:
     return [m for m in messages if isinstance(m, wire.Pulse)]
 
 
-def reports(messages: Sequence[wire.Message]) -> list[wire.Settled]:
-    return [m for m in messages if isinstance(m, wire.Settled)]
+def reports(messages: Sequence[wire.Message]) -> list[wire.CellReport]:
+    return [m for m in messages if isinstance(m, wire.CellReport)]
 
 
 def given_out(messages: Sequence[wire.Message]) -> Fraction:
@@ -86,7 +86,7 @@ def test_a_pulse_makes_it_pulse_its_targets_and_report() -> None:
     assert cell.receive([start(), pulse(0, hops=3, credit=1)]) == [
         wire.Pulse(1, OWN, 4, 4, 3, 1),
         wire.Pulse(1, OWN, 7, 4, 3, 1),
-        wire.Settled(1, 1, 0, (OWN,), (3,), (2,), 2, epoch=1),
+        wire.CellReport(1, 1, 0, (OWN,), (3,), (2,), 2, epoch=1),
     ]
 
 
@@ -94,7 +94,7 @@ def test_a_signal_makes_it_fire_at_no_hops() -> None:
     cell = wired(4)
     assert cell.receive([start(1, 0, OWN, 5, credit=2)]) == [
         wire.Pulse(1, OWN, 4, 1, 3, 1),
-        wire.Settled(1, 1, 0, (OWN,), (0,), (3,), 1, epoch=1),
+        wire.CellReport(1, 1, 0, (OWN,), (0,), (3,), 1, epoch=1),
     ]
 
 
@@ -113,7 +113,7 @@ def test_each_literal_fires_along_its_own_edges() -> None:
 def test_without_edges_all_credit_goes_back() -> None:
     cell = Cell(1)
     assert cell.receive([start(1, OWN, credit=5)]) == [
-        wire.Settled(1, 1, 0, (OWN,), (0,), (5,), 0)
+        wire.CellReport(1, 1, 0, (OWN,), (0,), (5,), 0)
     ]
 
 
@@ -122,7 +122,7 @@ def test_it_fires_once_a_wave() -> None:
     first = cell.receive([start(), pulse(0)])
     again = cell.receive([pulse(6, hops=9, credit=7)])
     assert len(sent(first)) == 1
-    assert again == [wire.Settled(1, 1, 1, (), (), (7,), 0, epoch=1)]
+    assert again == [wire.CellReport(1, 1, 1, (), (), (7,), 0, epoch=1)]
 
 
 def test_it_fires_again_in_another_wave() -> None:
@@ -141,7 +141,7 @@ def test_the_first_pulse_gives_the_hops() -> None:
 
 def test_pulses_go_out_before_the_report() -> None:
     out = wired(4, 6, complement=[8]).receive([start(1, OWN, COMPLEMENT)])
-    assert [type(m) for m in out] == [*[wire.Pulse] * 3, wire.Settled]
+    assert [type(m) for m in out] == [*[wire.Pulse] * 3, wire.CellReport]
 
 
 def test_reports_of_a_wave_are_numbered() -> None:
@@ -221,7 +221,7 @@ def test_a_wave_it_was_not_told_of_makes_it_fire_all_the_same() -> None:
     cell.receive([start(3)])
     assert cell.receive([pulse(0, wave=5, fence=3, credit=1)]) == [
         wire.Pulse(5, OWN, 4, 2, 2, 3),
-        wire.Settled(5, 1, 0, (OWN,), (1,), (2,), 1, epoch=1),
+        wire.CellReport(5, 1, 0, (OWN,), (1,), (2,), 1, epoch=1),
     ]
 
 
@@ -252,7 +252,7 @@ def test_a_pulse_may_overtake_the_start_and_no_credit_is_lost() -> None:
     (report,) = reports(cell.receive([pulse(0, wave=2, fence=1)]))
     assert (report.literals, report.hops) == ((OWN,), (1,))
     assert cell.receive([ask(2, 1, OWN, credit=1)]) == [
-        wire.Settled(2, 1, 1, (), (), (1,), 0, epoch=1)
+        wire.CellReport(2, 1, 1, (), (), (1,), 0, epoch=1)
     ]
 
 
@@ -388,10 +388,10 @@ def test_it_says_by_which_wiring_it_acted_and_what_comes_after_does_not_count() 
     out = cell.receive([start(1, OWN), changed, pulse(0), start(2, OWN)])
     assert out == [
         wire.Pulse(1, OWN, 4, 1, 1, 1),
-        wire.Settled(1, 1, 0, (OWN,), (0,), (1,), 1, epoch=1),
+        wire.CellReport(1, 1, 0, (OWN,), (0,), (1,), 1, epoch=1),
         wire.Pulse(2, OWN, 8, 1, 1, 2),
-        wire.Settled(1, 1, 1, (), (), (3,), 0, epoch=2),
-        wire.Settled(2, 1, 0, (OWN,), (0,), (1,), 1, epoch=2),
+        wire.CellReport(1, 1, 1, (), (), (3,), 0, epoch=2),
+        wire.CellReport(2, 1, 0, (OWN,), (0,), (1,), 1, epoch=2),
     ]
 
 
@@ -409,7 +409,7 @@ def test_it_forgets_waves_that_have_settled() -> None:
     cell.receive([start(3, below=2)])
     assert cell.receive([pulse(6, wave=1), start(1, OWN)]) == []
     assert cell.receive([pulse(6, wave=2)]) == [
-        wire.Settled(2, 1, 1, (), (), (3,), 0, epoch=1)
+        wire.CellReport(2, 1, 1, (), (), (3,), 0, epoch=1)
     ]
     assert set(cell._waves) == {2, 3}
 
@@ -482,7 +482,7 @@ def test_changes_alone_do_not_end_the_silence() -> None:
         (wire.Wiring(2, 5, 0, add=(4,)), "wiring: must be for this cell, got 2"),
         (wire.Observation(1, b""), "observe: must hold sensor 1, got 0 bytes"),
         (wire.Decision(1, 0, "?"), "decide: is not for a cell"),
-        (wire.Settled(1, 0, 0, (), (), (), 0), "settle: is not for a cell"),
+        (wire.CellReport(1, 0, 0, (), (), (), 0), "settle: is not for a cell"),
     ],
     ids=["pulse", "wiring", "observation", "decision", "report"],
 )
@@ -493,7 +493,7 @@ def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
     assert cell.receive([start(1), message]) == [wire.Fault("cell/1", what)]
     assert cell.receive([pulse(0)]) == [
         wire.Pulse(1, OWN, 4, 2, 4, 1),
-        wire.Settled(1, 1, 0, (OWN,), (1,), (4,), 1, epoch=1),
+        wire.CellReport(1, 1, 0, (OWN,), (1,), (4,), 1, epoch=1),
     ]
 
 

@@ -109,7 +109,7 @@ class Swarm:
                 keys = wire.cell_keys(cell.cell)
                 if any(matches(key, message.key) for key in keys):
                     queue += cell.receive([message])
-            if isinstance(message, wire.Observation | wire.Settled):
+            if isinstance(message, wire.Observation | wire.CellReport):
                 self.heard.append(message)
                 queue += self.coordinator.receive(message)
         return said
@@ -154,7 +154,9 @@ def test_a_state_says_what_its_wave_took() -> None:
     swarm = Swarm(new())
     said = swarm.run(ROWS)
     for state in only(wire.State, said):
-        reports = [r for r in only(wire.Settled, swarm.heard) if r.wave == state.wave]
+        reports = [
+            r for r in only(wire.CellReport, swarm.heard) if r.wave == state.wave
+        ]
         assert state.pulses == sum(r.pulses for r in reports)
         assert state.depth == max(h for r in reports for h in r.hops)
     assert any(state.pulses for state in only(wire.State, said))
@@ -234,9 +236,9 @@ def test_the_state_is_what_the_cells_reported_and_nothing_else() -> None:
     core.receive(observed(1, "000"))
     # Nobody has learned that sensor 1 is on, and yet its cell says so.
     reports = [
-        wire.Settled(1, 0, 0, (1,), (0,), (2,), 0, epoch=2),
-        wire.Settled(1, 1, 0, (3, 2), (0, 1), (2,), 0, epoch=2),
-        wire.Settled(1, 2, 0, (5,), (0,), (2,), 0, epoch=2),
+        wire.CellReport(1, 0, 0, (1,), (0,), (2,), 0, epoch=2),
+        wire.CellReport(1, 1, 0, (3, 2), (0, 1), (2,), 0, epoch=2),
+        wire.CellReport(1, 2, 0, (5,), (0,), (2,), 0, epoch=2),
     ]
     (state,) = only(wire.State, [m for r in reports for m in core.receive(r)])
     assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [1, 5]
@@ -316,7 +318,7 @@ def test_an_observation_that_contradicts_itself_is_a_fault(
 def test_a_late_wave_is_repeated_with_what_is_known() -> None:
     swarm = Swarm(new())
     swarm.run(ROWS[:4])
-    swarm.lost = lambda m: isinstance(m, wire.Settled)
+    swarm.lost = lambda m: isinstance(m, wire.CellReport)
     swarm.say([partly(5, "?10")])
     swarm.lost = lambda _: False
     said = swarm.say(swarm.coordinator.overdue(swarm.coordinator.in_flight[0]))
@@ -348,14 +350,14 @@ def test_answers_come_in_the_order_of_the_questions_however_waves_settle() -> No
     core.begin()
     core.receive(observed(1, "000"))
     reports = [
-        wire.Settled(1, c, 0, (2 * c + 1,), (0,), (2,), 0, epoch=2) for c in range(3)
+        wire.CellReport(1, c, 0, (2 * c + 1,), (0,), (2,), 0, epoch=2) for c in range(3)
     ]
     said = [message for report in reports for message in core.receive(report)]
     assert [m.wave for m in only(wire.WaveStart, said)] == [2, 3]
-    (reached,) = core.receive(wire.Settled(3, 1, 0, (3,), (0,), (0,), 0, epoch=2))
+    (reached,) = core.receive(wire.CellReport(3, 1, 0, (3,), (0,), (0,), 0, epoch=2))
     assert isinstance(reached, wire.Reached)
     assert (reached.wave, reached.signal) == (3, (3,))
-    said = core.receive(wire.Settled(2, 0, 0, (0,), (0,), (0,), 0, epoch=2))
+    said = core.receive(wire.CellReport(2, 0, 0, (0,), (0,), (0,), 0, epoch=2))
     assert [type(m) for m in said] == [wire.Reached, wire.Decision]
     answers = [np.flatnonzero(a).tolist() for a in policy.answers[-1]]
     assert answers == [[0], [3]]
@@ -409,11 +411,11 @@ def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -
     ("message", "what"),
     [
         (
-            wire.Settled(1, 9, 0, (18,), (0,), (2,), 0),
+            wire.CellReport(1, 9, 0, (18,), (0,), (2,), 0),
             r"settle: must be a cell's, got cell 9",
         ),
         (
-            wire.Settled(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=2),
+            wire.CellReport(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=2),
             r"settle: must give back at most the credit given out, got cell 0,"
             r" credit [0, 0]",
         ),
@@ -446,7 +448,7 @@ def test_faults_of_others_are_counted() -> None:
 def test_an_overdue_wave_is_sent_again_with_whole_wirings() -> None:
     swarm = Swarm(new(Asks()))
     swarm.run(ROWS[:4])
-    swarm.lost = lambda m: isinstance(m, wire.Settled) and m.cell == 1
+    swarm.lost = lambda m: isinstance(m, wire.CellReport) and m.cell == 1
     swarm.observe(5, ROWS[4])
     assert swarm.coordinator.in_flight == (5,)
     swarm.lost = lambda _: False
@@ -496,7 +498,7 @@ def test_an_overdue_planning_wave_still_answers_its_question() -> None:
 def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
     swarm = Swarm(
         new(Asks(), repeats=1),
-        lost=lambda m: isinstance(m, wire.Settled) and m.cell == 2,
+        lost=lambda m: isinstance(m, wire.CellReport) and m.cell == 2,
     )
     swarm.run(ROWS[:1])
     assert swarm.coordinator.in_flight == (1,)

@@ -9,7 +9,7 @@ from neurosnap.protocol.limits import (
     AHEAD,
     READINGS,
     WAVES,
-    Latch,
+    RecentReadings,
     check_number,
     check_room,
     check_start,
@@ -64,7 +64,7 @@ def test_a_wave_that_cannot_begin_so_is_refused(
 def test_the_latest_readings_are_kept_that_a_wave_may_be_of(
     said: list[tuple[bool, int]],
 ) -> None:
-    latch, joined, kept = Latch[str](), 0, dict[int, str]()
+    latch, joined, kept = RecentReadings[str](), 0, dict[int, str]()
     for is_wave, tick in said:
         wrong = refusal(latch.check_tick, "observe", tick)
         assert (wrong is not None) == (joined > 0 and tick > joined + READINGS)

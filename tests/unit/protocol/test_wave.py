@@ -23,8 +23,8 @@ def report(
     hops: Sequence[int] | None = None,
     pulses: int = 0,
     wave: int = 1,
-) -> wire.Settled:
-    return wire.Settled(
+) -> wire.CellReport:
+    return wire.CellReport(
         wave,
         cell,
         part,
@@ -80,11 +80,11 @@ def test_its_start_can_be_for_one_cell() -> None:
     assert start == wire.WaveStart(7, 3, "signal", 1, 5, (4, 9), fence=6, cell=2)
 
 
-def spread(seeds: int, chance: random.Random, most: int) -> list[wire.Settled]:
+def spread(seeds: int, chance: random.Random, most: int) -> list[wire.CellReport]:
     """Return the reports of a made-up wave: shares split until all are given back."""
     start = max(seeds - 1, 0).bit_length()
     shares = [start] * seeds
-    reports: list[wire.Settled] = []
+    reports: list[wire.CellReport] = []
     while shares:
         share = shares.pop(chance.randrange(len(shares)))
         back = [share]
@@ -144,7 +144,7 @@ def test_a_report_that_comes_again_changes_nothing() -> None:
     ],
     ids=["at once", "in parts", "by a little"],
 )
-def test_more_credit_than_was_given_is_refused(wrong: wire.Settled) -> None:
+def test_more_credit_than_was_given_is_refused(wrong: wire.CellReport) -> None:
     wave = signal_wave(0)
     wave.report(report(0, [0], [1], pulses=1))
     expected = r"^settle: must give back at most the credit given out, got cell"
@@ -166,7 +166,7 @@ def test_more_credit_than_was_given_is_refused(wrong: wire.Settled) -> None:
     ],
     ids=["another wave", "another's literal", "twice", "no hops", "fired before"],
 )
-def test_a_report_that_cannot_be_right_is_refused(wrong: wire.Settled) -> None:
+def test_a_report_that_cannot_be_right_is_refused(wrong: wire.CellReport) -> None:
     wave = signal_wave(0)
     wave.report(report(0, [0], [1]))
     expected = r"^settle: must report on wave 1, own literals, each once, got Settled\("

@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.errors import MessageError, WaveLostError
 from neurosnap.poc.order.literals import to_words
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 
 SENSORS = 4
 Edges = NDArray[np.bool_]
@@ -29,12 +29,12 @@ def edges(*pairs: tuple[int, int]) -> Edges:
 CHAIN = edges((0, 2), (2, 4), (5, 3), (3, 1))
 
 
-def rewire(conductor: Conductor, wanted: Edges) -> list[wire.Message]:
+def rewire(conductor: WaveControl, wanted: Edges) -> list[wire.Message]:
     return conductor.rewire(to_words(wanted))
 
 
 def begin(
-    conductor: Conductor, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
+    conductor: WaveControl, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
 ) -> wire.WaveStart:
     """Start a wave that takes one message."""
     (start,) = conductor.start(kind, tick, signal)
@@ -42,8 +42,8 @@ def begin(
     return start
 
 
-def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.Settled:
-    return wire.Settled(wave, literal // 2, 0, (literal,), (0,), credit, 0, epoch)
+def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.CellReport:
+    return wire.CellReport(wave, literal // 2, 0, (literal,), (0,), credit, 0, epoch)
 
 
 def told(cells: list[Cell]) -> Edges:
@@ -64,7 +64,7 @@ def told(cells: list[Cell]) -> Edges:
 def test_its_messages_give_the_cells_the_edges(
     plan: list[set[tuple[int, int]] | str],
 ) -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     cells = [Cell(number) for number in range(SENSORS)]
     wanted = edges()
     for step in plan:
@@ -80,7 +80,7 @@ def test_its_messages_give_the_cells_the_edges(
 
 
 def test_only_cells_whose_edges_changed_are_told() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     rewire(conductor, CHAIN)
     more = CHAIN | edges((4, 6), (7, 5))
     assert rewire(conductor, more) == [
@@ -94,14 +94,14 @@ def test_only_cells_whose_edges_changed_are_told() -> None:
 
 
 def test_edges_that_did_not_change_are_no_message() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     assert rewire(conductor, edges()) == []
     rewire(conductor, CHAIN)
     assert rewire(conductor, CHAIN.copy()) == []
 
 
 def test_it_keeps_edges_of_its_own() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     mine = CHAIN.copy()
     rewire(conductor, mine)
     mine[0, 6] = True
@@ -109,7 +109,7 @@ def test_it_keeps_edges_of_its_own() -> None:
 
 
 def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     assert conductor.rewire_whole() == []
     rewire(conductor, CHAIN)
     rewire(conductor, edges((0, 2)))
@@ -124,7 +124,7 @@ def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
 
 
 def test_waves_are_numbered_from_one() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     starts = [begin(conductor, "signal", 1, (0,)) for _ in range(3)]
     assert [start.wave for start in starts] == [1, 2, 3]
     assert conductor.waves == 3
@@ -132,7 +132,7 @@ def test_waves_are_numbered_from_one() -> None:
 
 
 def test_a_state_wave_starts_in_every_cell() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     start = begin(conductor, "state", 7)
     assert start == wire.WaveStart(1, 7, "state", 2, 1, fence=1)
     done = [conductor.report(settled(1, 2 * s, 2)) for s in range(SENSORS)]
@@ -140,7 +140,7 @@ def test_a_state_wave_starts_in_every_cell() -> None:
 
 
 def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     (start,) = conductor.start("state", 7, seeds=2)
     assert start == wire.WaveStart(1, 7, "state", 1, 1, fence=1)
     assert conductor.report(settled(1, 0, 1)) is None
@@ -151,14 +151,14 @@ def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
 
 
 def test_a_state_wave_keeps_its_credit_when_it_is_repeated_without_a_signal() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("state", 7, seeds=1)
     (start,) = conductor.repeat(1, ())
     assert start == wire.WaveStart(2, 7, "state", 0, 2, (), 1, 2)
 
 
 def test_a_settled_wave_is_handed_out_and_forgotten() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 0, (0, 2))
     assert conductor.report(settled(1, 0, 1)) is None
     wave = conductor.report(settled(1, 2, 1))
@@ -169,7 +169,7 @@ def test_a_settled_wave_is_handed_out_and_forgotten() -> None:
 
 
 def test_several_waves_settle_each_for_itself() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     for _ in range(3):
         conductor.start("signal", 0, (0, 2))
     for number in (3, 1, 2):
@@ -179,7 +179,7 @@ def test_several_waves_settle_each_for_itself() -> None:
 
 
 def test_cells_are_told_which_waves_they_can_forget() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     assert begin(conductor, "signal", 0, (0,)).settled_below == 1
     assert begin(conductor, "signal", 0, (0,)).settled_below == 1
     conductor.report(settled(2, 0, 0))
@@ -190,11 +190,11 @@ def test_cells_are_told_which_waves_they_can_forget() -> None:
 
 def test_a_report_on_a_wave_that_never_was_is_refused() -> None:
     with pytest.raises(MessageError, match=r"^settle: must be on a wave up to 0, got"):
-        Conductor(SENSORS).report(settled(9, 0, 0))
+        WaveControl(SENSORS).report(settled(9, 0, 0))
 
 
 def test_a_report_that_cannot_be_right_is_refused() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 0, (0, 2))
     with pytest.raises(MessageError, match=r"^settle: must give back at most"):
         conductor.report(settled(1, 0, 0, 0))
@@ -210,11 +210,11 @@ def told_of(messages: list[wire.Message]) -> list[tuple[int, int]]:
 
 
 def test_the_first_wave_is_announced_to_all() -> None:
-    assert told_of(Conductor(8).start("signal", 0, (0,))) == [(-1, 1)]
+    assert told_of(WaveControl(8).start("signal", 0, (0,))) == [(-1, 1)]
 
 
 def test_a_wave_of_a_few_goes_to_their_cells_only() -> None:
-    conductor = Conductor(8)
+    conductor = WaveControl(8)
     conductor.start("state", 1)
     starts = conductor.start("signal", 1, (0, 1, 9, 4))
     assert told_of(starts) == [(0, 1), (2, 1), (4, 1)]
@@ -222,7 +222,7 @@ def test_a_wave_of_a_few_goes_to_their_cells_only() -> None:
 
 
 def test_a_wave_of_many_is_announced_to_all() -> None:
-    conductor = Conductor(8)
+    conductor = WaveControl(8)
     conductor.start("state", 1)
     assert told_of(conductor.start("signal", 1, (0, 2, 4, 6, 8))) == [(-1, 2)]
     assert told_of(conductor.start("signal", 1, (0,))) == [(0, 2)]
@@ -230,7 +230,7 @@ def test_a_wave_of_many_is_announced_to_all() -> None:
 
 @pytest.mark.parametrize("whole", [False, True])
 def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     rewire(conductor, CHAIN)
     conductor.start("state", 1)
     assert told_of(conductor.start("signal", 1, (0,))) == [(0, 1)]
@@ -243,7 +243,7 @@ def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
 
 
 def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     announced = []
     for number in range(1, 300):
         ((cell, _),) = told_of(conductor.start("signal", 0, (0,)))
@@ -257,22 +257,22 @@ def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
 # By which wiring a cell acted ---------------------------------------------------------
 
 
-def allows(conductor: Conductor, part: int, epoch: int) -> bool:
+def allows(conductor: WaveControl, part: int, epoch: int) -> bool:
     """Tell whether cell 1 may report on the newest wave by an epoch."""
-    report = wire.Settled(conductor.waves, 1, part, (), (), (9,), 0, epoch)
+    report = wire.CellReport(conductor.waves, 1, part, (), (), (9,), 0, epoch)
     try:
         return conductor.report(report) is None
     except MessageError as error:
         return not str(error).endswith(f"got epoch {epoch} from cell 1")
 
 
-def taken(conductor: Conductor) -> list[int]:
+def taken(conductor: WaveControl) -> list[int]:
     """Return the epochs by which cell 1 may report on the newest wave."""
     return [epoch for epoch in range(9) if allows(conductor, epoch, epoch)]
 
 
 def test_a_cell_reports_by_the_edges_in_force_or_is_refused() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("state", 1)
     assert taken(conductor) == [0]
     rewire(conductor, CHAIN)
@@ -287,7 +287,7 @@ def test_a_cell_reports_by_the_edges_in_force_or_is_refused() -> None:
 
 
 def test_a_whole_wiring_changes_the_edges_of_nobody_who_had_them() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     rewire(conductor, CHAIN)
     conductor.start("signal", 0, (2,))
     conductor.start("signal", 0, (0,))
@@ -300,7 +300,7 @@ def test_a_whole_wiring_changes_the_edges_of_nobody_who_had_them() -> None:
 
 
 def test_a_report_by_a_lost_wiring_counts_for_nothing_and_a_repeat_mends_it() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     rewire(conductor, CHAIN)
     conductor.start("signal", 0, (5,))
     with pytest.raises(MessageError, match=r"of epoch 1, got epoch 0 from cell 2$"):
@@ -313,7 +313,7 @@ def test_a_report_by_a_lost_wiring_counts_for_nothing_and_a_repeat_mends_it() ->
 
 
 def test_what_is_said_by_old_edges_of_a_wave_given_up_is_dropped() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 0, (5,))
     conductor.repeat(1, ())
     rewire(conductor, CHAIN)
@@ -324,7 +324,7 @@ def test_what_is_said_by_old_edges_of_a_wave_given_up_is_dropped() -> None:
 
 
 def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     rewire(conductor, CHAIN)
     conductor.start("signal", 4, (0, 5))
     assert conductor.repeat(1, ()) == [
@@ -337,7 +337,7 @@ def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
 
 
 def test_a_repeated_state_wave_carries_what_was_observed() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("state", 4)
     observed = (0, 3, 4, 7)
     (start,) = conductor.repeat(1, observed)
@@ -345,14 +345,14 @@ def test_a_repeated_state_wave_carries_what_was_observed() -> None:
 
 
 def test_a_repeated_signal_wave_keeps_its_signal() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 4, (6,))
     (start,) = conductor.repeat(1, (0, 3, 4, 7))
     assert start == wire.WaveStart(2, 4, "signal", 0, 2, (6,), 1, 2)
 
 
 def test_reports_on_a_wave_given_up_are_dropped() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 0, (0,))
     conductor.repeat(1, ())
     assert conductor.report(settled(1, 0, 0)) is None
@@ -360,7 +360,7 @@ def test_reports_on_a_wave_given_up_are_dropped() -> None:
 
 
 def test_what_is_given_up_is_settled_only_once_older_waves_are() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 0, (0,))
     conductor.start("signal", 0, (2,))
     again = conductor.repeat(2, ())[-1]
@@ -368,7 +368,7 @@ def test_what_is_given_up_is_settled_only_once_older_waves_are() -> None:
 
 
 def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
-    conductor = Conductor(SENSORS, repeats=2)
+    conductor = WaveControl(SENSORS, repeats=2)
     rewire(conductor, CHAIN)
     conductor.start("state", 9)
     observed = (0, 2, 5, 7)
@@ -384,7 +384,7 @@ def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
 
 
 def test_a_target_that_never_fired_is_named() -> None:
-    conductor = Conductor(SENSORS, repeats=0)
+    conductor = WaveControl(SENSORS, repeats=0)
     rewire(conductor, CHAIN)
     conductor.start("signal", 0, (0,))
     conductor.report(settled(1, 0, 1, epoch=1))
@@ -394,7 +394,7 @@ def test_a_target_that_never_fired_is_named() -> None:
 
 
 def test_credit_can_be_missing_while_nobody_is_silent() -> None:
-    conductor = Conductor(SENSORS, repeats=0)
+    conductor = WaveControl(SENSORS, repeats=0)
     conductor.start("signal", 0, (0,))
     conductor.report(settled(1, 0, 1))
     with pytest.raises(WaveLostError, match=r"0\.5, silent cells: none$"):
@@ -402,7 +402,7 @@ def test_credit_can_be_missing_while_nobody_is_silent() -> None:
 
 
 def test_many_silent_cells_are_named_in_part() -> None:
-    conductor = Conductor(15, repeats=0)
+    conductor = WaveControl(15, repeats=0)
     conductor.start("state", 1)
     named = ", ".join(f"cell/{cell}" for cell in range(10))
     with pytest.raises(WaveLostError, match=rf"cells: {named} and 5 more$"):

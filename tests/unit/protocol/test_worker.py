@@ -48,7 +48,7 @@ def edges(pairs: Edges) -> bytes:
 def wired(*pairs: tuple[int, int]) -> Worker:
     """Return the worker under test with out-edges."""
     worker = Worker(ME, HOSTED)
-    assert worker.receive([wire.Loom(ME, 1, 0, edges(pairs))]) == []
+    assert worker.receive([wire.WorkerWiring(ME, 1, 0, edges(pairs))]) == []
     return worker
 
 
@@ -62,23 +62,23 @@ def state_wave(wave: int, tick: int, *signal: int) -> wire.Message:
 
 def burst(
     *pulses: tuple[int, int, int, int], wave: int = 1, worker: int = 0, part: int = 0
-) -> wire.Burst:
+) -> wire.PulseBatch:
     """Return pulses to the worker under test: source, target, hops, credit each."""
     fields = [packed(*field) for field in zip(*pulses, strict=True)]
-    return wire.Burst(wave, worker, ME, part, *fields)
+    return wire.PulseBatch(wave, worker, ME, part, *fields)
 
 
 def observation(tick: int, *on: int) -> wire.Message:
     return wire.Observation(tick, pack([cell in on for cell in range(SENSORS)]))
 
 
-def pulses_in(message: wire.Burst) -> list[tuple[int, int, int, int]]:
+def pulses_in(message: wire.PulseBatch) -> list[tuple[int, int, int, int]]:
     fields = (message.sources, message.targets, message.hops, message.credit)
     columns = [wire.numbers("field", field) for field in fields]
     return list(zip(*columns, strict=True))
 
 
-def fired_in(tally: wire.Tally) -> dict[int, int]:
+def fired_in(tally: wire.WorkerReport) -> dict[int, int]:
     hops = wire.numbers("hops", tally.hops)
     return dict(zip(wire.fired(tally), hops, strict=True))
 
@@ -93,18 +93,20 @@ def share(credit: int) -> Fraction:
 def test_pulses_among_its_own_cells_stay_inside() -> None:
     worker = wired((6, 8), (8, 10))
     assert worker.receive([start(1, 6)]) == [
-        wire.Tally(1, ME, 0, packed(6, 8, 10), packed(0, 1, 2), (0,), 2, epoch=1)
+        wire.WorkerReport(1, ME, 0, packed(6, 8, 10), packed(0, 1, 2), (0,), 2, epoch=1)
     ]
 
 
 def test_pulses_to_others_leave_in_one_burst_each_before_the_report() -> None:
     worker = wired((6, 0), (6, 4), (6, 17), (9, 16))
     assert worker.receive([start(1, 6, 9, credit=1)]) == [
-        wire.Burst(1, ME, 0, 0, packed(6, 6), packed(0, 4), packed(1, 1), packed(3, 3)),
-        wire.Burst(
+        wire.PulseBatch(
+            1, ME, 0, 0, packed(6, 6), packed(0, 4), packed(1, 1), packed(3, 3)
+        ),
+        wire.PulseBatch(
             1, ME, 2, 0, packed(6, 9), packed(17, 16), packed(1, 1), packed(3, 2)
         ),
-        wire.Tally(1, ME, 0, packed(6, 9), packed(0, 0), (2, 3), 4, epoch=1),
+        wire.WorkerReport(1, ME, 0, packed(6, 9), packed(0, 0), (2, 3), 4, epoch=1),
     ]
 
 
@@ -112,7 +114,7 @@ def test_the_fewest_hops_in_a_burst_count_whatever_came_first() -> None:
     worker = wired((6, 8), (8, 10))
     far = burst((0, 8, 7, 3), (0, 10, 3, 3), (2, 6, 1, 3))
     (tally,) = worker.receive([start(), far])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 1, 8: 2, 10: 3}
     assert sum(map(share, tally.credit)) == 3 * share(3)
 
@@ -137,10 +139,10 @@ def test_of_the_readings_those_of_its_cells_that_are_known_fire(
         if row[cell] is not None
     }
     said = worker.receive([told, state_wave(1, 1)])
-    fired = [fired_in(tally) for tally in said if isinstance(tally, wire.Tally)]
+    fired = [fired_in(tally) for tally in said if isinstance(tally, wire.WorkerReport)]
     assert fired == ([expected] if expected else [])
     by_cells = [m for cell in cells for m in cell.receive([told, state_wave(1, 1)])]
-    literals = [m.literals for m in by_cells if isinstance(m, wire.Settled)]
+    literals = [m.literals for m in by_cells if isinstance(m, wire.CellReport)]
     assert sorted(literals) == [(literal,) for literal in sorted(expected)]
 
 
@@ -149,7 +151,7 @@ def test_a_worker_of_unknown_readings_only_passes_pulses_on() -> None:
     unknown = wire.Observation(1, b"\x01\x00", known=b"\x01\x00")
     assert worker.receive([unknown, state_wave(1, 1)]) == []
     (tally,) = worker.receive([burst((0, 6, 1, 5))])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 1, 8: 2}
 
 
@@ -161,10 +163,10 @@ def test_an_observation_that_contradicts_itself_is_a_fault() -> None:
 
 def test_it_says_by_which_frame_it_acted_and_what_comes_after_does_not_count() -> None:
     worker = wired((6, 8))
-    changed = wire.Loom(ME, 2, 1, edges([(6, 10)]), edges([(6, 8)]))
+    changed = wire.WorkerWiring(ME, 2, 1, edges([(6, 10)]), edges([(6, 8)]))
     assert worker.receive([start(1, 6), changed, start(2, 6)]) == [
-        wire.Tally(1, ME, 0, packed(6, 8), packed(0, 1), (0,), 1, epoch=1),
-        wire.Tally(2, ME, 0, packed(6, 10), packed(0, 1), (0,), 1, epoch=2),
+        wire.WorkerReport(1, ME, 0, packed(6, 8), packed(0, 1), (0,), 1, epoch=1),
+        wire.WorkerReport(2, ME, 0, packed(6, 10), packed(0, 1), (0,), 1, epoch=2),
     ]
 
 
@@ -172,9 +174,9 @@ def test_it_fires_once_a_wave_and_again_in_another() -> None:
     worker = wired((6, 8))
     worker.receive([start(1, 6)])
     (tally,) = worker.receive([burst((0, 6, 4, 5))])
-    assert tally == wire.Tally(1, ME, 1, b"", b"", (5,), 0, epoch=1)
+    assert tally == wire.WorkerReport(1, ME, 1, b"", b"", (5,), 0, epoch=1)
     (tally,) = worker.receive([start(2, 6)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 0, 8: 1}
 
 
@@ -188,9 +190,11 @@ def test_bursts_to_a_worker_are_numbered_by_wave() -> None:
     for burst_ in ([start(1, 6)], [burst((0, 8, 1, 1)), burst((0, 10, 1, 1), part=1)]):
         messages += worker.receive(burst_)
     messages += worker.receive([start(2, 6)])
-    numbered = [(m.wave, m.to, m.part) for m in messages if isinstance(m, wire.Burst)]
+    numbered = [
+        (m.wave, m.to, m.part) for m in messages if isinstance(m, wire.PulseBatch)
+    ]
     assert numbered == [(1, 0, 0), (1, 0, 1), (1, 2, 0), (2, 0, 0)]
-    tallies = [(m.wave, m.part) for m in messages if isinstance(m, wire.Tally)]
+    tallies = [(m.wave, m.part) for m in messages if isinstance(m, wire.WorkerReport)]
     assert tallies == [(1, 0), (1, 1), (2, 0)]
 
 
@@ -202,7 +206,7 @@ def test_pulses_wait_for_their_wave() -> None:
     early = burst((0, 6, 1, 1))
     assert worker.receive([early]) == []
     (tally,) = worker.receive([start()])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 1, 8: 2}
 
 
@@ -210,13 +214,13 @@ def test_a_state_wave_waits_for_its_reading() -> None:
     worker = wired((6, 8))
     assert worker.receive([state_wave(1, 1), burst((0, 10, 1, 1))]) == []
     (tally,) = worker.receive([observation(1, 3)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 0, 9: 0, 11: 0, 8: 1, 10: 1}
 
 
 def test_a_repeated_state_wave_says_what_was_observed() -> None:
     (tally,) = wired().receive([state_wave(2, 1, 1, 7, 8, 11, 12)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {7: 0, 8: 0, 11: 0}
 
 
@@ -224,7 +228,7 @@ def test_readings_are_kept_by_tick() -> None:
     worker = wired()
     worker.receive([observation(1, 3), observation(2, 4), observation(1, 5)])
     out = worker.receive([state_wave(1, 1), state_wave(2, 2)])
-    found = [set(wire.fired(m)) for m in out if isinstance(m, wire.Tally)]
+    found = [set(wire.fired(m)) for m in out if isinstance(m, wire.WorkerReport)]
     assert found == [{6, 9, 11}, {7, 8, 11}]
 
 
@@ -241,35 +245,35 @@ def test_a_wave_that_settled_is_forgotten() -> None:
 def test_wirings_build_on_each_other() -> None:
     worker = wired((6, 8), (6, 10))
     more, less = edges([(6, 7), (6, 9)]), edges([(6, 8), (6, 11)])
-    assert worker.receive([wire.Loom(ME, 2, 1, more, less)]) == []
+    assert worker.receive([wire.WorkerWiring(ME, 2, 1, more, less)]) == []
     (tally,) = worker.receive([start(1, 6)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 0, 7: 1, 9: 1, 10: 1}
 
 
 def test_a_whole_wiring_forgets_what_was() -> None:
     worker = wired((6, 8))
-    worker.receive([wire.Loom(ME, 5, 0, edges([(6, 10)]))])
+    worker.receive([wire.WorkerWiring(ME, 5, 0, edges([(6, 10)]))])
     (tally,) = worker.receive([start(1, 6)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 0, 10: 1}
 
 
 def test_a_wave_goes_along_the_wiring_it_was_announced_after() -> None:
-    change = wire.Loom(ME, 2, 1, b"", edges([(6, 8)]))
+    change = wire.WorkerWiring(ME, 2, 1, b"", edges([(6, 8)]))
     out = wired((6, 8)).receive([start(1, 6), change, start(2, 6)])
-    found = [fired_in(m) for m in out if isinstance(m, wire.Tally)]
+    found = [fired_in(m) for m in out if isinstance(m, wire.WorkerReport)]
     assert found == [{6: 0, 8: 1}, {6: 0}]
 
 
 def test_after_a_lost_frame_it_is_silent_until_wired_anew() -> None:
     worker = wired((6, 8))
-    (fault,) = worker.receive([wire.Loom(ME, 3, 2, edges([(6, 10)]))])
+    (fault,) = worker.receive([wire.WorkerWiring(ME, 3, 2, edges([(6, 10)]))])
     assert fault == wire.Fault("worker/1", "loom: must build on epoch 1, got 2")
     assert worker.receive([start(1, 6), burst((0, 8, 1, 1))]) == []
-    out = worker.receive([wire.Loom(ME, 4, 0, edges([(6, 10)]))])
+    out = worker.receive([wire.WorkerWiring(ME, 4, 0, edges([(6, 10)]))])
     (tally,) = out
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 0, 8: 1, 10: 1}
 
 
@@ -279,7 +283,7 @@ def test_after_a_lost_frame_it_is_silent_until_wired_anew() -> None:
 def test_what_came_before_changes_nothing() -> None:
     worker = wired((6, 8), (8, 0))
     said: list[wire.Message] = [
-        wire.Loom(ME, 2, 1, edges([(10, 0)])),
+        wire.WorkerWiring(ME, 2, 1, edges([(10, 0)])),
         observation(1, 3),
         state_wave(1, 1),
         burst((0, 8, 1, 1)),
@@ -292,26 +296,29 @@ def test_what_came_before_changes_nothing() -> None:
 
 WRONG: list[tuple[wire.Message, str]] = [
     (wire.Pulse(1, 0, 6, 1, 0), "excite: is not for a worker"),
-    (wire.Loom(0, 2, 1), "loom: must be for this worker, got 0"),
-    (wire.Loom(ME, 4098, 0), "loom: epoch must be at most 4096 beyond 1, got 4098"),
+    (wire.WorkerWiring(0, 2, 1), "loom: must be for this worker, got 0"),
     (
-        wire.Loom(ME, 2, 1, packed(6)),
+        wire.WorkerWiring(ME, 4098, 0),
+        "loom: epoch must be at most 4096 beyond 1, got 4098",
+    ),
+    (
+        wire.WorkerWiring(ME, 2, 1, packed(6)),
         "loom: add: must be eight bytes an edge, got 4",
     ),
     (
-        wire.Loom(ME, 2, 1, b"", packed(4, 6)),
+        wire.WorkerWiring(ME, 2, 1, b"", packed(4, 6)),
         "loom: drop must lead from 6 to 11, got 4 to 4",
     ),
     (
-        wire.Loom(ME, 2, 1, packed(6, 18)),
+        wire.WorkerWiring(ME, 2, 1, packed(6, 18)),
         "loom: add must lead to 0 to 17, got 18 to 18",
     ),
     (
-        wire.Loom(ME, 2, 1, packed(6, -1)),
+        wire.WorkerWiring(ME, 2, 1, packed(6, -1)),
         "loom: add must lead to 0 to 17, got -1 to -1",
     ),
     (
-        wire.Loom(ME, 2, 1, packed(6, 8, 6, 8)),
+        wire.WorkerWiring(ME, 2, 1, packed(6, 8, 6, 8)),
         "loom: add must be ascending, got a step that is not",
     ),
     (
@@ -342,7 +349,7 @@ WRONG: list[tuple[wire.Message, str]] = [
         "burst: must be whole pulses, got [1, 2]",
     ),
     (
-        wire.Burst(1, 0, ME, 0, b"", b"", b"", b""),
+        wire.PulseBatch(1, 0, ME, 0, b"", b"", b"", b""),
         "burst: must be whole pulses, got [0]",
     ),
     (
@@ -363,7 +370,7 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
         start(2, 6),
         observation(2),
         state_wave(3, 2),
-        wire.Loom(ME, 2, 1, edges([(6, 10)])),
+        wire.WorkerWiring(ME, 2, 1, edges([(6, 10)])),
         start(4, 6),
     ]
     for worker in workers:
@@ -383,11 +390,11 @@ def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) 
     (fault,) = worker.receive([more])
     assert fault == wire.Fault("worker/1", "burst: must leave up to 3 pulses waiting")
     (tally,) = worker.receive([start()])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     # Those wait no more, and those of a wave that is forgotten do not either.
     assert worker.receive([more]) == []
     (tally,) = worker.receive([start(3, 6, below=3)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert worker.receive([burst((0, 6, 1, 1), (0, 8, 1, 1), wave=4)]) == []
 
 
@@ -419,7 +426,7 @@ def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
     assert said == [wire.Fault("worker/1", what)]
     worker.receive([start(2, 6, below=2)])
     (tally,) = worker.receive([burst((0, 8, 1, 1), wave=2)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
 
 
 def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
@@ -436,27 +443,27 @@ def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     assert fault == wire.Fault("worker/1", what)
     # What a wave settles makes room for it.
     (tally,) = worker.receive([start(5, 6, below=3)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert set(worker._waves) == {3, 4, 5}
 
 
 def test_a_frame_that_is_only_just_near_enough_is_taken() -> None:
     worker = wired((6, 8))
-    assert worker.receive([wire.Loom(ME, 4097, 0, edges([(6, 10)]))]) == []
+    assert worker.receive([wire.WorkerWiring(ME, 4097, 0, edges([(6, 10)]))]) == []
     (tally,) = worker.receive([start(1, 6)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {6: 0, 10: 1}
 
 
 def test_of_a_signal_only_its_own_literals_are_kept_each_once() -> None:
     worker = wired()
-    worker.receive([wire.Loom(ME, 3, 2)])  # a change was lost: the waves wait
+    worker.receive([wire.WorkerWiring(ME, 3, 2)])  # a change was lost: the waves wait
     signal = tuple(range(2 * SENSORS)) * 1000
     worker.receive([start(1, *signal), state_wave(2, 1, *signal)])
     kept = [wave.start for wave in worker._waves.values()]
     assert [one and one.signal for one in kept] == [tuple(range(6, 12))] * 2
-    out = worker.receive([wire.Loom(ME, 4, 0)])
-    found = [fired_in(m) for m in out if isinstance(m, wire.Tally)]
+    out = worker.receive([wire.WorkerWiring(ME, 4, 0)])
+    found = [fired_in(m) for m in out if isinstance(m, wire.WorkerReport)]
     assert found == [dict.fromkeys(range(6, 12), 0)] * 2
 
 
@@ -496,9 +503,9 @@ def test_a_chain_of_thousands_splits_its_credit_to_the_end() -> None:
     length = 5000
     worker = Worker(0, shares(length, 1))
     pairs = [(2 * cell, 2 * cell + 2) for cell in range(length - 1)]
-    worker.receive([wire.Loom(0, 1, 0, edges(pairs))])
+    worker.receive([wire.WorkerWiring(0, 1, 0, edges(pairs))])
     (tally,) = worker.receive([start(1, 0)])
-    assert isinstance(tally, wire.Tally)
+    assert isinstance(tally, wire.WorkerReport)
     assert fired_in(tally) == {2 * cell: cell for cell in range(length)}
     assert (tally.credit, tally.pulses) == ((0,), length - 1)
 
@@ -552,13 +559,13 @@ def summed(messages: Iterable[wire.Message]) -> dict[str, Any]:
                 leaving.append(
                     (message.source, message.target, message.hops, message.credit)
                 )
-            case wire.Burst():
+            case wire.PulseBatch():
                 leaving += pulses_in(message)
-            case wire.Settled():
+            case wire.CellReport():
                 hops |= zip(message.literals, message.hops, strict=True)
-            case wire.Tally():
+            case wire.WorkerReport():
                 hops |= fired_in(message)
-        if isinstance(message, wire.Settled | wire.Tally):
+        if isinstance(message, wire.CellReport | wire.WorkerReport):
             back += sum(map(share, message.credit))
             pulses += message.pulses
     return {"hops": hops, "leaving": sorted(leaving), "back": back, "pulses": pulses}

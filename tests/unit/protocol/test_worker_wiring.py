@@ -10,7 +10,7 @@ from neurosnap import wire
 from neurosnap.errors import MessageError, WaveLostError
 from neurosnap.poc.order.literals import Words, to_words
 from neurosnap.protocol.partition import shares
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_wiring import WorkerWires
 
@@ -44,9 +44,9 @@ def tally(
     *credit: int,
     part: int = 0,
     epoch: int = 0,
-) -> wire.Tally:
+) -> wire.WorkerReport:
     hops = packed(*fired.values())
-    return wire.Tally(wave, worker, part, packed(*fired), hops, credit, 0, epoch)
+    return wire.WorkerReport(wave, worker, part, packed(*fired), hops, credit, 0, epoch)
 
 
 def known(workers: list[Worker]) -> set[tuple[int, int]]:
@@ -77,7 +77,7 @@ def test_its_frames_give_the_workers_the_edges(
             messages = wires.rewire_to(joined(step))
             wanted = step
         for message in messages:
-            assert isinstance(message, wire.Loom)
+            assert isinstance(message, wire.WorkerWiring)
             assert max(len(message.add), len(message.drop)) <= 8 * frame
             assert workers[message.worker].receive([message]) == []
         assert known(workers) == wanted
@@ -90,7 +90,10 @@ def test_its_frames_give_the_workers_the_edges(
 def test_a_matrix_and_a_list_of_edges_say_the_same(
     first: set[tuple[int, int]], second: set[tuple[int, int]]
 ) -> None:
-    by_matrix, by_list = Conductor(SENSORS, workers=2), Conductor(SENSORS, workers=2)
+    by_matrix, by_list = (
+        WaveControl(SENSORS, workers=2),
+        WaveControl(SENSORS, workers=2),
+    )
     for pairs in (first, second):
         assert by_matrix.rewire(edges(pairs)) == by_list.rewire_to(joined(pairs))
     assert by_matrix.rewire_whole() == by_list.rewire_whole()
@@ -100,44 +103,44 @@ def test_a_matrix_and_a_list_of_edges_say_the_same(
 def test_cells_are_told_the_same_by_a_list_of_edges(
     first: set[tuple[int, int]], second: set[tuple[int, int]]
 ) -> None:
-    by_matrix, by_list = Conductor(SENSORS), Conductor(SENSORS)
+    by_matrix, by_list = WaveControl(SENSORS), WaveControl(SENSORS)
     for pairs in (first, second):
         assert by_matrix.rewire(edges(pairs)) == by_list.rewire_to(joined(pairs))
 
 
 def test_only_workers_whose_edges_changed_are_told() -> None:
-    conductor = Conductor(SENSORS, workers=WORKERS)
+    conductor = WaveControl(SENSORS, workers=WORKERS)
     conductor.rewire(edges([(0, 2), (6, 8)]))
     assert conductor.rewire(edges([(0, 2), (6, 4), (7, 1)])) == [
-        wire.Loom(1, 2, 1, packed(6, 4, 7, 1), packed(6, 8))
+        wire.WorkerWiring(1, 2, 1, packed(6, 4, 7, 1), packed(6, 8))
     ]
     assert conductor.rewire(edges([(0, 2), (6, 4), (7, 1)])) == []
 
 
 def test_a_whole_wiring_goes_to_every_worker_that_has_or_had_edges() -> None:
-    conductor = Conductor(SENSORS, workers=WORKERS)
+    conductor = WaveControl(SENSORS, workers=WORKERS)
     assert conductor.rewire_whole() == []
     conductor.rewire(edges([(0, 2), (6, 8)]))
     conductor.rewire(edges([(0, 2)]))
     assert conductor.rewire_whole() == [
-        wire.Loom(0, 2, 0, packed(0, 2)),
-        wire.Loom(1, 3, 0),
+        wire.WorkerWiring(0, 2, 0, packed(0, 2)),
+        wire.WorkerWiring(1, 3, 0),
     ]
 
 
 def test_what_is_too_much_for_a_frame_goes_on_in_the_next() -> None:
     wires = WorkerWires(SENSORS, 1, frame=2)
     assert wires.rewire_to(joined({(0, 2), (2, 4), (4, 6)})) == [
-        wire.Loom(0, 1, 0, packed(0, 2, 2, 4)),
-        wire.Loom(0, 2, 1, packed(4, 6)),
+        wire.WorkerWiring(0, 1, 0, packed(0, 2, 2, 4)),
+        wire.WorkerWiring(0, 2, 1, packed(4, 6)),
     ]
     assert wires.rewire_whole() == [
-        wire.Loom(0, 3, 0, packed(0, 2, 2, 4)),
-        wire.Loom(0, 4, 3, packed(4, 6)),
+        wire.WorkerWiring(0, 3, 0, packed(0, 2, 2, 4)),
+        wire.WorkerWiring(0, 4, 3, packed(4, 6)),
     ]
     assert wires.rewire_to(joined({(0, 4)})) == [
-        wire.Loom(0, 5, 4, packed(0, 4), packed(0, 2, 2, 4)),
-        wire.Loom(0, 6, 5, b"", packed(4, 6)),
+        wire.WorkerWiring(0, 5, 4, packed(0, 4), packed(0, 2, 2, 4)),
+        wire.WorkerWiring(0, 6, 5, b"", packed(4, 6)),
     ]
 
 
@@ -145,7 +148,7 @@ def test_what_is_too_much_for_a_frame_goes_on_in_the_next() -> None:
 
 
 def test_every_wave_is_announced_to_all() -> None:
-    conductor = Conductor(SENSORS, workers=WORKERS)
+    conductor = WaveControl(SENSORS, workers=WORKERS)
     conductor.rewire(edges(CHAIN))
     for number in (1, 2, 3):
         (start,) = conductor.start("signal", 0, (4,))
@@ -154,7 +157,7 @@ def test_every_wave_is_announced_to_all() -> None:
 
 
 def test_a_wave_settles_by_the_reports_of_workers() -> None:
-    conductor = Conductor(SENSORS, workers=WORKERS)
+    conductor = WaveControl(SENSORS, workers=WORKERS)
     conductor.start("signal", 0, (0, 6))
     assert conductor.report(tally(1, 0, {0: 0, 3: 5}, 2)) is None
     assert conductor.report(tally(1, 0, {0: 0, 3: 5}, 2)) is None  # once more
@@ -168,26 +171,29 @@ def test_a_wave_settles_by_the_reports_of_workers() -> None:
 @pytest.mark.parametrize(
     ("wrong", "what"),
     [
-        (wire.Settled(1, 0, 0, (0,), (0,), (1,), 0), "settle: must be a worker's, got"),
+        (
+            wire.CellReport(1, 0, 0, (0,), (0,), (1,), 0),
+            "settle: must be a worker's, got",
+        ),
         (tally(1, 3, {0: 0}, 1), "tally: must be a worker's, got worker 3"),
         (tally(1, 0, {6: 0}, 1), "tally: must report on wave 1, own literals, each"),
         (tally(1, 1, {4: 0}, 1), "tally: must report on wave 1, own literals, each"),
         (tally(1, 0, {-1: 0}, 1), "tally: must report on wave 1, own literals, each"),
         (tally(1, 0, {0: -1}, 1), "tally: must report on wave 1, own literals, each"),
         (
-            wire.Tally(1, 0, 0, packed(0, 0), packed(0, 0), (1,), 0),
+            wire.WorkerReport(1, 0, 0, packed(0, 0), packed(0, 0), (1,), 0),
             "tally: must report on wave 1, own literals, each",
         ),
         (
-            wire.Tally(1, 0, 0, packed(0, 2), packed(0), (1,), 0),
+            wire.WorkerReport(1, 0, 0, packed(0, 2), packed(0), (1,), 0),
             "tally: must report on wave 1, own literals, each",
         ),
         (
-            wire.Tally(1, 0, 0, b"\0\0", packed(0), (1,), 0),
+            wire.WorkerReport(1, 0, 0, b"\0\0", packed(0), (1,), 0),
             "tally: literals: must be four bytes a number, got 2",
         ),
         (
-            wire.Tally(1, 0, 0, packed(0), b"\0", (1,), 0),
+            wire.WorkerReport(1, 0, 0, packed(0), b"\0", (1,), 0),
             "tally: hops: must be four bytes a number, got 1",
         ),
         (tally(1, 0, {0: 0}), "tally: must give back credit"),
@@ -197,9 +203,9 @@ def test_a_wave_settles_by_the_reports_of_workers() -> None:
     ids=lambda given: given if isinstance(given, str) else "",
 )
 def test_a_report_that_cannot_be_right_is_refused(
-    wrong: wire.Settled | wire.Tally, what: str
+    wrong: wire.CellReport | wire.WorkerReport, what: str
 ) -> None:
-    conductor = Conductor(SENSORS, workers=WORKERS)
+    conductor = WaveControl(SENSORS, workers=WORKERS)
     conductor.start("signal", 0, (0, 6))
     with pytest.raises(MessageError) as caught:
         conductor.report(wrong)
@@ -209,7 +215,7 @@ def test_a_report_that_cannot_be_right_is_refused(
 
 
 def test_cells_take_no_report_of_a_worker() -> None:
-    conductor = Conductor(SENSORS)
+    conductor = WaveControl(SENSORS)
     conductor.start("signal", 0, (0,))
     expected = "^tally: must be a cell's, got worker 0$"
     with pytest.raises(MessageError, match=expected):
@@ -217,7 +223,7 @@ def test_cells_take_no_report_of_a_worker() -> None:
 
 
 def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
-    conductor = Conductor(SENSORS, repeats=0, workers=WORKERS)
+    conductor = WaveControl(SENSORS, repeats=0, workers=WORKERS)
     conductor.rewire(edges([*CHAIN, (0, 8), (0, 13)]))
     conductor.start("signal", 0, (0,))
     conductor.report(tally(1, 0, {0: 0, 2: 1}, 1, epoch=1))
@@ -230,11 +236,11 @@ def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
 
 
 def test_a_repeat_wires_every_worker_anew_first() -> None:
-    conductor = Conductor(SENSORS, workers=WORKERS)
+    conductor = WaveControl(SENSORS, workers=WORKERS)
     conductor.rewire(edges(CHAIN))
     conductor.start("signal", 0, (0,))
     *wirings_, start = conductor.repeat(1, ())
-    assert all(isinstance(m, wire.Loom) and m.after == 0 for m in wirings_)
+    assert all(isinstance(m, wire.WorkerWiring) and m.after == 0 for m in wirings_)
     assert len(wirings_) == 2
     assert isinstance(start, wire.WaveStart)
     assert (start.wave, start.repeats) == (2, 1)

@@ -17,19 +17,21 @@ EACH: dict[str, wire.Message] = {
     "wave": wire.WaveStart(1, 1, "signal", 2, 1, (0, 7), 3),
     "excite": wire.Pulse(1, 7, 4, 1, 3),
     "inhibit": wire.Pulse(1, 6, 9, 2, 40),
-    "settle": wire.Settled(1, 3, 0, (6,), (2,), (3, 3, 5), 1),
+    "settle": wire.CellReport(1, 3, 0, (6,), (2,), (3, 3, 5), 1),
     "state": wire.State(1, 1, b"\x01\x02\x03", True, 2, 3, 4, 5, 6),
     "reach": wire.Reached(1, 2, (0, 7), b"\x81", 3, 4, 5, 6),
     "decide": wire.Decision(1, -1, 'a "quoted" reason, ünïcode \x00'),
     "keyframe": wire.KeyFrame(1, bytes(range(256))),
     "fault": wire.Fault("cell/3", "what was wrong"),
     "leave": wire.Leave("world"),
-    "loom": wire.Loom(1, 2, 1, bytes(8), bytes(range(16))),
-    "burst": wire.Burst(1, 0, 1, 2, bytes(4), b"\x08\0\0\0", b"\1\0\0\0", bytes(4)),
+    "loom": wire.WorkerWiring(1, 2, 1, bytes(8), bytes(range(16))),
+    "burst": wire.PulseBatch(
+        1, 0, 1, 2, bytes(4), b"\x08\0\0\0", b"\1\0\0\0", bytes(4)
+    ),
     "anomaly": wire.Anomaly(
         9, 8, (1,), (1, 2), True, 1, (0,), (2,), (5,), (40.0,), (0.0,), (3,)
     ),
-    "tally": wire.Tally(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
+    "tally": wire.WorkerReport(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
 }
 """One message for each topic."""
 
@@ -54,7 +56,9 @@ def traffic(count: int, seed: int = 0) -> list[wire.Delivery]:
         if index % 20 == 0:
             messages.append(wire.Observation(wave, bytes((draw(256),))))
         elif index % 5 == 0:
-            messages.append(wire.Settled(wave, draw(9), 0, (draw(18),), (1,), (2,), 0))
+            messages.append(
+                wire.CellReport(wave, draw(9), 0, (draw(18),), (1,), (2,), 0)
+            )
         else:
             messages.append(wire.Pulse(wave, draw(18), draw(18), 1, draw(9)))
     return list(delivered(messages))

@@ -16,9 +16,9 @@ from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write import recorder
-from neurosnap.recording.write.fsync_thread import Saving
+from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
 from tests.unit.recording.samples import EACH, NOW
 
@@ -33,7 +33,7 @@ def states(log: Path) -> int:
     return len(list(Recording.open(log).messages(("state",))))
 
 
-def add(writer: Parts, number: int) -> None:
+def add(writer: SplitWriter, number: int) -> None:
     leave = wire.Leave("world")
     writer.add(wire.Delivery(leave.key, number, NOW, wire.encode(leave)), NOW)
 
@@ -43,7 +43,7 @@ async def test_the_first_whole_tick_is_flushed_at_once(
 ) -> None:
     monkeypatch.setattr(recorder, "_FLUSH", 3600.0)
     log, hub, stop = tmp_path / "log.mcap", MemoryHub(), asyncio.Event()
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         async with (
             hub.fabric("coordinator") as coordinator,
             asyncio.TaskGroup() as all_,
@@ -82,7 +82,7 @@ async def test_a_recording_is_synced_as_often_as_its_run_wants(
     for sync, most in (("0.0001", 10**6), ("0", 0), ("3600", 0)):
         folder = tmp_path / sync
         folder.mkdir()
-        with Parts(folder / "log.mcap", {"sync": sync}) as writer:
+        with SplitWriter(folder / "log.mcap", {"sync": sync}) as writer:
             del synced[:]
             flushing = asyncio.create_task(recorder._flush(writer, fabric))
             if most:
@@ -109,7 +109,7 @@ async def test_a_slow_disk_holds_nobody_up(
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", wait)
-    with Parts(log, {"sync": "1"}) as writer:
+    with SplitWriter(log, {"sync": "1"}) as writer:
         for number in range(10):
             add(writer, number)
             writer.flush(NOW)
@@ -128,7 +128,7 @@ def test_a_sync_that_failed_is_told_and_not_tried_again(
 ) -> None:
     log, fsync = tmp_path / "log.mcap", os.fsync
     rule = r"^log: must reach the disk, got Input/output error for '.*log\.mcap'"
-    saving = Saving()
+    saving = FsyncThread()
     with Writer(log) as writer:
         monkeypatch.setattr(os, "fsync", full)
         saving.sync([writer])
@@ -143,7 +143,7 @@ async def test_a_run_whose_recording_does_not_reach_the_disk_fails(
     monkeypatch.setattr(recorder, "_FLUSH", 0.0)
     monkeypatch.setattr(os, "fsync", full)
     log = tmp_path / "log.mcap"
-    with Parts(log, {"sync": "0.0001"}) as writer:
+    with SplitWriter(log, {"sync": "0.0001"}) as writer:
         async with MemoryHub().fabric("recorder") as fabric:
             with pytest.raises(RecordingError, match="must reach the disk"):
                 await run_recorder(writer, fabric, asyncio.Event(), parts=("world",))

@@ -8,10 +8,10 @@ import msgspec
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.fabric.protocol import Handler
-from neurosnap.fabric.zenoh.discovery import Sighting
+from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import _look_on
-from neurosnap.runtime.hosts.run_description import Brief
+from neurosnap.runtime.hosts.run_description import RunDescription
 from tests.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)
@@ -46,7 +46,7 @@ class Swarm:
     async def ask(self) -> bytes:
         self._say(self._before)
         asyncio.get_running_loop().call_soon(self._say, self._after)
-        return Brief(options=OPTIONS).to_bytes()
+        return RunDescription(options=OPTIONS).to_bytes()
 
     def _say(self, messages: list[wire.Message]) -> None:
         self._handler([wire.Delivery(m.key, 0, 0, wire.encode(m)) for m in messages])
@@ -59,7 +59,7 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
     async with asyncio.timeout(PATIENCE):
         in_order = await _look_on(
             swarm,
-            Sighting("demo"),
+            FoundSwarm("demo"),
             asyncio.Event(),
             lambda told: heard.append(told.culprits),
         )

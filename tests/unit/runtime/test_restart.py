@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.errors import PartDiedError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.write.restart_files import Lives
+from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime import restart
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
@@ -29,9 +29,9 @@ async def test_a_tick_that_was_cut_off_is_done_again_before_the_end(
     outcome = await run(options, whole, asyncio.Event())
     stop, asked = asyncio.Event(), asyncio.Event()
     loop, heeded = asyncio.get_running_loop(), []
-    have_left = Lives.have_left
+    have_left = RestartFiles.have_left
 
-    def look(lives: Lives, tick: int) -> bool:
+    def look(lives: RestartFiles, tick: int) -> bool:
         found = have_left(lives, tick)
         loop.call_soon_threadsafe(asked.set)
         return found
@@ -60,10 +60,10 @@ async def test_a_tick_that_was_cut_off_is_done_again_before_the_end(
         await stop.wait()
         return outcome
 
-    monkeypatch.setattr(Lives, "have_left", look)
+    monkeypatch.setattr(RestartFiles, "have_left", look)
     monkeypatch.setattr(restart, "run", one_life)
     async with asyncio.timeout(PATIENCE):
-        found = await restart.run_on(
+        found = await restart.run_with_restarts(
             options,
             log,
             stop,

@@ -16,7 +16,7 @@ from neurosnap.protocol.cell_wiring import CellWires, Wires
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
-from neurosnap.protocol.wave_control import Conductor
+from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_wiring import WorkerWires
 from neurosnap.sensorium import pack
@@ -85,7 +85,7 @@ class Swarm:
                     )
                     waiting += self._told(observation)
                     waiting += self.core.receive(observation)
-            elif isinstance(message, wire.Settled | wire.Tally):
+            elif isinstance(message, wire.CellReport | wire.WorkerReport):
                 waiting += self.core.receive(message)
             else:
                 waiting += self._told(message)
@@ -144,7 +144,9 @@ def test_after_a_key_frame_everybody_is_wired_whole(workers: int) -> None:
             continue
         rest = swarm.said[place + 1 :]
         start = next(n for n, m in enumerate(rest) if isinstance(m, wire.WaveStart))
-        wirings = [m for m in rest[:start] if isinstance(m, wire.Wiring | wire.Loom)]
+        wirings = [
+            m for m in rest[:start] if isinstance(m, wire.Wiring | wire.WorkerWiring)
+        ]
         assert {wiring.after for wiring in wirings} == {0}
         assert len(wirings) == (workers or len(SENSORS))
         assert max(w.epoch for w in wirings) == max(message.epochs) + 1
@@ -193,10 +195,10 @@ def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
     assert wires.epochs == fresh.epochs
     for each in (wires, fresh):
         for epoch, fits in ((before[0], False), (each.epochs[0], True)):
-            report: wire.Settled | wire.Tally = (
-                wire.Settled(1, 0, 0, (0,), (0,), (0,), 0, epoch)
+            report: wire.CellReport | wire.WorkerReport = (
+                wire.CellReport(1, 0, 0, (0,), (0,), (0,), 0, epoch)
                 if isinstance(each, CellWires)
-                else wire.Tally(1, 0, 0, b"", b"", (0,), 0, epoch)
+                else wire.WorkerReport(1, 0, 0, b"", b"", (0,), 0, epoch)
             )
             try:
                 each.check_epoch(report, each.cells_of(report))
@@ -207,7 +209,7 @@ def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
 
 
 def test_waves_go_on_being_numbered() -> None:
-    conductor = Conductor(3)
+    conductor = WaveControl(3)
     conductor.start_at(41, (7,))
     assert (conductor.waves, conductor.epochs) == (41, (7,))
     (start,) = conductor.start("state", 5)

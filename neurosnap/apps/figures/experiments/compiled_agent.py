@@ -44,7 +44,7 @@ def drive(
         threshold: The learning threshold of every pair.
         decay: Of a discounted snapshot; negative: an empirical one.
         explore: The share of random actions.
-        draws: ``(steps + 1, WIDTH)``: `Draws.table`; row `t` decides tick `t`.
+        draws: ``(steps + 1, WIDTH)``: `RandomNumbers.table`; row `t` decides tick `t`.
 
     Returns:
         For each step ``(steps,)``: the distance to the target at which the observation

@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.figures.experiments.per_step import SteppedCell
+from neurosnap.apps.figures.experiments.per_step import PerStepEntry
 from neurosnap.apps.figures.experiments.sensor_faults import (
     PLACES,
     Fault,
@@ -38,7 +38,7 @@ HOLD = 200
 """Ticks that an order is held on to."""
 
 
-class WatchedCell(SteppedCell, frozen=True, kw_only=True):
+class DetectionEntry(PerStepEntry, frozen=True, kw_only=True):
     """A learner in a world with one kind of fault, under the eyes of all judges."""
 
     place: str

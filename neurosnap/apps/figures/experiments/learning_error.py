@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments import kernels, truth
-from neurosnap.apps.figures.experiments.per_step import SteppedCell
+from neurosnap.apps.figures.experiments.per_step import PerStepEntry
 from neurosnap.apps.figures.experiments.walks import Walk, walks
 from neurosnap.apps.figures.results_table import key_of
 
@@ -16,7 +16,7 @@ _VERSION = 1
 """Raised whenever the same options come to give other errors."""
 
 
-class LearningCell(SteppedCell, frozen=True, kw_only=True):
+class LearningEntry(PerStepEntry, frozen=True, kw_only=True):
     """One learner in one setting: all its runs are one entry of the table."""
 
     setting: str
@@ -50,7 +50,7 @@ class LearningCell(SteppedCell, frozen=True, kw_only=True):
         return errors(walk, self)
 
 
-def errors(walk: Walk, learner: LearningCell) -> NDArray[np.uint16]:
+def errors(walk: Walk, learner: LearningEntry) -> NDArray[np.uint16]:
     """Return Err(t) of a learner that is shown a walk ([GK] empirical:performance).
 
     ``Err(t)`` is how many ordered pairs of literals of different sensors are an edge of

@@ -43,7 +43,7 @@ _TIMES = 20  # how often every action is seen at every place
 _TAUGHT = Lock()
 
 
-class ObstacleCell(msgspec.Struct, frozen=True, kw_only=True):
+class ObstacleEntry(msgspec.Struct, frozen=True, kw_only=True):
     """One agent in one world, put down everywhere; its runs differ in their luck."""
 
     world: str
@@ -196,7 +196,7 @@ def _blocked(
 
 
 def _journey(
-    cell: ObstacleCell, world: Arena, run: int, start: int
+    cell: ObstacleEntry, world: Arena, run: int, start: int
 ) -> tuple[int, int, int]:
     """Put an agent down at a place; see `ARRIVED` and so on for what is returned."""
     key = (run, start)

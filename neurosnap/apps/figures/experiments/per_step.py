@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 
-class SteppedCell(msgspec.Struct, frozen=True, kw_only=True):
+class PerStepEntry(msgspec.Struct, frozen=True, kw_only=True):
     """An entry of the table of results that holds a number per step."""
 
     runs: int

@@ -12,9 +12,9 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.random_numbers import Draws
+from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.apps.figures.experiments.compiled_agent import drive
-from neurosnap.apps.figures.experiments.per_step import SteppedCell
+from neurosnap.apps.figures.experiments.per_step import PerStepEntry
 from neurosnap.apps.figures.experiments.walks import SETTINGS, setting
 from neurosnap.apps.figures.results_table import key_of
 from neurosnap.sources.gymnasium_source import import_worlds
@@ -40,7 +40,7 @@ class Task:
     """What the environment was reset with."""
 
 
-class SeekerCell(SteppedCell, frozen=True, kw_only=True):
+class TargetEntry(PerStepEntry, frozen=True, kw_only=True):
     """An excitation-driven agent in a setting; its runs are one entry of the table."""
 
     setting: str
@@ -77,7 +77,7 @@ class SeekerCell(SteppedCell, frozen=True, kw_only=True):
             self.threshold,
             -1.0 if self.decay is None else self.decay,
             self.explore,
-            Draws(todo.seed).table(self.steps + 1),
+            RandomNumbers(todo.seed).table(self.steps + 1),
         )
         return distance.astype(np.uint16)
 

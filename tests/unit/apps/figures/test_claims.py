@@ -13,7 +13,7 @@ from neurosnap.apps.figures import (
     learners,
 )
 from neurosnap.apps.figures.curves import Curve
-from neurosnap.apps.figures.experiments.learning_error import LearningCell
+from neurosnap.apps.figures.experiments.learning_error import LearningEntry
 from neurosnap.apps.figures.experiments.waiting_time import to_learn
 from neurosnap.apps.figures.figure import Claim, FigureOptions, agreement, judged
 
@@ -22,13 +22,13 @@ OPTIONS = FigureOptions(runs=2, steps=STEPS)
 SLOW, FAST = 400.0, 100.0
 
 
-def curve(cell: LearningCell, *, half: float = FAST, level: float = 0) -> Curve:
+def curve(cell: LearningEntry, *, half: float = FAST, level: float = 0) -> Curve:
     """One that falls from 400 edges by halves, and to a level."""
     errors = (400 - level) * 2.0 ** (-np.arange(STEPS) / half) + level
     return Curve.of(cell, np.stack([errors.round().astype(np.uint16)] * 2))
 
 
-def as_the_paper_has_it(cell: LearningCell) -> Curve:
+def as_the_paper_has_it(cell: LearningEntry) -> Curve:
     """An empirical learner that does all the paper says, with critical τ of 0.04."""
     high = cell.threshold > 0.04
     match cell.setting:
@@ -42,7 +42,7 @@ def as_the_paper_has_it(cell: LearningCell) -> Curve:
             return curve(cell, half=2 * SLOW, level=50 if high else 0)
 
 
-Shape = Callable[[LearningCell], Curve]
+Shape = Callable[[LearningEntry], Curve]
 
 
 def empirical_claims(
@@ -99,7 +99,7 @@ def test_a_claim_does_not_hold_where_the_data_say_otherwise(
 
 
 def test_the_two_modes_and_their_critical_threshold_are_found() -> None:
-    def two_modes(cell: LearningCell) -> Curve:
+    def two_modes(cell: LearningEntry) -> Curve:
         # Between the second threshold and the third lie 1/20 and 1/21, and between
         # the first and the second 1/121.
         critical = 0.01 if cell.setting == "grid" else 0.04
@@ -127,7 +127,7 @@ def discounted_claims(
 ) -> list[tuple[str, bool]]:
     """Of curves at 400 until their wait is over, then at their level."""
 
-    def shape(cell: LearningCell, level: float, wait: int) -> Curve:
+    def shape(cell: LearningEntry, level: float, wait: int) -> Curve:
         rows = np.full((2, STEPS), 400, np.uint16)
         rows[:, wait:] = level
         return Curve.of(cell, rows)
@@ -166,7 +166,7 @@ def test_a_discounted_claim_does_not_hold_where_the_data_say_otherwise(
     ("spread", "expected"), [(0, False), (19, False), (20, True), (300, True)]
 )
 def test_susceptible_is_twice_as_far_apart(spread: int, expected: bool) -> None:
-    def level(cell: LearningCell) -> float:
+    def level(cell: LearningEntry) -> float:
         far = {"path": 0, "cycle": 0, "grid": 10, "random": 5}
         if cell.decay is None:
             return far[cell.setting]

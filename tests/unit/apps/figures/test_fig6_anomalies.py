@@ -16,7 +16,7 @@ from neurosnap.apps.figures.experiments.fault_detection import (
     RIGHT,
     SHOWN,
     VISIBLE,
-    WatchedCell,
+    DetectionEntry,
 )
 from neurosnap.apps.figures.experiments.sensor_faults import (
     FAULTS,
@@ -32,7 +32,7 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.anomaly import Watcher
 from neurosnap.sensorium import Sensorium, complete
 
-CELL = WatchedCell(
+CELL = DetectionEntry(
     place="path",
     threshold=0.01,
     decay=None,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import DTypeLike, NDArray
 
-from neurosnap.apps.figures.results_table import Cell, Table
+from neurosnap.apps.figures.results_table import Entry, Table
 
 
 class Squares:
@@ -46,7 +46,7 @@ class Gated(Squares):
         return super().row(run)
 
 
-def fill(table: Table, *cells: Cell, workers: int = 2, stop_at: int = 10**9) -> int:
+def fill(table: Table, *cells: Entry, workers: int = 2, stop_at: int = 10**9) -> int:
     told: list[tuple[int, int]] = []
     filled = table.fill(
         table.missing(cells),

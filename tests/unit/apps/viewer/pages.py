@@ -10,7 +10,7 @@ from playwright.async_api import Browser, ConsoleMessage, Page
 
 from neurosnap import wire
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import Desk
+from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import Replay
 from neurosnap.sensorium import unpack
@@ -41,7 +41,7 @@ async def opened(
 ) -> AsyncIterator[Page]:
     """Serve a recording and look at it until the page shows a tick."""
     async with (
-        serving(Desk(log, grows)) as address,
+        serving(ViewSession(log, grows)) as address,
         looked_at(address.url, scheme, still=still, but_for=but_for) as page,
     ):
         await page.goto(address.url + where)

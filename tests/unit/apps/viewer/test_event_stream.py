@@ -8,7 +8,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.api import Event, Frame
 from neurosnap.apps.viewer.event_stream import _Listener
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.unit.apps.viewer.films import TICKS, planner_run, recorded
@@ -47,7 +47,7 @@ def test_the_last_frame_that_was_told_is_told_again_once_it_is_whole(
             if isinstance(each.message, wire.State) and each.message.tick == TOLD:
                 break
         writer.flush()
-        film, listener = Film(log), _Listener()
+        film, listener = RunView(log), _Listener()
         taken(frames, listener.event(film, live=True))
         assert [frame.action for frame in frames.values()] == [None]
         for each in messages:
@@ -55,7 +55,7 @@ def test_the_last_frame_that_was_told_is_told_again_once_it_is_whole(
         writer.finish({}, recording.noted().expected)
     assert film.grow()
     taken(frames, listener.event(film, live=True))
-    whole = Film(recording.path)
+    whole = RunView(recording.path)
     newest = whole.frames(TICKS - MOST + 1, TICKS)
     assert list(frames.values()) == [*whole.frames(TOLD, TOLD), *newest]
     assert frames[TOLD].action is not None

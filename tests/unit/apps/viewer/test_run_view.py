@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.evidence import weighed
 from neurosnap.apps.viewer.members import members
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
@@ -77,7 +77,7 @@ def test_every_tick_is_what_a_replay_derives(
 ) -> None:
     again = in_chunks(log, tmp_path / "again.mcap", chunk, seed=chunk)
     derived = told(log)
-    film = Film(again)
+    film = RunView(again)
     assert (film.first, film.last) == (1, TICKS) == (1, len(derived))
     order = random.Random(2).sample(sorted(derived), len(derived))
     for tick in order:
@@ -92,14 +92,14 @@ def test_every_tick_is_what_a_replay_derives(
 
 
 def test_an_order_keeps_its_id_as_long_as_it_is_the_same(log: Path) -> None:
-    derived, film = told(log), Film(log)
+    derived, film = told(log), RunView(log)
     for before, after in zip(range(1, TICKS), range(2, TICKS + 1), strict=True):
         same = derived[before].hasse == derived[after].hasse
         assert (film.graph(before).id == film.graph(after).id) == same
 
 
 def test_a_frame_says_what_was_recorded_of_its_tick(log: Path) -> None:
-    film = Film(log)
+    film = RunView(log)
     frames = {frame.tick: frame for frame in film.frames(1, TICKS)}
     for state in of_type(log, wire.State):
         assert isinstance(state, wire.State)
@@ -121,7 +121,7 @@ def test_a_frame_says_what_was_recorded_of_its_tick(log: Path) -> None:
 
 
 def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> None:
-    film = Film(in_chunks(log, tmp_path / "again.mcap", 3000, seed=8))
+    film = RunView(in_chunks(log, tmp_path / "again.mcap", 3000, seed=8))
     answers = {
         message.wave: unpack(message.literals, 2 * len(film.options.sensors))
         for message in of_type(log, wire.Reached)
@@ -152,7 +152,7 @@ def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> N
 
 def test_a_contradiction_names_the_sensors_without_a_state(tmp_path: Path) -> None:
     log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
-    frames = {frame.tick: frame for frame in Film(log).frames(1, TICKS)}
+    frames = {frame.tick: frame for frame in RunView(log).frames(1, TICKS)}
     broken = [frame for frame in frames.values() if frame.contradicted]
     assert 25 in [frame.tick for frame in broken]
     for frame in broken:
@@ -164,7 +164,7 @@ def test_a_contradiction_names_the_sensors_without_a_state(tmp_path: Path) -> No
 
 
 def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
-    film = Film(path_log)
+    film = RunView(path_log)
     found = weighed(film, 0, 4, 20)
     shown = {each.tick: each for each in found.over}
     assert (
@@ -185,9 +185,9 @@ def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
 
 
 def test_before_the_first_tick_nothing_is_learned(path_log: Path) -> None:
-    graph = Film(path_log).graph(0)
+    graph = RunView(path_log).graph(0)
     assert (graph.edges, graph.classes, graph.height) == ([], [], 0)
-    assert graph.id != Film(path_log).graph(TICKS).id
+    assert graph.id != RunView(path_log).graph(TICKS).id
     nothing = PocGraph.from_implications(len(graph.nodes), [])
     assert [node.group for node in graph.nodes] == nothing.representative[::2].tolist()
 
@@ -195,11 +195,11 @@ def test_before_the_first_tick_nothing_is_learned(path_log: Path) -> None:
 @pytest.mark.parametrize("tick", [-1, TICKS + 1])
 def test_there_is_no_order_at_no_tick(path_log: Path, tick: int) -> None:
     with pytest.raises(InvalidValueError, match=rf"^tick: must be in \[0, {TICKS}\]"):
-        Film(path_log).graph(tick)
+        RunView(path_log).graph(tick)
 
 
 def test_frames_beyond_the_ends_are_left_out(path_log: Path) -> None:
-    film = Film(path_log)
+    film = RunView(path_log)
     assert [f.tick for f in film.frames(0, 2)] == [1, 2]
     assert [f.tick for f in film.frames(TICKS, TICKS + 9)] == [TICKS]
     assert film.frames(TICKS + 1, TICKS + 2) == []
@@ -216,7 +216,7 @@ def test_a_recording_cut_short_shows_what_is_left(
     small = in_chunks(log, tmp_path / "small.mcap", 2000)
     data = small.read_bytes()
     small.write_bytes(data[: int(share * len(data))])
-    film = Film(small)
+    film = RunView(small)
     assert film.cut is not None
     assert "cut short after" in film.cut
     assert film.run(live=False).cut == film.cut
@@ -233,7 +233,7 @@ def test_behind_a_damaged_chunk_a_key_frame_helps(
     derived = told(path_log)
     small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
     hurt, lacking = damage(small)
-    film = Film(small)
+    film = RunView(small)
     frames = {frame.tick: frame for frame in film.frames(1, TICKS)}
     assert film.cut is not None
     assert f"chunk {hurt}" in film.cut
@@ -254,14 +254,14 @@ def test_whatever_byte_is_wrong_the_error_is_one_of_ours(
     path_log: Path, tmp_path: Path
 ) -> None:
     small = in_chunks(path_log, tmp_path / "small.mcap", 4000)
-    whole = {frame.tick: frame for frame in Film(small).frames(1, TICKS)}
+    whole = {frame.tick: frame for frame in RunView(small).frames(1, TICKS)}
     data, chance = small.read_bytes(), random.Random(11)
     for _ in range(25):
         hurt = bytearray(data)
         hurt[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
         small.write_bytes(hurt)
         with suppress(NeurosnapError):
-            film = Film(small)
+            film = RunView(small)
             film.run(live=False)
             members(film)
             for frame in film.frames(1, TICKS):
@@ -297,10 +297,10 @@ def test_a_summary_that_is_wrong_is_said_to_be(path_log: Path, tmp_path: Path) -
     data[-80] ^= 1
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(data)
-    film = Film(broken)
+    film = RunView(broken)
     assert film.cut is not None
     assert "the summary must" in film.cut
-    assert film.frames(1, TICKS) == Film(path_log).frames(1, TICKS)
+    assert film.frames(1, TICKS) == RunView(path_log).frames(1, TICKS)
 
 
 @pytest.mark.parametrize("content", [b"", b"tick,a\n1,0\n", b"\x89MCAP0\r\n"])
@@ -308,22 +308,22 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
     log = tmp_path / "no.mcap"
     log.write_bytes(content)
     with pytest.raises(RecordingError):
-        Film(log)
+        RunView(log)
 
 
 def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
     small = in_chunks(log, tmp_path / "small.mcap", 2000)
     data, growing = small.read_bytes(), tmp_path / "growing.mcap"
     growing.write_bytes(data[: len(data) // 4])
-    film, seen = Film(growing), set()
+    film, seen = RunView(growing), set()
     for share in range(25, 100, 3):
         with growing.open("r+b") as file:
             file.write(data[: max(len(data) * share // 100, 100)])
         film.grow()
         seen.add(film.last)
-        assert film.last == Film(growing).last
+        assert film.last == RunView(growing).last
         if film.last:
-            assert film.frames(film.last, film.last) == Film(growing).frames(
+            assert film.frames(film.last, film.last) == RunView(growing).frames(
                 film.last, film.last
             )
     growing.write_bytes(data)
@@ -331,9 +331,9 @@ def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
     assert not film.grow()
     assert len(seen) > 5
     assert (film.last, film.cut, film.files.finished) == (TICKS, None, True)
-    assert film.frames(1, TICKS) == Film(small).frames(1, TICKS)
+    assert film.frames(1, TICKS) == RunView(small).frames(1, TICKS)
 
 
 def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:
-    film = Film(recorded(drawn_run(), tmp_path / "run.mcap"))
+    film = RunView(recorded(drawn_run(), tmp_path / "run.mcap"))
     assert film.frames(1, TICKS)[-1].tick == TICKS

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.apps.viewer.run_view import Film
-from neurosnap.apps.viewer.time_series import Ledger, thinned
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.time_series import TimeSeries, thinned
 from neurosnap.errors import InvalidValueError
 from neurosnap.recording.read.reader import Recording
 from tests.unit.apps.viewer.films import (
@@ -22,14 +22,14 @@ from tests.unit.apps.viewer.films import (
 )
 
 
-def read(log: Path) -> Ledger:
-    ledger = Ledger(Film(log))
+def read(log: Path) -> TimeSeries:
+    ledger = TimeSeries(RunView(log))
     while ledger.read_on():
         pass
     return ledger
 
 
-def column(ledger: Ledger, name: str) -> list[float | None]:
+def column(ledger: TimeSeries, name: str) -> list[float | None]:
     found = ledger.series(name, 1, TICKS, 1000)
     assert found.ticks == list(range(1, TICKS + 1))
     assert found.done
@@ -47,7 +47,7 @@ def test_a_column_is_what_was_recorded(tmp_path: Path) -> None:
 
 def test_err_is_what_a_walk_through_all_pairs_counts(tmp_path: Path) -> None:
     log = recorded(path_run(), tmp_path / "run.mcap")
-    film, found = Film(log), column(read(log), "err")
+    film, found = RunView(log), column(read(log), "err")
     sensors = len(film.options.sensors)
     # Sensor k of a path is on below k + 1.
     fields = [
@@ -69,7 +69,7 @@ def test_distance_falls_to_zero_at_the_target_only(
     tmp_path: Path, options: object
 ) -> None:
     log = recorded(options, tmp_path / "run.mcap")  # type: ignore[arg-type]
-    film = Film(log)
+    film = RunView(log)
     frames, found = film.frames(1, TICKS), column(read(log), "distance")
     stage = film.scene.stage
     assert stage is not None
@@ -94,7 +94,7 @@ def test_where_the_truth_is_not_known_there_is_no_column_of_it(tmp_path: Path) -
 
 
 def test_what_is_not_read_yet_is_said_to_be_so(tmp_path: Path) -> None:
-    ledger = Ledger(Film(recorded(path_run(), tmp_path / "run.mcap")))
+    ledger = TimeSeries(RunView(recorded(path_run(), tmp_path / "run.mcap")))
     first = ledger.series("edges", 1, TICKS, 100)
     assert (first.ticks, first.values, first.done) == ([], [], False)
     assert ledger.read_on()

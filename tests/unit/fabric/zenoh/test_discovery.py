@@ -7,7 +7,7 @@ import pytest
 import zenoh
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.zenoh.discovery import Lookout, incarnation, is_of
+from neurosnap.fabric.zenoh.discovery import Discovery, incarnation, is_of
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 10])
@@ -27,9 +27,9 @@ def test_what_only_looks_like_one_is_none(name: str) -> None:
     assert not is_of(name, "demo")
 
 
-def looking() -> Lookout:
+def looking() -> Discovery:
     """A lookout that is told what to see."""
-    return Lookout("demo", "tcp/127.0.0.1:1")
+    return Discovery("demo", "tcp/127.0.0.1:1")
 
 
 async def test_the_last_that_came_is_returned_once() -> None:
@@ -102,4 +102,4 @@ async def test_a_session_is_closed_where_nothing_can_be_looked_for(
 
 def test_it_looks_on_this_machine_alone_without_keys() -> None:
     with pytest.raises(InvalidValueError, match=r"^endpoint: must be tcp/ on loopback"):
-        Lookout("demo", "tcp/192.0.2.1:7447")
+        Discovery("demo", "tcp/192.0.2.1:7447")

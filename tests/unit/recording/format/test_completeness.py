@@ -3,11 +3,15 @@ import random
 import msgspec
 import pytest
 
-from neurosnap.recording.format.completeness import Completeness, Sequences, added_up
+from neurosnap.recording.format.completeness import (
+    Completeness,
+    RunningNumbers,
+    added_up,
+)
 
 
 def test_in_order_nothing_is_missing() -> None:
-    sequences = Sequences()
+    sequences = RunningNumbers()
     assert all(sequences.receive("world", number) for number in range(5))
     assert sequences.completeness({"world": 5}) == Completeness(5)
     assert sequences.upcoming("world") == 5
@@ -15,7 +19,7 @@ def test_in_order_nothing_is_missing() -> None:
 
 
 def test_a_gap_is_named_and_closes_when_the_message_comes_late() -> None:
-    sequences = Sequences()
+    sequences = RunningNumbers()
     for number in (0, 4):
         sequences.receive("cell/1", number)
     assert sequences.gaps() == {"cell/1": [(1, 4)]}
@@ -28,7 +32,7 @@ def test_a_gap_is_named_and_closes_when_the_message_comes_late() -> None:
 
 
 def test_a_second_copy_is_a_duplicate_wherever_it_comes() -> None:
-    sequences = Sequences()
+    sequences = RunningNumbers()
     for number in (0, 1, 5, 3):
         assert sequences.receive("cell/1", number)
     for number in (0, 3, 5):
@@ -38,7 +42,7 @@ def test_a_second_copy_is_a_duplicate_wherever_it_comes() -> None:
 
 
 def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
-    sequences = Sequences()
+    sequences = RunningNumbers()
     sequences.receive("cell/1", 0)
     sequences.receive("cell/1", 2)
     expected = {"cell/1": 5, "cell/2": 3, "world": 0}
@@ -53,14 +57,14 @@ def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
 
 
 def test_a_sender_that_sent_more_than_it_says_lacks_nothing() -> None:
-    sequences = Sequences()
+    sequences = RunningNumbers()
     for number in range(4):
         sequences.receive("cell/1", number)
     assert sequences.completeness({"cell/1": 2}).whole
 
 
 def test_a_number_far_ahead_costs_one_gap() -> None:
-    sequences = Sequences()
+    sequences = RunningNumbers()
     sequences.receive("cell/1", 2**32 - 1)
     assert sequences.gaps() == {"cell/1": [(0, 2**32 - 1)]}
     assert sequences.messages == 1
@@ -69,7 +73,7 @@ def test_a_number_far_ahead_costs_one_gap() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_any_order_comes_to_what_a_plain_set_comes_to(seed: int) -> None:
     draw = random.Random(seed)
-    sequences, seen, duplicates = Sequences(), set[int](), 0
+    sequences, seen, duplicates = RunningNumbers(), set[int](), 0
     for number in draw.choices(range(60), k=80):
         assert sequences.receive("cell/1", number) is (number not in seen)
         duplicates += number in seen
@@ -93,7 +97,7 @@ def test_completeness_goes_through_json() -> None:
 
 
 def test_what_is_below_a_share_is_no_loss_and_no_message_of_it() -> None:
-    sequences = Sequences({"world": 7, "cell/0": 3})
+    sequences = RunningNumbers({"world": 7, "cell/0": 3})
     sequences.begin("world", 5)  # it has begun already
     assert sequences.first == {"world": 7, "cell/0": 3}
     assert sequences.receive("world", 7)
@@ -103,7 +107,7 @@ def test_what_is_below_a_share_is_no_loss_and_no_message_of_it() -> None:
 
 
 def test_a_share_may_begin_with_what_comes_first() -> None:
-    sequences = Sequences({"world": 7}, anywhere=True)
+    sequences = RunningNumbers({"world": 7}, anywhere=True)
     for number in (20, 22):
         assert sequences.receive("cell/0", number)
     assert sequences.receive("world", 8)

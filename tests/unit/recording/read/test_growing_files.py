@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.split_files import part_path
@@ -55,7 +55,7 @@ def split(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_files_are_looked_at_as_one(log: Path, split: Path) -> None:
-    one, several = Film(log), Film(split)
+    one, several = RunView(log), RunView(split)
     assert (several.first, several.last, several.cut) == (1, TICKS, None)
     assert several.frames(1, TICKS) == one.frames(1, TICKS)
     for tick in (40, 0, 13, 14, 15, 28, 29):
@@ -63,7 +63,7 @@ def test_all_files_are_looked_at_as_one(log: Path, split: Path) -> None:
 
 
 def test_a_later_file_stands_for_itself(log: Path, split: Path) -> None:
-    one, later = Film(log), Film(part_path(split, 1))
+    one, later = RunView(log), RunView(part_path(split, 1))
     first, last = SPLIT
     assert (later.first, later.last) == (first + 1, last)
     assert later.frames(1, TICKS) == [
@@ -84,9 +84,9 @@ def test_files_deleted_from_the_beginning_are_not_missed(
     for part in (1, 2):
         content = part_path(split, part).read_bytes()
         part_path(target, part).write_bytes(content)
-    film = Film(target)
+    film = RunView(target)
     assert (film.first, film.last) == (SPLIT[0] + 1, TICKS)
-    assert film.frames(1, TICKS) == Film(log).frames(film.first, TICKS)
+    assert film.frames(1, TICKS) == RunView(log).frames(film.first, TICKS)
 
 
 def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> None:
@@ -97,10 +97,10 @@ def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> Non
         late = messages[-5:]  # they come once the next file was begun
         writers.append(write(log, part, messages[:-5], target))
         if film is None:
-            film = Film(target)
+            film = RunView(target)
         else:
             assert film.grow()
-        assert film.frames(1, TICKS) == Film(target).frames(1, TICKS)
+        assert film.frames(1, TICKS) == RunView(target).frames(1, TICKS)
         if part:
             writers[part - 1].finish({}, {})
             assert film.grow()
@@ -111,13 +111,13 @@ def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> Non
     assert film.grow()
     assert not film.grow()
     assert film.files.finished
-    assert film.frames(1, TICKS) == Film(log).frames(1, TICKS)
-    assert film.graph(TICKS) == Film(log).graph(TICKS)
+    assert film.frames(1, TICKS) == RunView(log).frames(1, TICKS)
+    assert film.graph(TICKS) == RunView(log).graph(TICKS)
 
 
 def test_there_has_to_be_a_file(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"^log: must exist"):
-        Film(tmp_path / "none.mcap")
+        RunView(tmp_path / "none.mcap")
 
 
 def test_files_deleted_while_they_are_looked_at_are_left_out(
@@ -126,13 +126,13 @@ def test_files_deleted_while_they_are_looked_at_are_left_out(
     target = tmp_path / "run.mcap"
     for part in (0, 1, 2):
         part_path(target, part).write_bytes(part_path(split, part).read_bytes())
-    film = Film(target)
+    film = RunView(target)
     assert film.first == 1
     target.unlink()
     assert not film.files.replaced()
     assert film.grow()
     assert (film.first, film.last) == (SPLIT[0] + 1, TICKS)
-    assert film.frames(1, TICKS) == Film(log).frames(film.first, TICKS)
+    assert film.frames(1, TICKS) == RunView(log).frames(film.first, TICKS)
     assert not film.grow()
     target.write_bytes(split.read_bytes())  # the run was taken up again from the start
     assert film.files.replaced()
@@ -143,7 +143,7 @@ def test_a_file_in_which_nothing_is_written_yet_is_waited_for(
 ) -> None:
     target = tmp_path / "run.mcap"
     target.write_bytes(split.read_bytes())
-    film = Film(target)
+    film = RunView(target)
     next_ = part_path(target, 1)
     next_.touch()
     assert not film.grow()

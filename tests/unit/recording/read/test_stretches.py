@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.apps.export.write import export
-from neurosnap.apps.viewer.run_view import Film
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.records import Chunk
@@ -21,7 +21,7 @@ from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.resume import look_back, past_of, whole_ticks
 from neurosnap.recording.replay.verify import options_of, verify
-from neurosnap.recording.write.rotation import Parts, Split
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
@@ -174,8 +174,8 @@ def test_an_export_has_the_ticks_there_are(whole: Path, log: Path) -> None:
 
 def test_a_view_shows_the_ticks_there_are(whole: Path, log: Path) -> None:
     spoil(log, 17)
-    true = {frame.tick: frame for frame in Film(whole).frames(1, TICKS)}
-    film = Film(log)
+    true = {frame.tick: frame for frame in RunView(whole).frames(1, TICKS)}
+    film = RunView(log)
     found = {frame.tick: frame for frame in film.frames(1, TICKS)}
     assert {1, TICKS} < found.keys() < true.keys()
     assert found[30] == true[30]
@@ -190,9 +190,9 @@ def test_a_view_without_its_summary_goes_on_behind_a_damaged_head(
     data = bytearray(log.read_bytes())
     data[chunk.start_offset] ^= 8  # what kind of record it is
     log.write_bytes(data)
-    film = Film(log)
+    film = RunView(log)
     found = {frame.tick: frame for frame in film.frames(1, TICKS)}
-    true = {frame.tick: frame for frame in Film(whole).frames(1, TICKS)}
+    true = {frame.tick: frame for frame in RunView(whole).frames(1, TICKS)}
     assert found[30] == true[30]
     assert {1, TICKS} < found.keys() < true.keys()
 
@@ -258,7 +258,7 @@ def test_what_is_salvaged_is_all_there_is_and_says_what_is_missing(
         other.same,
     )
     assert not other.complete
-    assert Film(good).frames(1, TICKS) == Film(log).frames(1, TICKS)
+    assert RunView(good).frames(1, TICKS) == RunView(log).frames(1, TICKS)
     twice = tmp_path / "twice.mcap"
     salvage(good, twice)
     assert verify(twice).ranges == one.ranges
@@ -286,7 +286,7 @@ def test_nothing_is_overwritten_by_what_is_salvaged(log: Path, tmp_path: Path) -
 @pytest.fixture
 def split(whole: Path, tmp_path: Path) -> Path:
     recording, log = Recording.open(whole), tmp_path / "parts.mcap"
-    with Parts(log, recording.metadata, split=Split(1)) as writer:
+    with SplitWriter(log, recording.metadata, split=Split(1)) as writer:
         for each in recording.messages():
             writer.add(each.delivery, each.log_time)
         writer.finish({}, recording.noted().expected)

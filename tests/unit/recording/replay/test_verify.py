@@ -12,7 +12,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.resume import look_back
@@ -57,7 +57,7 @@ def record(
     log: Path,
     monkeypatch: pytest.MonkeyPatch,
     workers: int = 0,
-    past: Past | None = None,
+    past: ResumePoint | None = None,
     ticks: int = TICKS,
 ) -> Path:
     """Record a run in one process."""
@@ -183,7 +183,7 @@ def undated(one: Recorded) -> bytes:
 
 def of_schema_1(log: Path) -> Path:
     def change(one: Recorded) -> bytes:
-        told = isinstance(one.message, wire.Wiring | wire.Loom)
+        told = isinstance(one.message, wire.Wiring | wire.WorkerWiring)
         return one.payload if told else undated(one)
 
     return rewritten(log, change, schema=1)
@@ -230,7 +230,7 @@ def test_a_report_by_a_wiring_not_in_force_is_left_out_again(
     def change(one: Recorded) -> bytes:
         message = one.message
         if (
-            isinstance(message, wire.Settled)
+            isinstance(message, wire.CellReport)
             and message.wave == 15
             and message.cell == 1
         ):
@@ -250,7 +250,7 @@ def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
 
     def before(one: Recorded) -> wire.Message | None:
         message = one.message
-        if not isinstance(message, wire.Settled) or message.cell != 1:
+        if not isinstance(message, wire.CellReport) or message.cell != 1:
             return None
         both = {"literals": (2, 3), "hops": (0, 0), "epoch": 10**6}
         return msgspec.structs.replace(message, **both)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.recording.write.causal_order import Causes, Heard
+from neurosnap.recording.write.causal_order import CausalOrder, Heard
 from tests.drawing import examples
 
 PATIENCE = 10
@@ -25,8 +25,8 @@ def heard(messages: Iterable[wire.Message]) -> list[Heard]:
     return found
 
 
-def settled(wave: int, cell: int = 0) -> wire.Settled:
-    return wire.Settled(wave, cell, 0, (), (), (0,), 0)
+def settled(wave: int, cell: int = 0) -> wire.CellReport:
+    return wire.CellReport(wave, cell, 0, (), (), (0,), 0)
 
 
 def start(wave: int) -> wire.WaveStart:
@@ -58,7 +58,7 @@ def test_whoever_overtakes_whom_causes_come_first(
         who = one.message.sender
         due[who] = max(due.get(who, 0.0), place + chance.random() * reach)
         keyed.append((due[who], place, one))
-    causes, came = Causes(PATIENCE), list[Heard]()
+    causes, came = CausalOrder(PATIENCE), list[Heard]()
     for _, _, one in sorted(keyed, key=lambda entry: entry[:2]):
         came += causes.take(one)
     assert causes.rest() == []
@@ -77,7 +77,7 @@ def test_whoever_overtakes_whom_causes_come_first(
                 starts[wave] = at
             case wire.Decision(tick=tick):
                 asked[tick + 1] = at
-            case wire.Settled(wave=wave):
+            case wire.CellReport(wave=wave):
                 assert at > starts[wave]
             case wire.Observation(tick=tick):
                 assert at > asked[tick]
@@ -86,13 +86,13 @@ def test_whoever_overtakes_whom_causes_come_first(
 
 
 def test_what_is_in_order_does_not_wait() -> None:
-    causes = Causes(PATIENCE)
+    causes = CausalOrder(PATIENCE)
     for one in run(3):
         assert list(causes.take(one)) == [one]
 
 
 def test_a_lost_word_is_not_waited_for_behind_the_next() -> None:
-    causes = Causes(PATIENCE)
+    causes = CausalOrder(PATIENCE)
     early, next_start = heard([settled(1), start(2)])
     assert list(causes.take(early)) == []
     assert (causes.upcoming("cell/0"), causes.upcoming("cell/1")) == (1, 0)
@@ -101,7 +101,7 @@ def test_a_lost_word_is_not_waited_for_behind_the_next() -> None:
 
 
 def test_what_is_behind_one_that_waits_waits_as_well() -> None:
-    causes = Causes(PATIENCE)
+    causes = CausalOrder(PATIENCE)
     waiting = heard([settled(1), wire.Fault("cell/0", "odd")])
     for one in waiting:
         assert list(causes.take(one)) == []
@@ -111,7 +111,7 @@ def test_what_is_behind_one_that_waits_waits_as_well() -> None:
 
 
 def test_a_word_that_does_not_come_is_not_waited_for_for_ever() -> None:
-    causes = Causes(PATIENCE)
+    causes = CausalOrder(PATIENCE)
     far, behind, other = heard([settled(9), wire.Fault("cell/0", "odd"), settled(9, 1)])
     for one in (far, behind, other):
         assert list(causes.take(one)) == []
@@ -122,7 +122,7 @@ def test_a_word_that_does_not_come_is_not_waited_for_for_ever() -> None:
 
 
 def test_a_clock_that_was_set_back_lets_nobody_overtake_himself() -> None:
-    causes = Causes(PATIENCE)
+    causes = CausalOrder(PATIENCE)
     first, second = heard([settled(9), settled(9)])
     later = first._replace(log_time=1000)
     assert list(causes.take(later)) == []

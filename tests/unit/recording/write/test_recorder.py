@@ -11,7 +11,7 @@ from neurosnap.fabric.zenoh.location import Place
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write import recorder
 from neurosnap.recording.write.recorder import _Listener
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from tests.unit.recording.samples import EACH
 
 OAK, ELM = Place("oak", 4711), Place("elm", 2)
@@ -30,7 +30,7 @@ def test_places_are_noted_when_all_parts_are_there(
     tmp_path: Path, said: dict[str, Place], noted: dict[str, Place]
 ) -> None:
     log = tmp_path / "log.mcap"
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         listener = _Listener(writer, ("world", "cell/0"), MemoryHub().fabric("x"))
         for who, place in said.items():
             listener.locate(who, place)
@@ -55,7 +55,7 @@ async def settle() -> None:
 
 @pytest.mark.usefixtures("soon")
 async def test_who_comes_back_at_once_is_not_gone(tmp_path: Path) -> None:
-    with Parts(tmp_path / "log.mcap", {}) as writer:
+    with SplitWriter(tmp_path / "log.mcap", {}) as writer:
         listener = _Listener(writer, ("world",), MemoryHub().fabric("recorder"))
         for alive in (True, False, True):
             listener.change("world", alive)
@@ -68,7 +68,7 @@ async def test_who_comes_back_at_once_is_not_gone(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("soon")
 async def test_who_comes_back_later_is_there_again(tmp_path: Path) -> None:
-    with Parts(tmp_path / "log.mcap", {}) as writer:
+    with SplitWriter(tmp_path / "log.mcap", {}) as writer:
         fabric = MemoryHub().fabric("recorder")
         listener = _Listener(writer, ("world", "cell/0"), fabric)
         listener.change("world", False)
@@ -86,7 +86,7 @@ async def test_only_what_is_written_counts(tmp_path: Path) -> None:
     hub.fabric("ear").listen(("fault/**",), faults.extend)
     state, leave = EACH["state"], wire.Leave("world")
     assert isinstance(state, wire.State)
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         listener = _Listener(writer, ("world", "cell/0"), hub.fabric("recorder"))
         listener.handle(
             [

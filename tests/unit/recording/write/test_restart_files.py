@@ -7,11 +7,11 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
-from neurosnap.recording.write.restart_files import Lives
+from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import Argument, open_source
@@ -79,8 +79,8 @@ def observed(*files: Path) -> set[tuple[int, bytes]]:
 
 
 def gone_on(
-    lives: Lives, options: RunOptions, before: Past | None = None
-) -> Past | None:
+    lives: RestartFiles, options: RunOptions, before: ResumePoint | None = None
+) -> ResumePoint | None:
     """Let a life go on from what there is."""
     return lives.go_on(lives.furthest(options), before)[1]
 
@@ -91,7 +91,7 @@ def test_a_damaged_recording_is_kept_beside(
     log.write_bytes(recordings[30, 3])
     bad = flipped(recordings[30, 3], in_chunk(log))
     log.write_bytes(bad)
-    lives = Lives(log)
+    lives = RestartFiles(log)
     past = gone_on(lives, options_for(30))
     left = log.with_name("run.mcap.broken" if past else "run.damaged-1.mcap")
     assert left.read_bytes() == bad
@@ -114,7 +114,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     length_at = chunks[-1].offset - 8 - 4 - 4 - 28 - 8
     bad = flipped(grown, length_at + 3)
     log.write_bytes(bad)
-    lives = Lives(log)
+    lives = RestartFiles(log)
     gone_on(lives, options_for(30))
     log.write_bytes(recordings[5, 3])
     lives.settle()
@@ -126,7 +126,7 @@ def test_what_the_recording_holds_is_not_kept(
     log: Path, recordings: dict[tuple[int, int], bytes]
 ) -> None:
     log.write_bytes(recordings[30, 3])
-    lives = Lives(log)
+    lives = RestartFiles(log)
     past = gone_on(lives, options_for(30))
     assert past is not None
     assert (past.tick, names(log.parent)) == (29, ["run.mcap.broken"])
@@ -144,7 +144,7 @@ def test_readings_that_another_life_did_not_see_are_kept(
     log: Path, recordings: dict[tuple[int, int], bytes]
 ) -> None:
     log.write_bytes(recordings[30, 3])
-    lives = Lives(log)
+    lives = RestartFiles(log)
     past = gone_on(lives, options_for(30))
     log.write_bytes(recordings[30, 4])  # as many ticks, of another world
     assert gone_on(lives, options_for(30, seed=4), past) == past
@@ -160,7 +160,7 @@ def test_what_is_kept_gets_the_next_free_name(
 ) -> None:
     earlier = log.with_name("run.damaged-1.mcap")
     earlier.write_bytes(b"of an earlier run")
-    lives = Lives(log)
+    lives = RestartFiles(log)
     for content in (b"no recording" * 9, b"another one" * 9):
         log.write_bytes(content)
         assert gone_on(lives, options_for(30)) is None
@@ -173,7 +173,7 @@ def test_what_is_kept_gets_the_next_free_name(
 
 def test_an_empty_file_is_nothing_to_keep(log: Path) -> None:
     log.touch()
-    lives = Lives(log)
+    lives = RestartFiles(log)
     assert gone_on(lives, options_for(30)) is None
     assert (names(log.parent), lives.kept) == ([], [])
 
@@ -185,7 +185,7 @@ def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     assert last >= 2
     middle = part_paths(log)[last - 1]
     middle.write_bytes(b"no recording" * 9)
-    lives = Lives(log)
+    lives = RestartFiles(log)
     # The walker's actions are in all files, so the run begins anew; nothing is lost.
     # A newest file may hold nothing but the end of the run, and no tick.
     before = {
@@ -229,7 +229,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
         folder.mkdir()
         log, furthest = folder / "run.mcap", 0
         steps[0] = most
-        lives, past = Lives(log), None
+        lives, past = RestartFiles(log), None
         try:
             for ticks in (5, 30, 5):
                 log.write_bytes(recordings[ticks, 3])
@@ -250,7 +250,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
         assert len(observed(*folder.iterdir())) >= furthest
         if "run.mcap.broken" in names(folder):
             with pytest.raises(InvalidValueError, match="replay FILE --resume"):
-                Lives(folder / "run.mcap").check_free()
+                RestartFiles(folder / "run.mcap").check_free()
     # Two lives are moved, the first and an unwanted one deleted, then the second.
     assert most == 5
     assert names(folder) == ["run.mcap"]
@@ -261,7 +261,7 @@ def test_of_two_lives_that_saw_other_things_none_is_deleted(
 ) -> None:
     log.write_bytes(recordings[30, 4])
     log.with_name("run.mcap.broken").write_bytes(recordings[60, 3])
-    lives = Lives(log)
+    lives = RestartFiles(log)
     lives.keep_furthest()
     assert log.read_bytes() == recordings[60, 3]
     (kept,) = lives.kept
@@ -277,9 +277,9 @@ def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
     asyncio.run(run(options, log, asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 1
-    before = Lives(log).furthest(options)
+    before = RestartFiles(log).furthest(options)
     assert before is not None
     assert before.part >= 1
     blank = log.with_name(f"run_{last + 1:04d}.mcap")
     blank.write_bytes(content)
-    assert Lives(log).furthest(options) == before
+    assert RestartFiles(log).furthest(options) == before

@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.zenoh.location import Place
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -27,7 +27,7 @@ from neurosnap.recording.read.split_files import (
 from neurosnap.recording.replay.resume import look_back, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
-from neurosnap.recording.write.rotation import LATE, Parts, Split, split_of
+from neurosnap.recording.write.rotation import LATE, Split, SplitWriter, split_of
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe as facts_of
@@ -64,7 +64,7 @@ def rows() -> list[list[bool | None]]:
 
 
 def made(
-    log: Path, workers: int = 0, past: Past | None = None, ticks: int = TICKS
+    log: Path, workers: int = 0, past: ResumePoint | None = None, ticks: int = TICKS
 ) -> Path:
     """Record a run in one process."""
     given = options(workers, ticks)
@@ -106,7 +106,7 @@ def write(
 ) -> dict[int, Path]:
     """Record messages again, `step` nanoseconds apart, as if they came now."""
     old = Recording.open(whole)
-    with Parts(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata) as writer:
         for count, one in enumerate(recorded):
             now = 10**18 + count * step
             writer.add(one.delivery, now)
@@ -159,7 +159,7 @@ def test_every_file_is_a_run_by_itself(
 def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
     old, places = Recording.open(whole), {"world": Place("oak", 4711)}
     log = tmp_path / "log.mcap"
-    with Parts(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata) as writer:
         writer.note_places(places)
         for count, one in enumerate(old.messages()):
             writer.add(one.delivery, 10**18 + count)
@@ -308,7 +308,7 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
     old, log = Recording.open(whole), tmp_path / "log.mcap"
     recorded = list(old.messages())
     shares = upto(recorded, 2 * EVERY)
-    with Parts(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata) as writer:
         for count, one in enumerate(shares):
             writer.add(one.delivery, 10**18 + count)
         assert disk.asked.wait(10)
@@ -332,7 +332,7 @@ def test_a_file_that_the_disk_does_not_take_ends_the_recording(
 ) -> None:
     old, log = Recording.open(whole), tmp_path / "log.mcap"
     disk.error = OSError(errno.EIO, "no disk")
-    with Parts(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata) as writer:
         for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
             writer.add(one.delivery, 10**18 + count)
         disk.takes.set()
@@ -345,7 +345,7 @@ def test_files_are_deleted_once_a_newer_one_is_saved(
 ) -> None:
     monkeypatch.setattr(rotation, "split_of", lambda _: Split(1, keep=1))
     old, log = Recording.open(whole), tmp_path / "log.mcap"
-    with Parts(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata) as writer:
         for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
             writer.add(one.delivery, 10**18 + count)
         assert disk.asked.wait(10)
@@ -368,7 +368,7 @@ def last_of(recorded: Sequence[Recorded], tick: int) -> int:
     return max(
         place
         for place, one in enumerate(recorded)
-        if isinstance(one.message, wire.Settled | wire.Tally)
+        if isinstance(one.message, wire.CellReport | wire.WorkerReport)
         and one.message.wave <= frame.waves
     )
 
@@ -442,14 +442,14 @@ def said(*messages: wire.Message) -> list[wire.Delivery]:
 
 def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
     """What a cell says of a wave that nobody has heard of, and then."""
-    settled = wire.Settled(wave, 0, 0, (), (), (0,), 0)
+    settled = wire.CellReport(wave, 0, 0, (), (), (0,), 0)
     return said(settled, wire.Fault("cell/0", "odd"))
 
 
 @pytest.mark.usefixtures("small")
 def test_what_answers_nothing_is_on_disk_after_a_while(tmp_path: Path) -> None:
     log, deliveries = tmp_path / "log.mcap", never_started()
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         for delivery in deliveries:
             writer.add(delivery, NOW)
         writer.flush(NOW + LATE)
@@ -461,7 +461,7 @@ def test_what_answers_nothing_is_on_disk_after_a_while(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("small")
 def test_what_waits_is_written_when_a_recording_is_given_up(tmp_path: Path) -> None:
     log, deliveries = tmp_path / "log.mcap", never_started()
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         for delivery in deliveries:
             writer.add(delivery, NOW)
     recording = Recording.open(log)
@@ -479,7 +479,7 @@ def test_what_waits_does_not_hide_why_a_recording_is_given_up(
     rule = r"must take what is recorded, got No space"
     with (
         pytest.raises(RecordingError, match=rule),
-        Parts(tmp_path / "log.mcap", {}) as writer,
+        SplitWriter(tmp_path / "log.mcap", {}) as writer,
     ):
         for delivery in never_started():
             writer.add(delivery, NOW)
@@ -496,7 +496,7 @@ def test_what_is_lost_where_files_meet_is_missing_in_the_older(
     heard = upto(recorded, 3 * EVERY)
     lost = heard.pop(last_of(recorded, 2 * EVERY))
     log = tmp_path / "log.mcap"
-    with Parts(log, Recording.open(whole).metadata) as writer:
+    with SplitWriter(log, Recording.open(whole).metadata) as writer:
         for one in heard:
             writer.add(one.delivery, NOW)
         senders = {one.message.sender for one in heard}
@@ -525,7 +525,7 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
         if place > until or one.message.sender != who or one.sequence < lost.sequence
     ]
     log = tmp_path / "log.mcap"
-    with Parts(log, Recording.open(whole).metadata) as writer:
+    with SplitWriter(log, Recording.open(whole).metadata) as writer:
         for one in heard:
             writer.add(one.delivery, NOW)
         senders = {one.message.sender for one in heard}
@@ -560,7 +560,7 @@ def test_a_key_frame_begins_a_file_with_what_follows_it(
     tmp_path: Path, messages: list[wire.Message], files: int
 ) -> None:
     log = tmp_path / "log.mcap"
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         for delivery in said(*messages):
             writer.add(delivery, NOW)
         writer.finish({}, {"coordinator": len(messages)})
@@ -596,7 +596,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
         if one.message.sender != who or one.sequence < lost.sequence
     ]
     log, old = tmp_path / "log.mcap", Recording.open(whole)
-    with Parts(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata) as writer:
         for one in heard:
             writer.add(one.delivery, NOW)
         begun = set(part_paths(log))
@@ -672,7 +672,7 @@ def test_a_file_in_the_way_is_not_overwritten(whole: Path, tmp_path: Path) -> No
     other = part_path(log, 3)
     other.write_bytes(b"another's")
     with pytest.raises(RecordingError, match=r"must not exist yet, got .*log_0003"):
-        Parts(log, Recording.open(whole).metadata)
+        SplitWriter(log, Recording.open(whole).metadata)
     assert other.read_bytes() == b"another's"
     assert list(tmp_path.iterdir()) == [other]
 

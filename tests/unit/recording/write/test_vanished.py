@@ -8,13 +8,13 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.write.rotation import Parts
+from neurosnap.recording.write.rotation import SplitWriter
 from tests.unit.recording.samples import NOW
 
 RULE = "log: must stay where it is while it is written"
 
 
-def add(writer: Parts, number: int) -> None:
+def add(writer: SplitWriter, number: int) -> None:
     leave = wire.Leave("world")
     writer.add(wire.Delivery(leave.key, number, NOW, wire.encode(leave)), NOW)
 
@@ -49,7 +49,7 @@ def test_it_is_said_at_the_next_flush_and_nothing_is_lost(
     caplog.set_level(logging.ERROR, "neurosnap")
     log = tmp_path / "runs" / "log.mcap"
     log.parent.mkdir()
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         add(writer, 0)
         writer.flush(NOW)
         assert not caplog.records
@@ -73,7 +73,7 @@ def test_what_is_taken_away_after_the_last_flush_is_said_at_the_end(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     log = tmp_path / "log.mcap"
-    with Parts(log, {}) as writer:
+    with SplitWriter(log, {}) as writer:
         add(writer, 0)
         log.unlink()
         balance = writer.finish({}, {"world": 1})

@@ -10,34 +10,36 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.zenoh.client import ZenohFabric
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.runtime.hosts import remote_parts, service
-from neurosnap.runtime.hosts.run_description import Brief, read_brief
+from neurosnap.runtime.hosts.run_description import RunDescription, read_description
 from neurosnap.runtime.hosts.service import _Ending
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from tests.patience import PATIENCE
 
-PAST = Past("/far/away.mcap", 7, (1, 0), b"\x01", {"cell/0": 12}, (7,))
+PAST = ResumePoint("/far/away.mcap", 7, (1, 0), b"\x01", {"cell/0": 12}, (7,))
 
 
-def brief(cells: CellKind = "process", past: Past | None = None) -> Brief:
+def brief(
+    cells: CellKind = "process", past: ResumePoint | None = None
+) -> RunDescription:
     body = Body(own=("a", "b", "c"))
     options = RunOptions(source="readings.csv", body=body, cells=cells, workers=2)
-    return Brief(options=options, past=past, vacant=("cell/0", "world"))
+    return RunDescription(options=options, past=past, vacant=("cell/0", "world"))
 
 
 def test_a_brief_comes_as_it_went_but_for_the_path() -> None:
-    assert read_brief(brief().to_bytes()) == brief()
+    assert read_description(brief().to_bytes()) == brief()
     past = msgspec.structs.replace(PAST, log="")
-    assert read_brief(brief(past=PAST).to_bytes()) == brief(past=past)
+    assert read_description(brief(past=PAST).to_bytes()) == brief(past=past)
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b"\xff", b'{"options": 3}', b"[]"])
 def test_what_is_no_brief_is_refused(content: bytes) -> None:
     with pytest.raises(SwarmError, match=r"^coordinator: must tell what the run is"):
-        read_brief(content)
+        read_description(content)
 
 
 def test_a_part_goes_on_with_its_own_numbers() -> None:

@@ -7,8 +7,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.runtime.parts import coordinator_loop
-from neurosnap.runtime.parts.coordinator_loop import _Shell, conduct
-from neurosnap.runtime.parts.world_deadline import Answer
+from neurosnap.runtime.parts.coordinator_loop import _CoordinatorLoop, run_coordinator
+from neurosnap.runtime.parts.world_deadline import WorldDeadline
 from tests.patience import PATIENCE
 
 
@@ -36,7 +36,7 @@ class Core:
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
         """Let the wave settle that a report is on; what else comes is an error."""
-        assert isinstance(message, wire.Settled), "nothing else is expected"
+        assert isinstance(message, wire.CellReport), "nothing else is expected"
         self.asked.append(f"settled {message.wave}")
         self._flying.remove(message.wave)
         return []
@@ -75,10 +75,12 @@ async def test_late_waves_are_repeated_one_after_the_other(
     clock, core = Clock(), Core(3)
     monkeypatch.setattr(coordinator_loop, "time", clock)
     fabric = MemoryHub().fabric("coordinator")
-    shell_ = _Shell(core, fabric, 1.0, Answer(None), lambda _: None, ())
+    shell_ = _CoordinatorLoop(
+        core, fabric, 1.0, WorldDeadline(None), lambda _: None, ()
+    )
 
     def settle(wave: int) -> None:
-        report = wire.Settled(wave, 0, 0, (0,), (0,), (0,), 0)
+        report = wire.CellReport(wave, 0, 0, (0,), (0,), (0,), 0)
         payload = wire.encode(report)
         shell_.handle([wire.Delivery(report.key, 0, 0, payload)])
 
@@ -110,7 +112,9 @@ class Broken(MemoryFabric):
 async def test_whatever_goes_wrong_at_a_deadline_ends_the_run() -> None:
     async with asyncio.timeout(PATIENCE), Broken(MemoryHub(), "coordinator") as fabric:
         with pytest.raises(RuntimeError, match="the session is closed"):
-            await conduct(Core(1), fabric, asyncio.Event(), parts=(), deadline=0.02)
+            await run_coordinator(
+                Core(1), fabric, asyncio.Event(), parts=(), deadline=0.02
+            )
 
 
 async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
@@ -120,7 +124,9 @@ async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
         publish = hub.fabric("world").publish
         asyncio.get_running_loop().call_soon(publish, observation)
         with pytest.raises(AssertionError, match="nothing else is expected"):
-            await conduct(core, fabric, asyncio.Event(), parts=("cell/0",), deadline=10)
+            await run_coordinator(
+                core, fabric, asyncio.Event(), parts=("cell/0",), deadline=10
+            )
     assert core.asked == []
 
 
@@ -136,7 +142,7 @@ async def test_it_says_that_it_goes_on_even_if_nothing_happens(
             stop.set()
 
     async with asyncio.timeout(PATIENCE), MemoryHub().fabric("coordinator") as fabric:
-        await conduct(
+        await run_coordinator(
             core, fabric, stop, parts=(), deadline=100, on_progress=on_progress
         )
     assert said[:4] == [7] * 4

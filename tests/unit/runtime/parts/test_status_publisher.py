@@ -9,7 +9,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.status_publisher import OUTLET, run_outlet
+from neurosnap.runtime.parts.status_publisher import OUTLET, publish_status
 from neurosnap.sources.live.open import MQTT
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
 from tests.patience import PATIENCE
@@ -48,7 +48,7 @@ async def run_with(
 ) -> None:
     """Be an outlet, and end it in some way once it is ready."""
     monkeypatch.setattr(
-        "neurosnap.sources.mqtt.publisher.MqttOutlet", lambda *_, **__: broker
+        "neurosnap.sources.mqtt.publisher.MqttPublisher", lambda *_, **__: broker
     )
     stop = asyncio.Event()
     async with MemoryHub().fabric(OUTLET) as fabric, asyncio.timeout(PATIENCE):
@@ -59,7 +59,7 @@ async def run_with(
             if stopped:
                 stop.set()
 
-        await run_outlet(options(), fabric, stop, on_ready)
+        await publish_status(options(), fabric, stop, on_ready)
 
 
 async def test_it_ends_when_told_to(monkeypatch: pytest.MonkeyPatch) -> None:

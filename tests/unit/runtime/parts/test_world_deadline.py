@@ -9,7 +9,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import PartDiedError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.coordinator_process import answer_within
-from neurosnap.runtime.parts.world_deadline import Answer
+from neurosnap.runtime.parts.world_deadline import WorldDeadline
 
 DECISION = wire.Decision(6, -1, "why")
 WAVE = wire.WaveStart(1, 7, "state", 0, 1)
@@ -29,7 +29,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def test_a_world_that_does_not_answer_is_named(clock: Clock) -> None:
-    answer = Answer(3.0)
+    answer = WorldDeadline(3.0)
     answer.heed(DECISION)
     clock.now += 3.0
     answer.check()
@@ -42,7 +42,7 @@ def test_a_world_that_does_not_answer_is_named(clock: Clock) -> None:
 def test_who_is_waited_for_is_said_once_a_decision(
     clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
-    answer = Answer(3.0)
+    answer = WorldDeadline(3.0)
     with caplog.at_level(logging.WARNING):
         for tick in (6, 7):
             answer.heed(wire.Decision(tick, -1, ""))
@@ -56,7 +56,7 @@ def test_who_is_waited_for_is_said_once_a_decision(
 
 
 def test_an_answer_in_time_ends_the_wait(clock: Clock) -> None:
-    answer = Answer(3.0)
+    answer = WorldDeadline(3.0)
     answer.heed(DECISION)
     clock.now += 2.0
     answer.heed(WAVE)
@@ -67,13 +67,13 @@ def test_an_answer_in_time_ends_the_wait(clock: Clock) -> None:
 
 
 def test_before_the_run_begins_nobody_is_waited_for(clock: Clock) -> None:
-    answer = Answer(3.0)
+    answer = WorldDeadline(3.0)
     clock.now += 60.0
     answer.check()
 
 
 def test_who_is_outside_takes_as_long_as_it_takes(clock: Clock) -> None:
-    answer = Answer(None)
+    answer = WorldDeadline(None)
     answer.heed(DECISION)
     clock.now += 10**6
     answer.check()

@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import MessageError, NeurosnapError
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.protocol.resume_point import Past
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.recording.replay.verify import verify
@@ -46,9 +46,9 @@ def believe(world: World, tick: int) -> None:
     world.hear(wire.State(tick, 1, literals, False, 0, 0, 0, 0, 0))
 
 
-def past(tick: int, *actions: int, sensors: int = 2, state: bytes = b"") -> Past:
+def past(tick: int, *actions: int, sensors: int = 2, state: bytes = b"") -> ResumePoint:
     packed = state or pack([False] * (2 * sensors))
-    return Past("log", tick, actions, packed, {}, (tick,))
+    return ResumePoint("log", tick, actions, packed, {}, (tick,))
 
 
 # What it makes of a source ------------------------------------------------------------

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.sources.live.clock import Stamps
+from neurosnap.sources.live.clock import ClockMapping
 from neurosnap.sources.live.latest_readings import TOLERANCE
 
 EPOCH = 1_690_000_000.0
@@ -17,7 +17,7 @@ EPOCH = 1_690_000_000.0
 def test_equal_stamps_stay_equal_and_order_is_kept(
     stamps: list[tuple[int, float]],
 ) -> None:
-    made = Stamps(7.0, EPOCH)
+    made = ClockMapping(7.0, EPOCH)
     # The two clocks are never read at quite the same moment.
     converted = [
         (at, made.on_our_clock(EPOCH + at, now, EPOCH + now - 7.0 + jitter))
@@ -29,7 +29,7 @@ def test_equal_stamps_stay_equal_and_order_is_kept(
 
 
 def test_a_wall_clock_put_right_counts_from_then_on() -> None:
-    made = Stamps(0.0, 1000.0)
+    made = ClockMapping(0.0, 1000.0)
     assert made.on_our_clock(1004.0, 5.0, 1005.0 + TOLERANCE / 2) == 4.0
     assert made.on_our_clock(9004.0, 5.0, 9005.0) == 4.0
     assert made.on_our_clock(9006.0, 7.0, 9007.0) == 6.0

@@ -10,9 +10,9 @@ import pytest
 
 from neurosnap.errors import NeurosnapError
 from neurosnap.sources.live.journal import Journal, read_journal
-from neurosnap.sources.live.latest_readings import Bits, Board
-from neurosnap.sources.live.live_source import WAITING, OutsideSource
-from neurosnap.sources.live.tick_schedule import Clocked, OnChange, Pace
+from neurosnap.sources.live.latest_readings import Bits, LatestReadings
+from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from tests.unit.sources.live.fakes import FakeTime
 
 NAMES = ["door", "motion"]
@@ -23,19 +23,19 @@ class Kept:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._open: list[OutsideSource] = []
+        self._open: list[LiveSource] = []
 
     def source(
         self,
-        pace: Pace | None = None,
+        pace: TickSchedule | None = None,
         time: FakeTime | None = None,
         *,
         most: int | None = None,
         done: list[int] | None = None,
-    ) -> OutsideSource:
+    ) -> LiveSource:
         time = FakeTime() if time is None else time
-        source = OutsideSource(
-            Board(NAMES),
+        source = LiveSource(
+            LatestReadings(NAMES),
             OnChange() if pace is None else pace,
             actions=() if done is None else ("rest", "ring"),
             actuate=None if done is None else done.append,
@@ -63,13 +63,13 @@ def kept(tmp_path: Path) -> Iterator[Kept]:
     kept.close()
 
 
-def taken(source: OutsideSource, count: int) -> list[list[bool]]:
+def taken(source: LiveSource, count: int) -> list[list[bool]]:
     """Return the next rows."""
     rows = [source.step(0) if source.given else source.first() for _ in range(count)]
     return [row.tolist() for row in rows if row is not None]
 
 
-def give(source: OutsideSource, *numbers: int) -> None:
+def give(source: LiveSource, *numbers: int) -> None:
     for row in bits(*numbers):
         source.give(row)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.sources.live.latest_readings import TOLERANCE, Board
+from neurosnap.sources.live.latest_readings import TOLERANCE, LatestReadings
 
 NAMES = ["door", "motion", "window"]
 # Whole numbers, so that sums and differences are exact and ages hit their bounds.
@@ -73,7 +73,7 @@ def test_a_board_shows_what_the_list_of_all_readings_says(
     began: float,
     wait: float,
 ) -> None:
-    board = Board(NAMES, stale_after=stale, seen_within=seen)
+    board = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
     board.begin(began)
     came: list[Came] = []
     now = began
@@ -97,7 +97,7 @@ def test_nothing_changes_before_the_next_change_and_something_may_then(
     stale: list[float | None],
     seen: list[float | None],
 ) -> None:
-    board = Board(NAMES, stale_after=stale, seen_within=seen)
+    board = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
     board.begin(0.0)
     now = 0.0
     for sensor, on, offset, step in comings:
@@ -131,8 +131,8 @@ def test_all_at_once_is_as_one_after_the_other(
     stale: list[float | None],
     seen: list[float | None],
 ) -> None:
-    once = Board(NAMES, stale_after=stale, seen_within=seen)
-    singly = Board(NAMES, stale_after=stale, seen_within=seen)
+    once = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
+    singly = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
     now = 0.0
     for (readings, offset, step), (sensor, on, other, _) in zip(
         wholes, comings, strict=False
@@ -154,7 +154,7 @@ def test_all_at_once_is_as_one_after_the_other(
 
 
 def test_a_reading_is_believed_until_it_is_as_old_as_it_may_be() -> None:
-    board = Board(["door"], stale_after=10)
+    board = LatestReadings(["door"], stale_after=10)
     board.put(0, True, 5.0, 5.0)
     assert board.next_change(5.0) == 15.0
     assert np.array(board.observation(14.999)).tolist() == [[True], [True]]
@@ -163,7 +163,7 @@ def test_a_reading_is_believed_until_it_is_as_old_as_it_may_be() -> None:
 
 
 def test_a_clock_that_is_ahead_does_not_silence_those_that_are_right() -> None:
-    board = Board(["door"], stale_after=10)
+    board = LatestReadings(["door"], stale_after=10)
     assert board.put(0, True, 3600.0, 1.0)
     assert board.put(0, False, 2.0, 2.0)
     assert np.array(board.observation(2.0)).tolist() == [[False], [True]]
@@ -172,7 +172,7 @@ def test_a_clock_that_is_ahead_does_not_silence_those_that_are_right() -> None:
 
 
 def test_silence_means_off_once_it_was_listened_to_long_enough() -> None:
-    board = Board(["phone"], seen_within=30)
+    board = LatestReadings(["phone"], seen_within=30)
     board.begin(100.0)
     assert np.array(board.observation(129.0)).tolist() == [[False], [False]]
     assert board.next_change(100.0) == 130.0
@@ -183,7 +183,7 @@ def test_silence_means_off_once_it_was_listened_to_long_enough() -> None:
 
 
 def test_before_anybody_listens_silence_says_nothing() -> None:
-    board = Board(["phone", "door"], seen_within=[30, None])
+    board = LatestReadings(["phone", "door"], seen_within=[30, None])
     assert board.observation(1e9)[1].tolist() == [False, False]
     assert board.next_change(0.0) is None
 
@@ -192,14 +192,14 @@ def test_before_anybody_listens_silence_says_nothing() -> None:
 @pytest.mark.parametrize("span", [0, -1, float("nan"), [1, 0, 2]])
 def test_a_span_must_be_above_0(name: str, span: float | list[float]) -> None:
     with pytest.raises(InvalidValueError, match=rf"^{name}: must be above 0, got "):
-        Board(NAMES, **{name: span})
+        LatestReadings(NAMES, **{name: span})
 
 
 def test_spans_must_be_one_a_sensor() -> None:
     with pytest.raises(ShapeError, match=r"^stale_after: must be 3, one a sensor, got"):
-        Board(NAMES, stale_after=[1, 2])
+        LatestReadings(NAMES, stale_after=[1, 2])
 
 
 def test_a_board_has_sensors() -> None:
     with pytest.raises(InvalidValueError, match=r"^sensors: must be one at least, got"):
-        Board([])
+        LatestReadings([])

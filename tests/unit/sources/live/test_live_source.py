@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, ShapeError
-from neurosnap.sources.live.latest_readings import Bits, Board
-from neurosnap.sources.live.live_source import WAITING, OutsideSource
-from neurosnap.sources.live.tick_schedule import Clocked, OnChange, Pace
+from neurosnap.sources.live.latest_readings import Bits, LatestReadings
+from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from tests.unit.sources.live.fakes import FakeTime, Told
 
 NAMES = ["door", "motion"]
@@ -25,10 +25,10 @@ Put = tuple[int, int, bool | None]
 
 
 def source_of(
-    time: FakeTime, pace: Pace, stale_after: float | None = None
-) -> OutsideSource:
-    return OutsideSource(
-        Board(NAMES, stale_after=stale_after),
+    time: FakeTime, pace: TickSchedule, stale_after: float | None = None
+) -> LiveSource:
+    return LiveSource(
+        LatestReadings(NAMES, stale_after=stale_after),
         pace,
         clock=time.clock,
         wall=lambda: EPOCH + time.now,
@@ -36,13 +36,13 @@ def source_of(
     )
 
 
-def shown(source: OutsideSource, bits: Sequence[bool] | np.ndarray) -> Shown:
+def shown(source: LiveSource, bits: Sequence[bool] | np.ndarray) -> Shown:
     known = np.ones(len(bits), bool) if source.known is None else source.known
     return tuple(map(bool, bits)), tuple(map(bool, known))
 
 
 def run(
-    source: OutsideSource, time: FakeTime, puts: list[Put], busy: Sequence[int]
+    source: LiveSource, time: FakeTime, puts: list[Put], busy: Sequence[int]
 ) -> list[tuple[float, Shown]]:
     """Return the ticks and their times; the world is busy for a while after each."""
     for when, sensor, on in puts:
@@ -274,8 +274,11 @@ def test_starting_over_shows_the_board_again() -> None:
 
 def test_actions_are_carried_out_before_their_consequence() -> None:
     done: list[int] = []
-    source = OutsideSource(
-        Board(NAMES), Clocked(1.0), actions=["ring", "wait"], actuate=done.append
+    source = LiveSource(
+        LatestReadings(NAMES),
+        Clocked(1.0),
+        actions=["ring", "wait"],
+        actuate=done.append,
     )
     source.put("door", True)
     assert source.first() is not None
@@ -301,8 +304,8 @@ def test_stamps_are_times_since_the_epoch() -> None:
 
 def test_a_wall_clock_that_is_put_right_is_followed() -> None:
     time, wall = FakeTime(), [1000.0]
-    source = OutsideSource(
-        Board(NAMES, stale_after=10.0),
+    source = LiveSource(
+        LatestReadings(NAMES, stale_after=10.0),
         OnChange(),
         clock=time.clock,
         wall=lambda: wall[0],
@@ -364,7 +367,7 @@ def test_a_reading_must_be_whole() -> None:
 class Steps(threading.Thread):
     """Takes all ticks."""
 
-    def __init__(self, source: OutsideSource) -> None:
+    def __init__(self, source: LiveSource) -> None:
         super().__init__()
         self.source = source
         self.ticks: list[Shown] = []
@@ -383,7 +386,7 @@ class Steps(threading.Thread):
 @pytest.mark.parametrize("end", ["close", "end", "fail"])
 def test_who_waits_is_let_go(end: str) -> None:
     lock = Told()
-    source = OutsideSource(Board(NAMES), OnChange(), condition=lock)
+    source = LiveSource(LatestReadings(NAMES), OnChange(), condition=lock)
     steps = Steps(source)
     steps.start()
     assert lock.waiting.wait(10)
@@ -402,20 +405,20 @@ def test_a_feeder_is_not_started_once_the_source_is_closed() -> None:
     calls: list[str] = []
 
     class Noted:
-        def start(self, source: OutsideSource) -> None:
+        def start(self, source: LiveSource) -> None:
             calls.append("start")
 
         def stop(self) -> None:
             calls.append("stop")
 
-    source = OutsideSource(Board(NAMES), OnChange(), feeder=Noted())
+    source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=Noted())
     source.close()
     assert source.first() is None
     assert calls == ["stop"]
 
 
 def test_a_flood_is_coalesced_and_the_latest_wins() -> None:
-    source = OutsideSource(Board(NAMES), OnChange())
+    source = LiveSource(LatestReadings(NAMES), OnChange())
     steps = Steps(source)
     steps.start()
     count = 20_000
@@ -438,7 +441,7 @@ def test_a_flood_is_coalesced_and_the_latest_wins() -> None:
 
 
 def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
-    source = OutsideSource(Board(NAMES), OnChange())
+    source = LiveSource(LatestReadings(NAMES), OnChange())
     count = 3 * WAITING
     filled = threading.Event()
 
@@ -466,7 +469,7 @@ def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
 
 
 def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
-    source = OutsideSource(Board(NAMES), OnChange())
+    source = LiveSource(LatestReadings(NAMES), OnChange())
     source.give([True, False])
     assert source.first() is not None
     source.end()
@@ -476,7 +479,7 @@ def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
 
 def test_who_waits_for_room_is_let_go() -> None:
     lock = Told()
-    source = OutsideSource(Board(NAMES), OnChange(), condition=lock)
+    source = LiveSource(LatestReadings(NAMES), OnChange(), condition=lock)
     for _ in range(WAITING):
         source.give([True, True])
     late = threading.Thread(target=source.wait_for_room)

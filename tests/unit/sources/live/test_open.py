@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sources.live.open import Argument, is_outside, open_outside, settle
+from neurosnap.sources.live.open import Argument, is_live, open_live, settle
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ from neurosnap.sources.live.open import Argument, is_outside, open_outside, sett
 def test_names_come_with_commas_or_as_a_list(
     sensors: str, names: tuple[str, ...]
 ) -> None:
-    source = open_outside("-", {"sensors": sensors})
+    source = open_live("-", {"sensors": sensors})
     source.close()
     assert source.sensors == names
     assert source.orders == (0,) * len(names)
@@ -53,14 +53,14 @@ def test_what_is_wrong_is_said(
     spec: str, arguments: dict[str, Argument], text: str
 ) -> None:
     with pytest.raises(InvalidValueError) as caught:
-        open_outside(spec, arguments)
+        open_live(spec, arguments)
     assert str(caught.value).startswith(text)
 
 
 def test_which_names_are_outside() -> None:
-    assert is_outside("-")
-    assert is_outside("zenoh:")
-    assert not is_outside("readings.csv")
+    assert is_live("-")
+    assert is_live("zenoh:")
+    assert not is_live("readings.csv")
 
 
 def test_settling_reads_the_first_line_where_nobody_named_the_sensors(
@@ -76,7 +76,7 @@ def test_settling_reads_the_first_line_where_nobody_named_the_sensors(
         assert settle("-", named) == named
         assert settle("zenoh:", {}) == {}
         settled = settle("-", {"stale_after": 5.0})
-        source = open_outside("-", settled)
+        source = open_live("-", settled)
         first, second = source.first(), source.step(-1)
         assert source.step(-1) is None
         source.close()
@@ -93,7 +93,7 @@ def test_settling_reads_the_first_line_where_nobody_named_the_sensors(
 
 
 def test_a_swarms_own_keys_need_a_hub() -> None:
-    source = open_outside("zenoh:", {"sensors": "a"})
+    source = open_live("zenoh:", {"sensors": "a"})
     rule = r"^source: must be a swarm's with a hub, cells in processes, got 'zenoh:'$"
     with pytest.raises(NeurosnapError, match=rule):
         source.first()

@@ -11,9 +11,9 @@ import pytest
 
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live.json_reading import LIMIT
-from neurosnap.sources.live.latest_readings import Board
-from neurosnap.sources.live.live_source import WAITING, OutsideSource
-from neurosnap.sources.live.stdin_source import NdjsonFeeder, first_line, names_in
+from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
 from tests.unit.sources.live.fakes import Told
 
@@ -49,18 +49,18 @@ def pipe() -> Iterator[Pipe]:
 
 
 @pytest.fixture
-def source(pipe: Pipe) -> Iterator[OutsideSource]:
+def source(pipe: Pipe) -> Iterator[LiveSource]:
     made = source_on(pipe)
     yield made
     made.close()
 
 
-def source_on(pipe: Pipe, head: bytes | None = None) -> OutsideSource:
-    feeder = NdjsonFeeder(pipe.reads, head=head)
-    return OutsideSource(Board(NAMES), OnChange(), feeder=feeder)
+def source_on(pipe: Pipe, head: bytes | None = None) -> LiveSource:
+    feeder = StdinFeeder(pipe.reads, head=head)
+    return LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder)
 
 
-def rest_of(source: OutsideSource, *, begun: bool = False) -> list[list[bool | None]]:
+def rest_of(source: LiveSource, *, begun: bool = False) -> list[list[bool | None]]:
     """Return all ticks to the end; None is what is not known."""
     ticks = []
     bits = source.step(-1) if begun else source.first()
@@ -71,7 +71,7 @@ def rest_of(source: OutsideSource, *, begun: bool = False) -> list[list[bool | N
     return ticks
 
 
-def test_every_whole_reading_is_a_tick(pipe: Pipe, source: OutsideSource) -> None:
+def test_every_whole_reading_is_a_tick(pipe: Pipe, source: LiveSource) -> None:
     pipe.write(b'{"bits": [1, 0]}\n\n{"bits": [1, 0], "tick": 7}\r\n')
     pipe.write(b'{"bits": {"motion": "ON"}}\n{"bits": [0, 0]}')  # no line feed
     pipe.end()
@@ -80,7 +80,7 @@ def test_every_whole_reading_is_a_tick(pipe: Pipe, source: OutsideSource) -> Non
 
 
 def test_bad_lines_are_told_of_with_their_number_and_the_run_goes_on(
-    pipe: Pipe, source: OutsideSource, caplog: pytest.LogCaptureFixture
+    pipe: Pipe, source: LiveSource, caplog: pytest.LogCaptureFixture
 ) -> None:
     pipe.write(b'{"bits": [1, 0]}\nnonsense\n{"bits": [1]}\n')
     pipe.write(b'{"sensors": ["a"]}\n{"sensors": ["door", "motion"]}\n')
@@ -93,7 +93,7 @@ def test_bad_lines_are_told_of_with_their_number_and_the_run_goes_on(
 
 
 def test_a_line_too_long_names_the_limit(
-    pipe: Pipe, source: OutsideSource, caplog: pytest.LogCaptureFixture
+    pipe: Pipe, source: LiveSource, caplog: pytest.LogCaptureFixture
 ) -> None:
     writing = threading.Thread(target=pipe.write, args=(b"[" * (LIMIT + 1) + b"\n",))
     writing.start()
@@ -118,8 +118,10 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
         pipe.end()
 
     lock = Told()
-    feeder = NdjsonFeeder(pipe.reads)
-    source = OutsideSource(Board(NAMES), OnChange(), feeder=feeder, condition=lock)
+    feeder = StdinFeeder(pipe.reads)
+    source = LiveSource(
+        LatestReadings(NAMES), OnChange(), feeder=feeder, condition=lock
+    )
     writing = threading.Thread(target=write)
     writing.start()
     assert source.first() is not None
@@ -132,7 +134,7 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
     assert source.statistics().dropped == 0
 
 
-def test_single_readings_make_the_board(pipe: Pipe, source: OutsideSource) -> None:
+def test_single_readings_make_the_board(pipe: Pipe, source: LiveSource) -> None:
     pipe.write(b'{"sensor": "door", "on": true}\n{"sensor": "motion", "on": 0}\n')
     pipe.write(b'{"sensor": "door", "on": null}\n')
     pipe.end()
@@ -177,7 +179,9 @@ def test_a_descriptor_may_have_any_number(pipe: Pipe) -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 2048), hard))
     reads = fcntl.fcntl(pipe.reads, fcntl.F_DUPFD, 1024)  # one beyond an `fd_set`
     try:
-        source = OutsideSource(Board(NAMES), OnChange(), feeder=NdjsonFeeder(reads))
+        source = LiveSource(
+            LatestReadings(NAMES), OnChange(), feeder=StdinFeeder(reads)
+        )
         pipe.write(b'{"bits": [1, 0]}\n')
         pipe.end()
         assert rest_of(source) == [[True, False]]
@@ -188,7 +192,7 @@ def test_a_descriptor_may_have_any_number(pipe: Pipe) -> None:
 
 
 def test_closing_ends_a_reader_that_waits_for_input(
-    pipe: Pipe, source: OutsideSource
+    pipe: Pipe, source: LiveSource
 ) -> None:
     pipe.write(b'{"bits": [1, 0]}\n{"bits"')
     assert source.first() is not None
@@ -205,8 +209,8 @@ def test_closing_without_a_start_leaves_no_descriptor(pipe: Pipe) -> None:
 
 def test_what_cannot_be_read_is_an_error(tmp_path: Path) -> None:
     folder = os.open(tmp_path, os.O_RDONLY)
-    feeder = NdjsonFeeder(folder)
-    source = OutsideSource(Board(NAMES), OnChange(), feeder=feeder)
+    feeder = StdinFeeder(folder)
+    source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder)
     rule = r"^standard input: must be readable, got Is a directory$"
     with pytest.raises(FabricError, match=rule):
         source.first()

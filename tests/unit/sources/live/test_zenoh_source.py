@@ -8,8 +8,8 @@ import zenoh
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.sources.live.json_reading import LIMIT
-from neurosnap.sources.live.latest_readings import Board
-from neurosnap.sources.live.live_source import WAITING, OutsideSource
+from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked
 from neurosnap.sources.live.zenoh_source import ZenohFeeder, hand_over
 
@@ -24,9 +24,9 @@ class Hub:
     insecure: bool = False
 
 
-def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], OutsideSource]:
+def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], LiveSource]:
     """Return what the next tick shows once all came; None is what is not known."""
-    source = OutsideSource(Board(NAMES), Clocked(1.0))
+    source = LiveSource(LatestReadings(NAMES), Clocked(1.0))
     source.put("door", False)
     for key, payload in messages:
         hand_over(source, key, zenoh.ZBytes(payload))
@@ -121,7 +121,7 @@ def test_whatever_keeps_it_from_listening_the_source_fails_of(
 
     monkeypatch.setattr("neurosnap.sources.live.zenoh_source.connecting", connecting)
     feeder = ZenohFeeder(Hub("tcp/127.0.0.1:1"))
-    source = OutsideSource(Board(NAMES), Clocked(1.0), feeder=feeder)
+    source = LiveSource(LatestReadings(NAMES), Clocked(1.0), feeder=feeder)
     with pytest.raises(InvalidValueError, match=r"^keys: must be readable"):
         source.first()
     source.close()

@@ -10,7 +10,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import pack
 from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
-from neurosnap.sources.mqtt.publisher import MqttOutlet
+from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 NAMES = ["door", "hall", "light"]
 LITERALS = {b"ON": (1, 0), b"OFF": (0, 1), b"unknown": (0, 0)}
@@ -36,7 +36,7 @@ def state(words: list[bytes]) -> wire.State:
     )
 )
 def test_every_topic_says_what_the_last_state_does(ticks: list[list[bytes]]) -> None:
-    outlet = MqttOutlet(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
     for words in ticks:
         outlet.state(state(words))
         held = outlet._link._outbox._held
@@ -44,7 +44,7 @@ def test_every_topic_says_what_the_last_state_does(ticks: list[list[bytes]]) -> 
 
 
 def test_only_what_changed_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    outlet = MqttOutlet(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
     outlet.state(state([b"ON", b"OFF", b"unknown"]))
     handed: list[str] = []
     monkeypatch.setattr(outlet._link, "hold", lambda topic, _: handed.append(topic))
@@ -54,7 +54,7 @@ def test_only_what_changed_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_decision_has_the_name_of_its_action() -> None:
     publish = MqttPublish(prefix="p")
-    outlet = MqttOutlet(MqttBroker(), publish, NAMES, actions=["none", "ring"])
+    outlet = MqttPublisher(MqttBroker(), publish, NAMES, actions=["none", "ring"])
     outlet.decision(wire.Decision(1, -1, "nothing to do"))
     assert "p/decision" not in outlet._link._outbox._held
     outlet.decision(wire.Decision(1, 1, "greedy"))

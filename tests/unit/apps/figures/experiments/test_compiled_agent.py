@@ -8,10 +8,10 @@ import pytest
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.excited import EXPLORES, KEEPS, LOST, SEEKS
-from neurosnap.agent.random_numbers import Draws
+from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.apps.figures.experiments.target_distance import (
-    SeekerCell,
+    TargetEntry,
     Task,
     guaranteed,
     task,
@@ -39,7 +39,7 @@ def driven(todo: Task, decay: float | None, explore: float) -> Any:
         THRESHOLD,
         -1.0 if decay is None else decay,
         explore,
-        Draws(todo.seed).table(STEPS + 1),
+        RandomNumbers(todo.seed).table(STEPS + 1),
     )
 
 
@@ -69,7 +69,7 @@ def test_the_loop_decides_what_the_agent_decides(
 
 
 def test_a_row_is_a_function_of_cell_and_run() -> None:
-    cell = SeekerCell(
+    cell = TargetEntry(
         setting="cycle",
         threshold=THRESHOLD,
         decay=None,
@@ -82,10 +82,10 @@ def test_a_row_is_a_function_of_cell_and_run() -> None:
     rows = [cell.row(run).tolist() for run in (2, 0, 1)]
     assert [cell.row(run).tolist() for run in (2, 0, 1)] == rows
     assert rows[0] != rows[1] != rows[2]
-    assert cell.key != SeekerCell(**{**_fields(cell), "target": 3}).key
+    assert cell.key != TargetEntry(**{**_fields(cell), "target": 3}).key
 
 
-def _fields(cell: SeekerCell) -> dict[str, Any]:
+def _fields(cell: TargetEntry) -> dict[str, Any]:
     return {name: getattr(cell, name) for name in cell.__struct_fields__}
 
 

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments.learning_error import (
-    LearningCell,
+    LearningEntry,
     TruthKind,
     errors,
 )
@@ -19,7 +19,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from tools.bench_learn import pace
 
-CELL = LearningCell(
+CELL = LearningEntry(
     setting="path",
     threshold=1 / 8000,
     decay=None,
@@ -46,7 +46,7 @@ def wandering(draw: st.DrawFn) -> Walk:
     return Walk(fields, moves, np.array(trail))
 
 
-def true_edges(walk: Walk, learner: LearningCell) -> set[tuple[int, int]]:
+def true_edges(walk: Walk, learner: LearningEntry) -> set[tuple[int, int]]:
     places = range(walk.fields.shape[1])
     literals = range(2 * len(walk.fields))
     field = [{x for x in places if walk.fields[a // 2, x] != a % 2} for a in literals]
@@ -69,7 +69,7 @@ def true_edges(walk: Walk, learner: LearningCell) -> set[tuple[int, int]]:
     }
 
 
-def one_by_one(walk: Walk, learner: LearningCell) -> list[int]:
+def one_by_one(walk: Walk, learner: LearningEntry) -> list[int]:
     count = len(walk.fields)
     snapshot = (
         EmpiricalSnapshot(count, learner.threshold)

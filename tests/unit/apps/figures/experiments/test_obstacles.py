@@ -11,7 +11,7 @@ from neurosnap.apps.figures.experiments.obstacles import (
     ARRIVED,
     BLOCKED,
     FIRST,
-    ObstacleCell,
+    ObstacleEntry,
     arena,
 )
 from neurosnap.apps.figures.figure import FigureOptions
@@ -21,8 +21,8 @@ PUNCTURED = "neurosnap/PuncturedGrid-v0"
 ABOVE = ("x_below_6", "x_below_5*", "y_below_10", "y_below_9*")
 
 
-def cell(world: str, agent: Any, target: int, *goal: str) -> ObstacleCell:
-    return ObstacleCell(
+def cell(world: str, agent: Any, target: int, *goal: str) -> ObstacleEntry:
+    return ObstacleEntry(
         world=world, agent=agent, target=target, goal=goal, limit=40, runs=1, seed=0
     )
 
