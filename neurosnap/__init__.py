@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.poc.order.pocset import PocSet
+    from neurosnap.recording.snapshot_file import load_snapshot, save_snapshot
     from neurosnap.sensorium import Sensorium
 
 __all__ = [
@@ -36,6 +37,8 @@ __all__ = [
     "Realization",
     "Sensor",
     "Sensorium",
+    "load_snapshot",
+    "save_snapshot",
 ]
 
 _HOMES = {
@@ -51,6 +54,8 @@ _HOMES = {
     "Realization": "neurosnap.poc.dual.realization",
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
+    "load_snapshot": "neurosnap.recording.snapshot_file",
+    "save_snapshot": "neurosnap.recording.snapshot_file",
 }
 
 if _NAMESAKE := namesake():

@@ -6,7 +6,7 @@ from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.system.durable import replace_file
 
 
-def save(snapshot: Snapshot, path: str | Path) -> None:
+def save_snapshot(snapshot: Snapshot, path: str | Path) -> None:
     """Write a snapshot to a file, whole or not at all.
 
     Raises:
@@ -15,8 +15,8 @@ def save(snapshot: Snapshot, path: str | Path) -> None:
     replace_file(Path(path), snapshot.to_bytes())
 
 
-def load(path: str | Path) -> Snapshot:
-    """Return the snapshot of either kind that `save` wrote, bit for bit.
+def load_snapshot(path: str | Path) -> Snapshot:
+    """Return the snapshot of either kind that `save_snapshot` wrote, bit for bit.
 
     Raises:
         OSError: The file cannot be read.

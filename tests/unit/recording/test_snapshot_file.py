@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from neurosnap.recording.snapshot_file import load, save
+from neurosnap.recording.snapshot_file import load_snapshot, save_snapshot
 from neurosnap.sensorium import Sensorium
 
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
@@ -29,7 +29,7 @@ def seasoned(kind: type[Snapshot]) -> Snapshot:
 @KINDS
 def test_a_file_gives_back_everything(kind: type[Snapshot], tmp_path: Path) -> None:
     snapshot = seasoned(kind)
-    save(snapshot, tmp_path / "memory.npz")
+    save_snapshot(snapshot, tmp_path / "memory.npz")
     for reader in (kind, Snapshot):
         twin = reader.from_bytes((tmp_path / "memory.npz").read_bytes())
         assert type(twin) is kind
@@ -46,8 +46,8 @@ def test_a_file_gives_back_everything(kind: type[Snapshot], tmp_path: Path) -> N
 def test_squares_of_their_own_are_kept(kind: type[Snapshot], tmp_path: Path) -> None:
     snapshot = seasoned(kind)
     snapshot.observe([1, 0, 1], [True, False, True])
-    save(snapshot, tmp_path / "memory.npz")
-    twin = load(tmp_path / "memory.npz")
+    save_snapshot(snapshot, tmp_path / "memory.npz")
+    twin = load_snapshot(tmp_path / "memory.npz")
     assert type(twin) is kind
     assert (twin.poc_graph().edges == snapshot.poc_graph().edges).all()
     assert twin.weight(0, 3) == snapshot.weight(0, 3)
@@ -67,7 +67,7 @@ def test_a_decay_is_kept() -> None:
 
 
 def test_numpy_reads_the_file_too(tmp_path: Path) -> None:
-    save(seasoned(EmpiricalSnapshot), tmp_path / "memory.npz")
+    save_snapshot(seasoned(EmpiricalSnapshot), tmp_path / "memory.npz")
     with np.load(tmp_path / "memory.npz", allow_pickle=False) as file:
         assert file["names"].tolist() == ["door", "Tür", "motion"]
         assert file["clock"] == 20
@@ -85,12 +85,12 @@ def test_a_file_cut_short_is_refused_by_name(cut: int, tmp_path: Path) -> None:
     path = tmp_path / "memory.npz"
     path.write_bytes(seasoned(EmpiricalSnapshot).to_bytes()[:cut])
     with pytest.raises(InvalidValueError, match=r"^\S*memory.npz: must be a Snapshot "):
-        load(path)
+        load_snapshot(path)
 
 
 def test_a_file_that_is_not_there_is_the_systems_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        load(tmp_path / "nowhere.npz")
+        load_snapshot(tmp_path / "nowhere.npz")
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_pickles_and_compressed_members_are_refused(tmp_path: Path) -> None:
     np.savez_compressed(tmp_path / "small.npz", names=np.zeros(1))
     for name in ("pickled", "small"):
         with pytest.raises(InvalidValueError, match=r"^\S*npz: must be a Snapshot "):
-            load(tmp_path / f"{name}.npz")
+            load_snapshot(tmp_path / f"{name}.npz")
 
 
 def test_a_damaged_byte_fails_its_checksum() -> None:
@@ -186,7 +186,7 @@ def test_a_full_disk_leaves_the_old_file(
 ) -> None:
     path = tmp_path / "memory.npz"
     snapshot = seasoned(EmpiricalSnapshot)
-    save(snapshot, path)
+    save_snapshot(snapshot, path)
     before = path.read_bytes()
 
     def full(_: int) -> None:
@@ -195,6 +195,6 @@ def test_a_full_disk_leaves_the_old_file(
     monkeypatch.setattr(os, "fsync", full)
     snapshot.observe([1, 1, 1])
     with pytest.raises(OSError, match="No space left"):
-        save(snapshot, path)
+        save_snapshot(snapshot, path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
