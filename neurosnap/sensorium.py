@@ -1,4 +1,4 @@
-"""Names, literals and observations: a name is a sensor, a star its complement.
+"""Sensor names, literals and packed observations.
 
 Sensor ``s`` has the literals ``2s`` (itself) and ``2s + 1`` (its complement, written
 with a star); the complement of literal ``a`` is ``a ^ 1``. An observation is one bit a

@@ -1,4 +1,4 @@
-"""Every message that crosses the wire, and the keys they travel under.
+"""All messages on the wire, and their keys.
 
 A message is a frozen, tagged struct; its JSON is the payload, so what is on the wire is
 what is in a recording. The union is closed and append-only: a new field comes last and

@@ -1,4 +1,4 @@
-"""What is true of sensors, and how far from it is what was learned of them.
+"""True implications of a world's sensors, and the distance of a learned graph.
 
 Literal a implies b iff a's field lies within b's. Literals are numbered as everywhere
 in neurosnap: sensor ``s`` is ``2s``, its complement ``2s + 1``. A sensor that is never

@@ -1,4 +1,4 @@
-"""Places in the plane: points of a grid, stepped between and sensed by thresholds.
+"""Worlds in the plane: points of a grid, moves between them, threshold sensors.
 
 A kind of such a world differs only in which points it has; places are those points
 numbered row by row, from the lowest y up, and in a row from the lowest x up.

@@ -1,4 +1,4 @@
-"""A grid with a hole: it is sensed, and learned, as if there were none."""
+"""A grid with a hole that no sensor sees."""
 
 import numpy as np
 

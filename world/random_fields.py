@@ -1,4 +1,4 @@
-"""A path whose sensors mean nothing in particular: their fields are random."""
+"""A path whose sensors have random fields."""
 
 import numpy as np
 

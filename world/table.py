@@ -1,4 +1,4 @@
-"""What is true in an environment that has a transition table, and long walks in it.
+"""Exact facts and long walks from an environment's transition table.
 
 The environment goes on from episode to episode (`Continuing`). A
 *place* is what has to be known of it to know what may come next: its state, and whether

@@ -1,4 +1,4 @@
-"""A target to find: two sensors tell whether the last step came nearer to it.
+"""A wrapper with a target: two sensors report whether the last step came nearer.
 
 They sense a transition and nothing else, neither how far the target is nor where. Far
 and near are counted in actions, along the shortest way that the world's moves allow.

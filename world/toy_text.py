@@ -1,4 +1,4 @@
-"""Gymnasium's own toy texts, seen through binary sensors: worlds nobody made for us.
+"""Gymnasium's toy-text environments, seen through binary sensors.
 
 Their episodes end as Gymnasium's do, but there is no limit on time: with one, what
 happens next would depend on more than the state. No sensor is always on or always off.

@@ -1,4 +1,4 @@
-"""What an agent can do, and what each of it is bound to lead to.
+"""The actions of an agent, and the consequences that are certain by definition.
 
 A generalised action is a complete *-selection of the atomic actions. Where they
 exclude each other, as they do unless said otherwise, only the pure ones can be done: a

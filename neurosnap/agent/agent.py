@@ -1,4 +1,4 @@
-"""An agent in one process: it observes, keeps a state, decides, and says why.
+"""An agent in one process: observes, updates its state, decides, explains.
 
 The same policies decide in a swarm, where waves answer what here the propagation over
 the graph answers: with the same seed and observations the decisions are the same.

@@ -1,4 +1,4 @@
-"""Contextual sensors, built on top of a world's own.
+"""Bodies: the sensors and actions of an agent, contextual sensors included.
 
 ``α∧a`` is on iff action ``α`` was taken in the step that has just ended and literal
 ``a`` was in the state recorded before it. With it, what an action leads to where

@@ -1,4 +1,4 @@
-"""What a Gymnasium environment says of itself: its sensors, and what can be done in it.
+"""Reads the sensors and actions of a Gymnasium environment from its spaces.
 
 The observation space must be a flat ``MultiBinary``. The action space is ``Discrete``,
 one action at each step, or a flat ``MultiBinary``, any choice of atomic actions. Names

@@ -1,4 +1,4 @@
-"""The excitation-driven agent: it wants better, and failing that, at least not worse.
+"""The excitation-driven agent: moves to better states, or at least not to worse ones.
 
 Its target is one sensation, so it needs no plan: it takes an action that guarantees
 `better`; failing that, one that guarantees `worse*`, now and then a random one; failing

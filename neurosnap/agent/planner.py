@@ -1,4 +1,4 @@
-"""Greedy reactive planning: take the action that guarantees most of the subgoals.
+"""Greedy reactive planning: the action that guarantees the most subgoals.
 
 The subgoals are the projection of the state onto the target in the model space: what
 would be sensed at the closest point of the target.

@@ -1,4 +1,4 @@
-"""The policies by name."""
+"""A factory of policies by name."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""What decides, and which kinds of it there are.
+"""The interface of a policy, and the kinds of policies.
 
 A policy is a pure function of the seed, the tick, the state and the answers to what it
 asked; it does not know who answers. In process it is the propagation over the graph,

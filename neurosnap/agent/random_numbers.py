@@ -1,4 +1,4 @@
-"""Random numbers by tick, so that a run is a function of its seed and observations.
+"""Random numbers per tick: a run is a function of its seed and observations.
 
 Numbers that came from one stream would depend on how many were drawn before, and so on
 the order in which messages arrived. These depend on the seed and the tick alone.

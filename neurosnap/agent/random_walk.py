@@ -1,4 +1,4 @@
-"""The walker: a random action at every tick, and a look at where one sensation leads.
+"""The random policy ("walker"): uniform actions, and one planning wave per tick.
 
 What it asks the network, and what it does, is drawn without regard to the answer.
 """

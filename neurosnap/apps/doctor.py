@@ -1,4 +1,4 @@
-"""What this machine must have for a swarm of a thousand cells, and whether it does.
+"""Checks whether this machine can run a swarm of a thousand cells.
 
 Every finding says what to do about itself. A check never hangs and never raises: what
 might do either runs in a process of its own, and an error is a finding too. Packages

@@ -1,4 +1,4 @@
-"""Orders that are given and not learned, as lists of edges: they may be very large."""
+"""Given (not learned) orders as edge lists, up to very large ones."""
 
 from dataclasses import dataclass
 from itertools import pairwise

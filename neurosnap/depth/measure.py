@@ -1,4 +1,4 @@
-"""Propagation depth against the height of the order: live, or from a recording.
+"""Measures propagation depth against order height, live or from a recording.
 
 The claim to look at: with a cell a sensor, the time to propagate grows with the height
 of the order and not with the number of sensors.

@@ -1,4 +1,4 @@
-"""A probe: wires a swarm to given orders and times waves through it, without learning.
+"""The probe: wires a swarm to given orders and times waves, without learning.
 
 It conducts in the coordinator's place. What it measures is what the cells did: hops and
 pulses are from their reports, the time is from the wave's start to its last credit.

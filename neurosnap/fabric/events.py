@@ -1,4 +1,4 @@
-"""Waiting for the first of several things, or for one of them at most so long."""
+"""Waiting for the first of several events, or for one with a time limit."""
 
 import asyncio
 

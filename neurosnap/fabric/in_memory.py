@@ -1,4 +1,4 @@
-"""The fabric in one process: for swarms without processes, and for simulation.
+"""The in-memory fabric: swarms in one process, and simulation.
 
 Without a seed every message is delivered in the order it was published. With a seed the
 hub draws which link delivers next, so that messages of different senders overtake each

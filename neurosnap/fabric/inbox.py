@@ -1,4 +1,4 @@
-"""The one door between Zenoh's threads and the rest of a process.
+"""The inbox: hands messages from Zenoh's threads to the rest of the process.
 
 Any thread pushes and never blocks. What waits is delivered in bursts, in order, by one
 thread: the event loop's (`Inbox`), or one of its own (`DeliveryThread`) where latency

@@ -1,4 +1,4 @@
-"""The protocol both fabrics keep, and what they promise.
+"""The protocol that both fabrics keep, and its guarantees.
 
 - One sender's messages arrive at one receiver in the order it published them.
 - Nothing is promised between different senders.

@@ -1,4 +1,4 @@
-"""Anomalies: observations that contradict what was believed before they were made.
+"""Anomalies: observations that contradict what was learned before them.
 
 A run learns from an observation before it takes a state from it, and an implication
 that an observation breaks may be gone by then. It always is where one exception is

@@ -1,4 +1,4 @@
-"""What a coordinator says of an anomaly, and what people are told of that."""
+"""Conversion between anomalies and messages, and their texts."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""A cell: one sensor, computing with its neighbours by pulses.
+"""A cell: one sensor that computes with its neighbours by pulses.
 
 `Cell` is a pure transition: a burst of messages in, messages out, no clock, no network.
 Its invariants:

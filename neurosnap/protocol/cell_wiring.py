@@ -1,4 +1,4 @@
-"""What the cells are wired to, and how they are told: each by itself.
+"""Wiring of single cells: changes of out-edges, as messages.
 
 A wiring goes out as the change against what was told before; only what is wired whole
 can have missed anything before.

@@ -1,4 +1,4 @@
-"""The coordinator: learns, keeps the cells wired, sends waves, decides.
+"""The coordinator: learns, wires the cells, starts waves, decides.
 
 `Coordinator` is a pure core: every message it sends is a function of the messages it
 was given, in order. That is what makes a recording checkable: fed with the recorded

@@ -1,4 +1,4 @@
-"""Shares of a wave's credit: whole powers of two, so that they add up without rest."""
+"""Splits a wave's credit into powers of two that add up exactly."""
 
 
 def split_evenly(credit: int, parts: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""What an observation says: the readings, and which of them are known."""
+"""Decodes observations: the readings, and which of them are known."""
 
 import numpy as np
 from numpy.typing import NDArray

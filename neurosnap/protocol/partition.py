@@ -1,4 +1,4 @@
-"""Which cells each worker hosts, and what the parts are called."""
+"""The partition of cells over workers, and the names of the parts."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""What a run is made of: enough to make it again, and stored in its recording."""
+"""The options of a run: enough to repeat it; stored in its recording."""
 
 import math
 from typing import Annotated, Literal, TypeAlias

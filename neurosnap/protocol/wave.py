@@ -1,4 +1,4 @@
-"""One wave, as the coordinator sees it: what it reached, and whether it has settled.
+"""A wave as the coordinator sees it: reached literals and returned credit.
 
 A wave starts with credit 1. Every pulse and every report carries a share, and a cell
 sends on exactly what it got, so the credit in the reports and the credit still under

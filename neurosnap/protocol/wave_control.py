@@ -1,4 +1,4 @@
-"""What the coordinator keeps of the network: every cell's wiring, every wave in flight.
+"""The coordinator's view of the network: wirings sent, waves in flight.
 
 Pure: edges and reports in, messages out. A wiring goes out as the change against what
 the cell was told before; a wave that is given up is repeated under a new number after

@@ -1,4 +1,4 @@
-"""A worker: many cells in one process, which it advances together.
+"""A worker: many cells in one process, advanced together.
 
 `Worker` is a pure transition, and what it says of a wave is what its cells would say:
 the invariants are those of `neurosnap.protocol.cell`, with a few differences in how.

@@ -1,4 +1,4 @@
-"""What leads from and to a worker's cells: edges, frame by frame, and pulses.
+"""The edges and incoming pulses of a worker's cells.
 
 Nothing gets in here that names a cell where it does not belong.
 """

@@ -1,4 +1,4 @@
-"""The compiled loop of a worker: one wave, through all the cells of one process."""
+"""The compiled loop of a worker: one wave through all of its cells."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What the cells of workers are wired to, and how the workers are told.
+"""Wiring of workers: changes of their cells' out-edges, as messages.
 
 The edges are a list and not a matrix: a hundred thousand cells have a million of them,
 out of 40 thousand million pairs.

@@ -1,4 +1,4 @@
-"""A snapshot in a file of its own, saved whole or not at all."""
+"""Saves and loads snapshots as files."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The anomalies of a run as they come, or as they were recorded."""
+"""A stream of a run's anomalies, live or recorded."""
 
 import asyncio
 import contextlib

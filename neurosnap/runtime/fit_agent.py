@@ -1,4 +1,4 @@
-"""Fit an agent to a source: which sensors it is given, and where it is drawn to."""
+"""Fits an agent to a source: its sensors, its actions, its target."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""A swarm in one process: every part a task of one loop, over the fabric in memory.
+"""Runs a swarm in one process, every part as a task, over the in-memory fabric.
 
 The parts are the same as in processes; only what carries their messages differs.
 """

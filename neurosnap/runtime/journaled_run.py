@@ -1,4 +1,4 @@
-"""A run whose outside readings are kept until they are in its recording.
+"""Runs a swarm with a live source whose readings are journaled until recorded.
 
 The journal lies beside the recording. When the run ends in order, and all that came is
 in the recording, it is deleted; otherwise it stays, and a run that is resumed from the

@@ -1,4 +1,4 @@
-"""Start a swarm with a process a part, see it through, end it in order.
+"""Launches a swarm, one process per part, and ends it in order.
 
 Starting is hub, recorder, coordinator, world, cells; ending is coordinator, world and
 cells, recorder, hub: the recorder hears everybody's last word.

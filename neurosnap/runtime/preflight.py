@@ -1,4 +1,4 @@
-"""Whether a run fits this machine: asked before anything of it is started.
+"""Checks before a start whether the run fits this machine.
 
 What it takes grows with the sensors in two ways: every cell that is a process takes
 memory, threads and open files; and what is learned of every pair of sensors takes

@@ -1,4 +1,4 @@
-"""Which swarms run on this machine, for whoever wants to see or to stop one.
+"""The registry of swarms that run on this machine.
 
 A launcher leaves a note in a folder that only its user can enter, and takes it away
 when it ends. A note whose launcher is gone (killed, or the machine restarted) counts

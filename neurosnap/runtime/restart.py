@@ -1,4 +1,4 @@
-"""A run that goes on when a part of it dies.
+"""Restarts a run after the death of a part, from its recording.
 
 The parts of a swarm share one state: what the snapshot holds, what the cells are wired
 to, where the world is. So they are supervised *one for all*: when one dies, all are

@@ -1,4 +1,4 @@
-"""What happens when a part of a run dies; no part of what the run comes to."""
+"""The policy of restarts: when, how often, and after which delay."""
 
 import time
 from collections import deque

@@ -1,4 +1,4 @@
-"""One run of a source through a swarm, with processes or inline."""
+"""Runs a source through a swarm, in processes or inline."""
 
 import asyncio
 import sys

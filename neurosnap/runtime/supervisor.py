@@ -1,4 +1,4 @@
-"""The parent's side of a swarm's processes: start them, hear of them, end them.
+"""Supervises child processes: starts them, reads their reports, ends them.
 
 Whatever happens, nothing is left running: leaving the supervisor kills what has not
 ended in order, and children end by themselves when the parent dies.

@@ -1,4 +1,4 @@
-"""A word to the service manager: the run is up, goes on, is ending.
+"""Notifies systemd: ready, status, watchdog, stopping.
 
 The protocol is that of sd_notify(3): datagrams to the socket that the environment
 names. Whoever was started by hand is told nothing, and sends nothing.

@@ -1,4 +1,4 @@
-"""A CSV file of readings as a source: checked whole before anything is started."""
+"""A CSV file as a source of observations, checked whole before the start."""
 
 import csv
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Moves between places: how far it is from one to another, in actions."""
+"""Distances between the places of a world, in actions."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""`njit` of Numba that keeps compiled code in the user's cache folder.
+"""`njit` of Numba with a cache in the user's folder.
 
 Beside the source, where Numba puts it by itself, it would outlive an uninstall, and an
 installation that the user cannot write to would have no place for it.

@@ -1,4 +1,4 @@
-"""Text that a spreadsheet would run as a formula, marked as text, and read back.
+"""Escapes CSV text that a spreadsheet would run as a formula.
 
 Names come from files and programs of other people. A spreadsheet that opens a CSV file
 runs what begins with ``=``, ``+``, ``-`` or ``@``, however it is quoted. An apostrophe

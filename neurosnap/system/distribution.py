@@ -1,4 +1,4 @@
-"""The installed distribution: its name, its version, its extras, and a namesake.
+"""The installed distribution: name, version, extras, and a namesake on PyPI.
 
 The package `neurosnap` comes in a distribution of another name, since PyPI's
 ``neurosnap`` is a different project. That project has the same import name, so both

@@ -1,4 +1,4 @@
-"""What this machine has left for a swarm, and what a swarm takes of it."""
+"""Memory, processes and files that this machine has left for a swarm."""
 
 import os
 import resource

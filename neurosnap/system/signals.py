@@ -1,4 +1,4 @@
-"""What a signal to end does before a verb has begun something: it ends the program.
+"""Signal handling before a verb has begun: the program ends at once.
 
 SIGINT, SIGTERM and SIGHUP mean the same. Until there is something to end in order, or
 to tidy up (`neurosnap.apps.cli.stopping`), they end the program at once, with one line

@@ -1,4 +1,4 @@
-"""``--broker``: another MQTT broker than the one a file names, or a small one here."""
+"""``--broker``: overrides the MQTT broker of a file, or starts an embedded one."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

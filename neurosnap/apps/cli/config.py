@@ -1,4 +1,4 @@
-"""``neurosnap config``: files that describe a run, and flags that go before them."""
+"""``neurosnap config``, and command-line options that override a TOML file."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``neurosnap coordinate``: a run whose other parts are started elsewhere."""
+"""``neurosnap coordinate``: a run whose other parts are started separately."""
 
 from pathlib import Path
 from typing import Annotated

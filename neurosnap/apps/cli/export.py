@@ -1,4 +1,4 @@
-"""``neurosnap export``: a recording in the formats of other programs."""
+"""``neurosnap export``: converts a recording for other programs."""
 
 from pathlib import Path
 from typing import Annotated

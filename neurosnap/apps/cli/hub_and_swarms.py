@@ -1,4 +1,4 @@
-"""Verbs for a hub of its own, and for the swarms that run on this machine."""
+"""``neurosnap hub``, ``ps`` and ``stop``: a separate hub, and local swarms."""
 
 import asyncio
 from typing import Annotated

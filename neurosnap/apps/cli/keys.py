@@ -1,4 +1,4 @@
-"""``neurosnap keys``: make the keys that a swarm on a network needs, or revoke one."""
+"""``neurosnap keys``: makes or revokes the certificates of a swarm."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Verbs that look: into a recording, at a model, at this machine."""
+"""``neurosnap info``, ``graph``, ``dual`` and ``doctor``: print and draw."""
 
 from pathlib import Path
 from typing import Annotated

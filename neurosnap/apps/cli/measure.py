@@ -1,4 +1,4 @@
-"""Verbs that measure: the depth of waves, and the paper's experiments."""
+"""``neurosnap depth`` and ``figures``: measurements and the paper's experiments."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""The options of a run, declared once for every verb that makes one.
+"""Command-line options of a run that several verbs share.
 
 In the help they stand in groups, which are named here.
 """

@@ -1,4 +1,4 @@
-"""What people see on the terminal."""
+"""Terminal output: progress, tables and summaries."""
 
 from __future__ import annotations
 

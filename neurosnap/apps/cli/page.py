@@ -1,4 +1,4 @@
-"""The page of ``neurosnap view``, served beside whatever else a verb does."""
+"""Serves the page of ``neurosnap view`` beside another verb."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""``neurosnap replay``: verify a recording, play it back, go on with it."""
+"""``neurosnap replay``: verifies, plays back or resumes a recording."""
 
 import asyncio
 import os

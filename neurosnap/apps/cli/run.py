@@ -1,4 +1,4 @@
-"""``neurosnap run``: a source through a swarm."""
+"""``neurosnap run``: runs a source through a swarm."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``neurosnap salvage``: what is left of a damaged recording, in a new one."""
+"""``neurosnap salvage``: copies what is intact of a damaged recording."""
 
 from pathlib import Path
 from typing import Annotated

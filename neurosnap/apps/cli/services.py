@@ -1,4 +1,4 @@
-"""Verbs for parts of a swarm that are a service of their own: world, record, join.
+"""``neurosnap world``, ``record`` and ``join``: parts started on other machines.
 
 They are told where the hub is and what the swarm is called; what the run is they are
 told by its coordinator (`neurosnap coordinate`, or `run --elsewhere`).

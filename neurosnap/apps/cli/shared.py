@@ -1,4 +1,4 @@
-"""What the verbs share: the app, errors as one line, and a run that can be stopped."""
+"""Helpers that all verbs share: the app, error output, stopping a run."""
 
 import asyncio
 import re

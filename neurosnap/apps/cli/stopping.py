@@ -1,4 +1,4 @@
-"""What a signal to end does while a verb is at work; before that see `ending`.
+"""Signal handling while a verb works; before that, see `neurosnap.system.signals`.
 
 While a file is written it unwinds that, so that no draft stays. While a swarm runs it
 asks that to end in order, and counts for nothing from then on.

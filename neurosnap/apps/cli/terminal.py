@@ -1,4 +1,4 @@
-"""Output that any terminal can take: what it has no letters for is written in ASCII."""
+"""Output for any terminal: characters it cannot encode are written in ASCII."""
 
 import codecs
 import io

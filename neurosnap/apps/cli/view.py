@@ -1,4 +1,4 @@
-"""``neurosnap view``: a page to look at a recording with, or at a swarm that runs."""
+"""``neurosnap view``: opens the page for a recording or a running swarm."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""``neurosnap watch``: what contradicts what was learned."""
+"""``neurosnap watch``: prints anomalies, live or from a recording."""
 
 from pathlib import Path
 from typing import Annotated

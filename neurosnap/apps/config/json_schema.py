@@ -1,4 +1,4 @@
-"""The JSON Schema of a file that describes a run, for editors and other programs.
+"""The JSON Schema of the TOML file, for editors and other programs.
 
 It says what `neurosnap.apps.config.load` asks for, as far as a schema can: not what the
 values of several keys have to do with each other, nor what there is in the world.

@@ -1,4 +1,4 @@
-"""Where the keys of a TOML document stand.
+"""Finds the line numbers of keys in a TOML document.
 
 `tomllib` says what is in a document, and not where. But it can be asked what is in the
 document up to some line: the first line up to which it knows a key is the key's own.

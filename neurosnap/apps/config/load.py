@@ -1,4 +1,4 @@
-"""Reading a description of a run: a file, and what the command line says besides."""
+"""Loads a run's description from a TOML file and command-line options."""
 
 import re
 import tomllib

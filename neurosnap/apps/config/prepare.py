@@ -1,4 +1,4 @@
-"""What a run is started with, made of its description.
+"""Turns a run's description into the options that start it.
 
 Whatever can be refused before a run starts is refused here, and all of it at once: the
 source is opened, the agent fitted to it, keys are read and the recording's place looked

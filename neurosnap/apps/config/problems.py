@@ -1,4 +1,4 @@
-"""What is wrong with a description of a run, and where."""
+"""Problems found in a run's description, with their places."""
 
 import re
 from collections.abc import Sequence

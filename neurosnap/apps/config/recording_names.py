@@ -1,4 +1,4 @@
-"""Where a run is recorded."""
+"""Default file names of recordings."""
 
 import re
 from datetime import datetime

@@ -1,4 +1,4 @@
-"""The tables a source can be described by, told apart by their `kind`.
+"""TOML tables of sources, one struct per `kind`.
 
 Another kind is another struct in `SourceTable`: its `kind` is its tag, and `opening`
 says how it is opened.

@@ -1,4 +1,4 @@
-"""What may stand in a file that describes a run.
+"""TOML tables that describe a run, one struct per table.
 
 Every default is the one that the run has without a file: it is taken from there, not
 written down again. Whatever has none may be left out, and is `UNSET` then.

@@ -1,4 +1,4 @@
-"""The rules that types are, in words."""
+"""Human-readable texts of type constraints."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a table.
+"""Validates a TOML table and reports all problems at once.
 
 `msgspec` says whether a value is what a struct asks for, stops at the first thing that
 is wrong, and does not name the keys of a dictionary. So the walk over the structs is

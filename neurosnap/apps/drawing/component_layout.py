@@ -1,4 +1,4 @@
-"""One connected part of an order, spread out rank by rank.
+"""Layout of one connected component of a Hasse diagram.
 
 A line that passes a rank has a place of its own there, as elements have (Sugiyama
 1981). Ranks are ordered so that few lines cross, then everything moves as near to what

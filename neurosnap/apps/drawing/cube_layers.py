@@ -1,4 +1,4 @@
-"""A dual with cubes in it, taken apart: layers without cubes, next to each other.
+"""Splits a dual with 3-cubes into flat layers drawn side by side.
 
 Cutting along all hyperplanes of one direction leaves pieces one dimension lower. Two
 neighbouring layers are joined wherever both have a vertex at the same place.

@@ -1,4 +1,4 @@
-"""Where the vertices of a dual lie in the plane: a linear image of the cube.
+"""Positions of a dual's vertices in the plane: a linear image of the cube.
 
 Every element has one direction, and a vertex lies at the sum of the directions of the
 elements it has on. So edges that cross the same hyperplane are parallel and equally

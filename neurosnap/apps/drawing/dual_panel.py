@@ -1,4 +1,4 @@
-"""The dual as a panel: tiles for squares, parallel edges in one colour, vertices.
+"""Draws the dual: squares as tiles, parallel edges in one colour, vertices.
 
 What is farther from the eye is drawn first and shines through what is nearer; an edge
 that passes in front of another interrupts it. A square's tile is smaller than the

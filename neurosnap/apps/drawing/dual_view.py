@@ -1,4 +1,4 @@
-"""A listed dual as something to draw: places, edges, squares, colours, names."""
+"""The parts of a dual to be drawn: positions, edges, squares, colours, names."""
 
 import colorsys
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Which model is meant: a name, a recording or an expression."""
+"""Finds the model to draw: by name, from a recording, or from an expression."""
 
 import difflib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The Hasse diagram as a panel: an element a box, in the colour of its edges."""
+"""Draws the Hasse diagram: one box per element, in the colour of its edges."""
 
 from typing import TYPE_CHECKING
 

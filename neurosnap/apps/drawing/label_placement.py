@@ -1,4 +1,4 @@
-"""Where to write beside points so that nothing is covered: not points, not lines."""
+"""Places labels beside points so that they cover neither points nor lines."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""How badly a linear image of a dual reads, and how to make it read better.
+"""The cost of a linear image of a dual, and its minimisation.
 
 Three things cost: distances that do not follow hops, vertices too near to each other
 or to edges that are not theirs, and squares that are slivers. All of it is smooth but

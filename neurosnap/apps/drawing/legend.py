@@ -1,4 +1,4 @@
-"""The key: the way and the colour each sensor is crossed in, and what marks mean."""
+"""The legend: direction and colour per sensor, and the meaning of the marks."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What a model measures: for the picture's head, the terminal and ``--json``."""
+"""Measures of a model: for the picture's title, the terminal and ``--json``."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""What is drawn: a poc set, its dual as far as it can be listed, and what is marked.
+"""The model to draw: a poc set, its dual as far as it is listed, marked vertices.
 
 Everything that a picture and the printed numbers say is worked out here.
 """

@@ -1,4 +1,4 @@
-"""A model's picture: Hasse diagram, dual, key, on a page that fits them."""
+"""A page with the Hasse diagram, the dual and the legend of a model."""
 
 import os
 import textwrap

@@ -1,4 +1,4 @@
-"""What a picture is put together from: panels that know how large they are.
+"""Panels: parts of a picture that know their size.
 
 A panel is measured before anything is drawn, in inches, with the text it holds; so
 panels can be put side by side or below each other without overlap, and the page is as

@@ -1,4 +1,4 @@
-"""Where the elements of an order stand in its Hasse diagram.
+"""Ranks of the elements in a Hasse diagram.
 
 What is below stands below: an element's rank is half its longest chain downwards less
 half its longest chain upwards, so that an element and its complement stand at opposite

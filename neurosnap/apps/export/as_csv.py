@@ -1,4 +1,4 @@
-"""A table as CSV: UTF-8, times in UTC, bits as 1 and 0, what is not known empty.
+"""CSV export: UTF-8, times in UTC, bits as 1 and 0, unknown values empty.
 
 What a spreadsheet would run as a formula is marked as text, see
 `neurosnap.system.csv_text`.

@@ -1,4 +1,4 @@
-"""A table as Parquet: times, numbers, bits and texts with a type each, None as null."""
+"""Parquet export: typed columns, unknown values null."""
 
 from collections.abc import Iterable, Sequence
 from itertools import islice

@@ -1,4 +1,4 @@
-"""The columns of a run as a table: one row a tick, a column a sensor.
+"""A run as a table: one row per tick, one column per sensor.
 
 What was not recorded, and a reading that was not known, is None. The state is one text:
 a letter a sensor, in their order, T where the sensor itself is in the state, F where

@@ -1,4 +1,4 @@
-"""A ready layout of panels for Foxglove and Lichtblick, made for one run.
+"""A panel layout for Foxglove and Lichtblick, made for one run.
 
 It is the JSON that both take with "import from file": the order and the state in 3D,
 what every sensor reads and is believed as coloured bars, the numbers of each tick as

@@ -1,4 +1,4 @@
-"""A recording as viewers draw it: a second MCAP file, with derived messages in it.
+"""Foxglove export: a second MCAP file with messages that Foxglove draws.
 
 Foxglove and Lichtblick open a recording as it is. What they cannot do is to take
 packed bits apart, and to derive the order that was learned. The derived messages are

@@ -1,4 +1,4 @@
-"""The learned order and the state as scenes for a viewer's 3D panel.
+"""3D scenes of the learned order and the state, for Foxglove.
 
 A viewer that jumps to some moment shows the last message before it alone, so each
 scene holds all that is to be seen on its topic, and none builds on the one before.

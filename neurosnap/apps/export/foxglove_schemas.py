@@ -1,4 +1,4 @@
-"""The JSON schemas of what only viewers get.
+"""JSON schemas of the exported Foxglove messages.
 
 The schemas of scenes and log lines are Foxglove's own, from its npm package
 ``@foxglove/schemas`` 2.1.0. They leave the type of enumerations unsaid, which some

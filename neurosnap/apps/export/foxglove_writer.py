@@ -1,4 +1,4 @@
-"""The MCAP file that viewers draw: its channels, and how messages get into it."""
+"""Writes the exported MCAP file: channels and messages."""
 
 from collections.abc import Sequence
 from pathlib import Path

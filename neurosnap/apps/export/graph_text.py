@@ -1,4 +1,4 @@
-"""The learned order as a graph to look at: by name, as JSON, DOT or GraphML."""
+"""The learned order as text: names, JSON, DOT or GraphML."""
 
 import io
 from typing import Literal, TypeAlias

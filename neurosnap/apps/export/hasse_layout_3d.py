@@ -1,4 +1,4 @@
-"""Where the literals of an order stand in space: what implies another stands below it.
+"""A 3D layout of an order: what implies another stands below it.
 
 A literal's height is half its longest chain downwards less half its longest chain
 upwards. Around the axis every sensor has a direction of its own, and the complement

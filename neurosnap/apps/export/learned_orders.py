@@ -1,4 +1,4 @@
-"""The order as it was learned, tick after tick, derived again from the observations."""
+"""The learned order at every tick, derived again from the observations."""
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError

@@ -1,4 +1,4 @@
-"""What went wrong in a run, and who left, as lines for a viewer's log panel."""
+"""Log lines of a run's faults and departures, for Foxglove's log panel."""
 
 from typing import Any, TypeAlias
 

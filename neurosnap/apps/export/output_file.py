@@ -1,4 +1,4 @@
-"""Where an export goes: there whole or not at all, and over nothing by accident."""
+"""The output file of an export: checked, private, and replaced whole or not at all."""
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager

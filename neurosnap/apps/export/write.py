@@ -1,4 +1,4 @@
-"""A recording in another format, whole or not at all."""
+"""Exports a recording to another format, whole or not at all."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is made of the errors of many runs: mean, spread, and how fast it falls."""
+"""Statistics of error curves: mean, spread, and rate of decay."""
 
 from dataclasses import dataclass
 

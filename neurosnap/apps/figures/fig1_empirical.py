@@ -1,4 +1,4 @@
-"""Figure 1: how fast empirical snapshots learn, for ten thresholds in four settings."""
+"""Figure 1: learning rate of empirical snapshots, ten thresholds, four settings."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

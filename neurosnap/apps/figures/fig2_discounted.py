@@ -1,4 +1,4 @@
-"""Figure 2: how fast discounted snapshots learn, for ten decays in four settings."""
+"""Figure 2: learning rate of discounted snapshots, ten decays, four settings."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

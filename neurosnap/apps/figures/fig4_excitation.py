@@ -1,4 +1,4 @@
-"""Figure 4: excitation-driven agents, and how far from their targets they are."""
+"""Figure 4: distance of excitation-driven agents from their targets."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any

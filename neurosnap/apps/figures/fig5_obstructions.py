@@ -1,4 +1,4 @@
-"""Figure 5: where greedy planning fails, and what gets there all the same."""
+"""Figure 5: where greedy planning fails, and which agents still arrive."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""Figure 6: which faults are noticed, by what is judged, and who is blamed.
+"""Figure 6: which sensor faults are detected, and which sensors are blamed.
 
 The paper has no such experiment. Walks and faults are made up; what sensors of a real
 house do when they fail is not known here, since no recording at hand says which did.

@@ -1,4 +1,4 @@
-"""What a figure is: cells of the table, and what is made of them.
+"""The interface of a figure: its table entries, and what is drawn from them.
 
 To add one, write a module with a `Figure` and put it into
 `neurosnap.apps.figures.run.FIGURES`. Its cells may be anything that is a

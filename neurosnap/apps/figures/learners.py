@@ -1,4 +1,4 @@
-"""What the three learning figures share: their learners, their data, their lines."""
+"""Learners, data and lines that the three learning figures share."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""How learning curves look: a panel a setting, errors on a logarithmic scale.
+"""Plots of learning curves: one panel per setting, errors on a log scale.
 
 A mean over runs is either 0 or at least two edges shared among the runs (an edge never
 comes without its contrapositive). So below that least value the scale is linear and

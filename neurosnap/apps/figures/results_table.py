@@ -1,4 +1,4 @@
-"""The table of results: what a cell holds is computed once, and kept whole or not.
+"""The table of results: each entry is computed once and stored whole or not at all.
 
 Rows are computed by threads: the loops behind them are compiled and give up the
 interpreter's lock, so two threads keep two cores busy, share the walks and send nothing

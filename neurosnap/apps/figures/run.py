@@ -1,4 +1,4 @@
-"""From options to files: computes the cells that are missing, draws what is complete.
+"""Runs the experiments: computes missing entries and draws complete figures.
 
 In the output folder every figure has a picture, its data and its facts
 (``NAME.png``, ``.csv``, ``.json``), each written whole or not at all.

@@ -1,4 +1,4 @@
-"""What the page is told: one struct an answer, sent as JSON.
+"""The page's HTTP interface: one struct per answer, sent as JSON.
 
 Literals are numbered as in `neurosnap.sensorium`: ``2s`` is sensor `s` itself and
 ``2s + 1`` its complement. Ticks count from 1. Fields are only ever added.

@@ -1,4 +1,4 @@
-"""The page's own files: they stand in a table, and nothing else is served."""
+"""Static files of the page; no other file is served."""
 
 from functools import cache
 from importlib.resources import files

@@ -1,4 +1,4 @@
-"""Who may ask, and how: only whoever was given the address, from this machine.
+"""Request authentication: a secret address, and this machine only.
 
 Any page that is open in a browser here can send requests to this machine, and by a name
 that it lets resolve to it can even read the answers; and any user of the machine can

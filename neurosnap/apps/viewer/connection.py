@@ -1,4 +1,4 @@
-"""A connection to the page's server that has to ask something, and soon.
+"""An HTTP connection that must send its request soon.
 
 Any user of the machine can connect, and a connection costs a place of the few there
 are. One that asks nothing is closed after some seconds; and when all places are taken,

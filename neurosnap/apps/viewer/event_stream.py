@@ -1,4 +1,4 @@
-"""What is new in a recording that grows, for one who listens."""
+"""Server-sent events about a growing recording."""
 
 import asyncio
 from collections.abc import AsyncIterator

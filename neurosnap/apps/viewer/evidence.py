@@ -1,4 +1,4 @@
-"""What speaks for and against one implication, now and over time."""
+"""Evidence for and against one implication, now and over time."""
 
 from collections.abc import Iterator
 

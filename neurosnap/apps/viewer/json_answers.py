@@ -1,4 +1,4 @@
-"""Answers and questions: structs as JSON, numbers out of an address."""
+"""JSON answers, and numbers parsed from query strings."""
 
 import msgspec
 from starlette.datastructures import QueryParams

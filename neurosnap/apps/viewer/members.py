@@ -1,4 +1,4 @@
-"""The parts of the swarm, and how much each has sent.
+"""The parts of a swarm, and how many messages each has sent.
 
 A part's messages have running numbers. So its last one says how many there were, and
 only the end of a recording has to be read: every cell reports on every tick.

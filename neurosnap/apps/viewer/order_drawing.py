@@ -1,4 +1,4 @@
-"""The learned order, as the page draws it."""
+"""The learned order as the page draws it."""
 
 from hashlib import blake2b
 

@@ -1,4 +1,4 @@
-"""The server: its own files, and the one recording it was given.
+"""The web server of the page: static files and one recording.
 
 It listens on loopback alone. What may ask it anything is for
 `neurosnap.apps.viewer.auth` to say; what it answers is listed here and in

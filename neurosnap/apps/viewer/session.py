@@ -1,4 +1,4 @@
-"""The one recording that is looked at, for many who ask at a time.
+"""One recording opened for viewing, shared by concurrent requests.
 
 A film is used by one thread at a time and may take a while to answer; meanwhile others
 wait, and the event loop does not. A recording that is being written is looked at again

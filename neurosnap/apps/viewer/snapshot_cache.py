@@ -1,4 +1,4 @@
-"""What had been learned at any tick: from the nearest place known on, by learning.
+"""A cache of snapshots by tick: learning goes on from the nearest one.
 
 A recording has a key-frame every so many ticks; from there the observations that were
 recorded are learned again, as the coordinator did. Snapshots that were come by on the

@@ -1,4 +1,4 @@
-"""What was recorded of some ticks in a row, whatever order it was recorded in.
+"""All recorded messages of a range of ticks, in any recorded order.
 
 Senders overtake each other in a recording: a tick's state may come before its
 observation, or a report after the next tick has begun. So what belongs to a tick is

@@ -1,4 +1,4 @@
-"""Numbers over time: read once from the first tick to the last, in the background.
+"""Time series of a run, computed once in the background.
 
 A recording is opened without reading it all, and a plot shows all of it. So the plot
 fills up while one looks at something else, and what is not there yet is said to be so.

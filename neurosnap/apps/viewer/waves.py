@@ -1,4 +1,4 @@
-"""The waves of some ticks, by what the cells reported of them.
+"""The waves of a range of ticks, from the cells' reports.
 
 Whether a wave has settled is found as the coordinator finds it, by the credit that came
 back: a wave that was given up, or whose reports were lost, shows as one that has not.

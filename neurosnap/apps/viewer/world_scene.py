@@ -1,4 +1,4 @@
-"""Where a run took place: its world, made again, if it is one whose truth is known.
+"""A drawing of the world that a run took place in, where it is known.
 
 A recording holds what was sensed and not where that was. But a world of places says of
 every sensor where it is on, so a place follows from what is read there, wherever no two

@@ -1,4 +1,4 @@
-"""What a part shows to prove who it is, and whom it believes: paths to three files.
+"""Credentials of a part: its certificate, its key, and the authority it trusts.
 
 Read and checked once, by whoever starts the parts; a part only gets the paths.
 """

@@ -1,4 +1,4 @@
-"""Where a swarm may listen and connect: without TLS, on this machine alone.
+"""Rules for endpoints: without TLS, loopback only.
 
 What is not known to stay on this machine is taken to leave it. Options in an endpoint
 (after ``?`` or ``#``) are refused: they could undo what the configuration says.

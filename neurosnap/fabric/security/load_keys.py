@@ -1,4 +1,4 @@
-"""Reading a swarm's keys: everything a handshake would trip over is said up front.
+"""Loads a swarm's keys and checks them before any handshake.
 
 Zenoh's side of a refused handshake is a time-out; here the file and the fault have
 names.

@@ -1,4 +1,4 @@
-"""Making a swarm's keys: a private authority, and one certificate a role, or a part.
+"""Makes a swarm's keys: a private authority, certificates per role or part.
 
 The folder comes whole or not at all, and only its owner can look into it. What a part
 on another machine needs is the authority's certificate and its own two files; the

@@ -1,4 +1,4 @@
-"""The list of a hub's certificates: whose each is, by its common name.
+"""The hub's list of certificates, by common name.
 
 It stands beside them and is no secret, but whoever can write it lets others in. Zenoh
 knows no list of revoked certificates, so this is one of those that are accepted: a

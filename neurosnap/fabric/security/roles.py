@@ -1,4 +1,4 @@
-"""Who may say and hear what in a swarm: one table, and the hub's access list from it.
+"""Permissions per role: which keys a part may publish and subscribe.
 
 Whatever the table does not allow is denied, to known names and to strangers. A name is
 the common name of a certificate, so the list means something under mutual TLS only. It

@@ -1,4 +1,4 @@
-"""The fabric over Zenoh: one session a process, nothing found by chance.
+"""The fabric over Zenoh: one session per process, no discovery by multicast.
 
 What keeps the promises of `neurosnap.fabric.protocol`: one session and one priority a
 process; no callback that blocks, so that no receiver ever stalls the hub; every put

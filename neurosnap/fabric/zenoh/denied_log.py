@@ -1,4 +1,4 @@
-"""What the hub refused, told to this package's log.
+"""Logs the messages that the hub denied, with a limit on their number.
 
 Zenoh says whom it refused in its own log alone, and that goes to the standard output
 of the process. Here that output is read, refusals are told apart and told on, in

@@ -1,4 +1,4 @@
-"""A lookout for the swarms of one id: which is there, when it has gone, what follows.
+"""Discovery of swarms by id: who is there, who has gone, what follows.
 
 A swarm whose parts died goes on as another: as the next incarnation of its id, under a
 prefix of its own, since the numbers of its waves begin anew. ``demo`` goes on as

@@ -1,4 +1,4 @@
-"""Where a part runs, as it says itself: on which machine, and as which process."""
+"""The location of a part: its host and process id, as announced by itself."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Messages on the wire: whole as a rule, in pieces where one would be too large.
+"""Splits large key-frames into pieces on the wire, and reassembles them.
 
 No session takes in a message of more than `LARGEST` bytes: what is larger is dropped
 before it is put together, so that nobody can fill the memory of a hub or a part. One

@@ -1,4 +1,4 @@
-"""Reading at leisure: what came waits in Zenoh's own channel, not with us.
+"""A polled subscription: messages wait in Zenoh's channel until read.
 
 That costs neither a thread nor the GIL. A full channel holds back the hub, and so the
 senders: a slow reader slows the run down and loses nothing.

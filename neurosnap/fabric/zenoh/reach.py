@@ -1,4 +1,4 @@
-"""Connecting to a hub that may not be there yet, by somebody who may be told to end.
+"""Connects to a hub that may not be up yet, and can be interrupted.
 
 Zenoh's own patience cannot be cut short: its ``open`` blocks in C. So each try is a
 short one, on a thread that is left alone when it is not waited for any longer.

@@ -1,4 +1,4 @@
-"""How every Zenoh session of ours is configured: nothing is found by chance."""
+"""The configuration of every Zenoh session: no multicast, bounded messages."""
 
 import json
 

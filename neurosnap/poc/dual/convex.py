@@ -1,4 +1,4 @@
-"""Convex sets of a dual: each is all vertices that hold some literals.
+"""Convex sets of a dual: all vertices that contain given literals.
 
 A convex set is kept as what its vertices share, so that it takes no more room than one
 vertex however many it holds, and two are equal iff these literals are.

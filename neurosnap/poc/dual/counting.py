@@ -1,4 +1,4 @@
-"""How many vertices and cubes a dual has, without listing them.
+"""Counts the vertices and cubes of a dual without listing them.
 
 What is left to decide after some decisions depends only on which elements are
 undecided, so a count is a sum over both sides of one element, remembered by the set of

@@ -1,4 +1,4 @@
-"""The dual of a poc set: its vertices, walked one at a time, never all held at once.
+"""The dual of a poc set, with its vertices walked one at a time.
 
 A vertex is a complete coherent *-selection, one literal of every sensor. The walk
 decides one element after another: what is coherent so far always extends to a vertex,

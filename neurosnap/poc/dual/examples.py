@@ -1,4 +1,4 @@
-"""The model spaces of the paper, by name: poc sets, and what they are shown with.
+"""The model spaces of the paper, by name, as poc sets.
 
 Where the paper's text and its figure disagree the figure is followed; the docstring
 says so. Sizes are the figures' where those are known.

@@ -1,4 +1,4 @@
-"""Finite topological spaces: points in an order, open sets are what it closes upward.
+"""Finite topological spaces, given by their specialisation order.
 
 Every space with finitely many points that topology can tell apart is a partial order:
 ``x <= y`` iff `x` is in the closure of `y`. The faces of a complex of cells are one,

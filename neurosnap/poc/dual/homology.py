@@ -1,4 +1,4 @@
-"""Complexes of cells, and their homology over the field of two elements.
+"""Cell complexes and their homology over the field of two elements.
 
 A complex is, for every dimension, a list of cells and for each cell the numbers of its
 faces one dimension lower: enough for Euler characteristic and Betti numbers, whatever

@@ -1,4 +1,4 @@
-"""When does the punctured dual have the shape of the space it stands for?
+"""Tests whether the punctured dual has the homotopy type of its space.
 
 [GK] thm:homotopy type asks for contractible open neighbourhoods of the sets ``X_C`` of
 points that witness a cube ``C``, meeting exactly where these sets meet. As printed no

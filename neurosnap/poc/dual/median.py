@@ -1,4 +1,4 @@
-"""Back from a median graph to the poc set it is the dual of.
+"""Recovers the poc set from a median graph that is its dual.
 
 The elements are the half-spaces: for an edge ``xy`` those vertices nearer to ``x`` than
 to ``y``; in a median graph opposite edges of squares give the same ones, and nothing

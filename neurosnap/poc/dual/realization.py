@@ -1,4 +1,4 @@
-"""Realisations: what sensors say at the points of a space that has finitely many.
+"""Realisations: the sensors' values at the points of a finite space.
 
 Every point shows one complete *-selection. Those that are coherent are the vertices
 of the model space that can be met with; the others exist only in the model, and

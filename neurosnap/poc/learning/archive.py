@@ -1,4 +1,4 @@
-"""Named arrays in one file: an ``.npz`` that is the same bytes for the same arrays.
+"""Archives of named arrays: deterministic ``.npz`` bytes, read without unpickling.
 
 Members are stored, not deflated, in the order given and with one fixed date, so that
 neither the clock nor the zlib at hand shows in the file. Reading checks every

@@ -1,4 +1,4 @@
-"""Snapshots that forget, at a steady rate."""
+"""Discounted snapshots: exponentially weighted learning."""
 
 from typing import ClassVar, Self
 

@@ -1,4 +1,4 @@
-"""When what relates two sensors last changed.
+"""The tick at which the relation of two sensors last changed.
 
 Codes are held against a copy of them as they were, rather than noted where they are
 set: the loops that set them stay as they are, and most observations change none.

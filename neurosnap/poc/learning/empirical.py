@@ -1,4 +1,4 @@
-"""Snapshots that count, and forget nothing."""
+"""Empirical snapshots: learning by counting, without forgetting."""
 
 from typing import ClassVar, Self
 

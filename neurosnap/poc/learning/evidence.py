@@ -1,4 +1,4 @@
-"""What speaks for an implication, and what against it."""
+"""Evidence for and against an implication, as weights."""
 
 from dataclasses import dataclass
 

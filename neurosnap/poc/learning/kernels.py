@@ -1,4 +1,4 @@
-"""The compiled loops: each equals a few plain lines, which its docstring gives.
+"""Compiled loops of learning; each docstring gives the equivalent plain lines.
 
 Pairs of sensors, and the code of each pair, are as in
 `neurosnap.poc.learning.pair_codes`. Nothing here is compiled with fast-math: results

@@ -1,4 +1,4 @@
-"""The compiled loops for squares of their own: four weights stored for every pair.
+"""Compiled loops for partial observations: four weights stored per pair.
 
 What `neurosnap.poc.learning.kernels` does with one joint weight a pair takes every
 reading at every tick. Here a reading may be unknown: the pairs it is in are not touched

@@ -1,4 +1,4 @@
-"""The snapshots there are. Whoever reads a file of any kind must know all of them."""
+"""All kinds of snapshots; imported by readers of files of any kind."""
 
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot

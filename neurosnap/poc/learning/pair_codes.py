@@ -1,4 +1,4 @@
-"""A byte a pair of sensors says all that a snapshot derives of the pair.
+"""One byte per pair of sensors that encodes all derived relations of the pair.
 
 Pairs of sensors ``j < i`` are packed row by row: pair ``(i, j)`` is entry
 ``i (i - 1) / 2 + j``. A pair's *code* is the set of its implications, one bit each,

@@ -1,4 +1,4 @@
-"""What snapshots have in common: what a machine remembers, and the graph that follows.
+"""The base of all snapshots: weights, poc graph and state.
 
 The derived graph always is the one of the current weights; the state is whatever was
 last adopted. How observations are weighed is up to each kind.

@@ -1,4 +1,4 @@
-"""What a learning threshold may be: at most a quarter, and the same both ways."""
+"""Rules for learning thresholds: at most a quarter, and symmetric."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,4 +1,4 @@
-"""The weights of all pairs of sensors, narrow for as long as that will do.
+"""Weights of all pairs of sensors, in the narrowest type that fits.
 
 Where every reading is known, a square has one free number besides the marginals and
 the total, which all squares share: one joint weight a pair is all that is stored, the

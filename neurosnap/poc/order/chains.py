@@ -1,4 +1,4 @@
-"""Chains and antichains of an order: who is directly below whom, and how wide it is.
+"""Chains and antichains of an order: covers and width.
 
 The width is found as a largest matching, breadth-first and on whole numbers as sets:
 each search looks at a vertex once, and no recursion goes as deep as a path is long.

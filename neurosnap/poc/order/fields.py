@@ -1,4 +1,4 @@
-"""Fields of sensors over points, and which lies within which."""
+"""Truth tables of sensors over points, and their containments."""
 
 from collections.abc import Iterable
 

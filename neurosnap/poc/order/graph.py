@@ -1,4 +1,4 @@
-"""A relation on literals, closed under contraposition, and all that follows from it.
+"""Poc graphs: relations on literals, closed under contraposition.
 
 ``a <= b`` iff a directed path leads from ``a`` to ``b``; every edge ``a -> b`` comes
 with ``b* -> a*``. What costs something is computed when first asked for and kept: a

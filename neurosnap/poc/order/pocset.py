@@ -1,4 +1,4 @@
-"""Weak poc sets: literals in an order that complementation turns around.
+"""Weak poc sets: orders on literals that complementation reverses.
 
 The elements of a poc set on ``N`` sensors are its ``2N`` literals and two more: the
 minimum, number ``2N``, and the maximum, number ``2N + 1``, so that ``^ 1`` is the

@@ -1,4 +1,4 @@
-"""Relations between literals, as text or as lists, and the graph they generate.
+"""Parses relations between literals, and the graphs they generate.
 
 A generated order must keep every literal apart from its own complement, and a strict
 relation must stay strict: what breaks that is refused with the chain of relations

@@ -1,4 +1,4 @@
-"""A smallest set of vertices that meets every edge, within a bound on the search.
+"""A smallest vertex cover, within a bound on the search.
 
 To find one is NP-hard. What is left to decide after some decisions depends only on
 which vertices are undecided, so a cover is found by taking one vertex or all its

@@ -1,4 +1,4 @@
-"""Which channel is which, where the chunk is damaged that says so.
+"""Recovers channels where the chunk that declares them is damaged.
 
 The writer registers all channels in the first chunk, and again in the summary. Without
 both, the messages say it: each is of a type that is sent under one topic alone.

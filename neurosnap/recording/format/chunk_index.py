@@ -1,4 +1,4 @@
-"""Where the messages of an unpacked chunk are, found without holding up anybody.
+"""Offsets of the messages in an unpacked chunk.
 
 A chunk has thousands of messages, most of them pulses, and whoever looks at a run wants
 a few hundred of them. The walk from record to record is compiled, and lets other

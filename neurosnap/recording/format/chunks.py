@@ -1,4 +1,4 @@
-"""Chunks, unpacked and verified, and the undecoded messages in them."""
+"""Unpacks and verifies chunks, and yields their undecoded messages."""
 
 import struct
 import zlib

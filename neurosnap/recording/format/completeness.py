@@ -1,4 +1,4 @@
-"""Whether anything is missing: one running number a sender, and what has come of it.
+"""Completeness of a recording: running numbers per sender, and gaps.
 
 Every sender numbers all it sends from 0. A number that never came is a lost message,
 one that came twice a message delivered twice, whatever order they came in: a repaired

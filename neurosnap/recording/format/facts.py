@@ -1,4 +1,4 @@
-"""Metadata with a checksum of its own, so that it can be believed in a damaged file.
+"""Metadata records with a checksum of their own.
 
 The format has one checksum for all of the data, at their end: in a file that is damaged
 anywhere, or has no end, nothing else says whether metadata is right.

@@ -1,4 +1,4 @@
-"""What lies where in a recording, and what of it is what was written.
+"""Full scan: the layout of a recording, with every checksum verified.
 
 In a finished file the data section and the summary have a checksum each: where both are
 right, all is. Where one is missing or wrong, every chunk is unpacked and held against

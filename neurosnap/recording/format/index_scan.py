@@ -1,4 +1,4 @@
-"""What lies where in a recording, found without reading what lies there.
+"""Index scan: the layout of a recording, without reading its messages.
 
 A finished recording says it in its summary, which has a checksum of its own. In one
 that was cut short, still grows, or whose summary is damaged, the heads of its records

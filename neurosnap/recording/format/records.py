@@ -1,4 +1,4 @@
-"""What lies where in a recording, and the errors that name a place in it."""
+"""MCAP records: their structure, and errors that name a place in a file."""
 
 import io
 import stat

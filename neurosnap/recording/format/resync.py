@@ -1,4 +1,4 @@
-"""The search for the next record that is surely one, behind a place that is damaged.
+"""Finds the next valid record behind damage.
 
 Surely a record is a chunk whose messages match its checksum, or metadata with a right
 checksum of its own. Bytes that merely look like one are passed over.

@@ -1,4 +1,4 @@
-"""The JSON schema of each message, in the form that viewers read.
+"""JSON schemas of the messages, in the form that viewers read.
 
 Foxglove and Lichtblick take a schema only if its root is an object with `properties`,
 every property names its `type`, arrays name the type of their items, and nothing uses

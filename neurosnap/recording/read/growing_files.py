@@ -1,4 +1,4 @@
-"""The files of a recording: one, or several if it was split, any of them unfinished."""
+"""The files of a recording that may still grow, split or not."""
 
 import os
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is in a recording, as data and as text in the layout of ``mcap info``.
+"""A summary of a recording, as data and as text like ``mcap info``.
 
 Of a finished recording everything is known from its frame and its totals, without
 unpacking a chunk. One that was cut short or is damaged is read through.

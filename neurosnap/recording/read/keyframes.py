@@ -1,4 +1,4 @@
-"""Where in a recording one can start: at its key-frames.
+"""Key-frames of a recording: the places where a replay can start.
 
 What a key-frame says is all there is to know, so nothing before it has to be read. Of
 what was sent after it, something may have overtaken it on the way to the recorder.

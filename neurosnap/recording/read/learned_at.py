@@ -1,4 +1,4 @@
-"""What a run had learned at any tick: from the nearest key-frame on."""
+"""The snapshot at any tick, learned from the nearest key-frame on."""
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError

@@ -1,4 +1,4 @@
-"""Recordings read back: what was written, and what of it is missing.
+"""Reads a recording: its messages, its facts, and what is missing.
 
 A recording is verified when it is opened. What is handed out is what was written: of a
 file that is damaged, all but what the damage took; `Recording.damage` says where that

@@ -1,4 +1,4 @@
-"""A run that is recorded in several files, read as one.
+"""Reads a split run's files as one recording.
 
 The first file keeps the name that was asked for; the others are called after it and
 numbered, ``run.mcap``, ``run_0001.mcap``, so that they are listed in order. Each begins

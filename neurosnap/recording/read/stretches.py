@@ -1,4 +1,4 @@
-"""The stretches of a recording: what can be derived without anything in between.
+"""Stretches of a recording that can be derived without gaps.
 
 A recording that lacks nothing is one stretch. Where messages are missing, as behind
 damage, one ends; the next begins with the next key-frame, which holds all it takes.

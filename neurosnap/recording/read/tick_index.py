@@ -1,4 +1,4 @@
-"""The messages of a recording, by tick, from anywhere in it.
+"""Random access to the messages of a recording by tick.
 
 The ticks of a recording grow from chunk to chunk. So the chunk with a tick is found by
 halving, and nothing in between is unpacked. What was unpacked is kept for a while: who

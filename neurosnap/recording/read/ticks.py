@@ -1,4 +1,4 @@
-"""The ticks of a recording one after the other: reading, state and decision together.
+"""Iterates over ticks: reading, state and decision together.
 
 What belongs to a tick comes from several senders and so in any order, but never far
 apart: whoever sends it waits for the others. A tick is given out once it is whole and

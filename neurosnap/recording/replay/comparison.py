@@ -1,4 +1,4 @@
-"""Whether what is derived is what was recorded, by this version or an older one."""
+"""Compares derived with recorded messages, older versions included."""
 
 import msgspec
 

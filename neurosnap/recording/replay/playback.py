@@ -1,4 +1,4 @@
-"""Play a recording back over Zenoh, message by message as it was on the wire.
+"""Plays a recording back over Zenoh, message by message.
 
 Whoever watches ``neurosnap/<swarm>/**`` sees the run again, at any speed or step by
 step. Nothing is derived here, and nothing but the recording decides what is sent.

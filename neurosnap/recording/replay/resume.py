@@ -1,4 +1,4 @@
-"""Go on with a recorded run from its last whole tick.
+"""Finds where a recorded run can resume, and restores its coordinator.
 
 The new recording starts as a copy of the old one up to that tick and goes on from
 there, so it is whole by itself: it replays, and resumes, like any other. What the old

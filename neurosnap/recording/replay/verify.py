@@ -1,4 +1,4 @@
-"""Derive a run again from its recorded observations and reports, and compare.
+"""Derives a run again from its observations and reports, and compares.
 
 The coordinator's core is a pure function of what it was given. A replay gives it the
 recorded observations and the cells' recorded reports, and demands that it says, byte

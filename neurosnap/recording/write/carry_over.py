@@ -1,4 +1,4 @@
-"""What a resumed run copies from the recording that it goes on from."""
+"""Copies the beginning of a recording into that of the resumed run."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Answers behind what they answer, whatever overtook what on the way.
+"""Reorders messages so that each reply follows its request.
 
 The coordinator asks for an observation by the decision before it, and starts every
 wave; whatever is said of either was sent later, and may yet come earlier.

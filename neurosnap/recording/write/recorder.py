@@ -1,4 +1,4 @@
-"""The recorder's part of a swarm: it hears everything and writes it down.
+"""The recorder: hears all traffic and writes it to a recording.
 
 It is the last to leave: every other part says `wire.Leave` as its last word, and once
 that has come from all of them, with no number missing before it, the recording is known

@@ -1,4 +1,4 @@
-"""The files of a run that goes on after a death: what goes, and what is kept beside.
+"""The files of a restarted run: what may be deleted, and what is kept.
 
 No file that holds ticks is deleted or written over, unless each of its ticks was read
 back from other files, which nobody writes to any more and which the disk has. What

@@ -1,4 +1,4 @@
-"""A recording in as many files as its size takes; each can be replayed by itself.
+"""Splits a recording into files of limited size, each replayable by itself.
 
 When a file is over the size, the next key-frame begins another. A key-frame is said
 when nothing is under way, so all that belongs before it was sent before it, by whoever

@@ -1,4 +1,4 @@
-"""A damaged recording written anew: all that can be proved, and what is missing.
+"""Writes the provable rest of a damaged recording to a new file.
 
 The new file is whole as a file. Where the old one lacks messages it has a note between
 its chunks, so that whoever reads it derives nothing across, and says what is missing.

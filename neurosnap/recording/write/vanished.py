@@ -1,4 +1,4 @@
-"""A recording that is deleted, moved or replaced while it is written.
+"""Detects a recording that was deleted, moved or replaced during writing.
 
 The system keeps what a program has open, whatever becomes of its name, and drops it
 with the last name once it is closed. So a deleted file can be copied until then.

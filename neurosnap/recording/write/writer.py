@@ -1,4 +1,4 @@
-"""Recording: every message as it was on the wire, into one MCAP file.
+"""Writes messages to one MCAP file, as they were on the wire.
 
 What is in the file can be read back: a payload goes in only if it decodes, under its
 own key, and only once. Whatever happens after a chunk was flushed (a crash, a full

@@ -1,4 +1,4 @@
-"""What may join a swarm from elsewhere: cells, workers, its world, its recorder.
+"""Parts that can join a swarm from another host, made from its description.
 
 Each is made from the coordinator's brief, and from what its own host alone can know.
 """

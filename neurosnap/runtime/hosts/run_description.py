@@ -1,4 +1,4 @@
-"""What a coordinator tells whoever wants to take part: what the run is, who is missing.
+"""The run's description that the coordinator sends to joining parts.
 
 So a part on another machine needs to be told no more than where the hub is and what the
 swarm is called, and no two parts can disagree about the run.

@@ -1,4 +1,4 @@
-"""Parts that are a service of their own, on whatever machine reaches the hub.
+"""Serves parts of a swarm from any host that reaches the hub.
 
 A service waits for a coordinator of its swarm's id, is briefed, starts its parts and
 ends them once that coordinator has gone. It need not be started in any order, and a

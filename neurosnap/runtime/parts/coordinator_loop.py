@@ -1,4 +1,4 @@
-"""The async shell around a core that conducts a swarm: the coordinator, a depth probe.
+"""The event loop around a pure coordinator core: deliveries and deadlines.
 
 It waits until every part is there, hands the core what arrives, publishes what the core
 answers, and keeps a deadline for every wave in flight, and for the world's next

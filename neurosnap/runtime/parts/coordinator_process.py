@@ -1,4 +1,4 @@
-"""The coordinator as the job of a process of its own, and what it brings home."""
+"""The coordinator process, and the result it returns."""
 
 import asyncio
 from collections.abc import Collection

@@ -1,4 +1,4 @@
-"""The part that takes outside readings in, and outlives the swarm they are for.
+"""The intake process: takes in live readings, and outlives restarts.
 
 When any part of a swarm dies, all are ended and started again. What comes from outside
 meanwhile comes once, so a process of its own takes it in: it holds standard input or

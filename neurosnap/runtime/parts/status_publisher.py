@@ -1,4 +1,4 @@
-"""The part that tells a broker how a run goes: it looks on, and leaves no trace.
+"""The status publisher: reports a run's beliefs and anomalies over MQTT.
 
 Who has an MQTT source with a table `publish` gets it. It reads what the world and the
 coordinator say, and publishes nothing in the swarm.

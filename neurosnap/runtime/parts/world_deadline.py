@@ -1,4 +1,4 @@
-"""Whether the world answers in time, as the coordinator sees it."""
+"""The deadline of the world's next observation."""
 
 import logging
 import time

@@ -1,4 +1,4 @@
-"""The world's part of a swarm: it answers every decision with the next observation."""
+"""The world process: opens the source and answers decisions."""
 
 import asyncio
 from collections.abc import AsyncIterator

@@ -1,4 +1,4 @@
-"""Times since the epoch, as seconds on a clock that never goes back."""
+"""Maps times since the epoch to a monotonic clock."""
 
 from neurosnap.sources.live.latest_readings import TOLERANCE
 

@@ -1,4 +1,4 @@
-"""Handing in what a JSON object says, whichever way it came."""
+"""Applies a JSON reading to a live source."""
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.json_reading import Names, Single, read

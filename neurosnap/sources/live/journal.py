@@ -1,4 +1,4 @@
-"""A journal of the readings that made ticks, or are going to.
+"""The journal: readings of a live source, on disk before they make a tick.
 
 What comes from outside comes once. So each row, the readings of one tick, is written
 here before it is used, and a run that goes on after a death reads it again. A row's

@@ -1,4 +1,4 @@
-"""Records in a row of bytes, each behind its length and its checksum.
+"""Journal records: length, checksum, bytes.
 
 A reader takes what is whole and right from the start, and stops at the first record
 that is neither: bytes that are cut off, flipped or zeroed can hide records behind them,

@@ -1,4 +1,4 @@
-r"""What a program says about its sensors: one JSON object, the same on every way in.
+r"""The JSON object in which programs send readings, on every way in.
 
 A single reading, which takes its place on the board::
 

@@ -1,4 +1,4 @@
-"""The latest reading of every sensor, and which of them can still be believed.
+"""The latest reading of every sensor, and whether it is still valid.
 
 No clock and no threads: every time is an argument, in seconds on one clock that never
 goes back. It holds one reading a sensor, however many come.

@@ -1,4 +1,4 @@
-"""Cutting a stream of bytes into lines without holding more than one."""
+"""Splits a byte stream into lines with bounded memory."""
 
 from collections.abc import Iterator
 

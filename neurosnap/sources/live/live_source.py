@@ -1,4 +1,4 @@
-"""A source whose readings come from outside, whenever they like.
+"""A live source: readings arrive at any time and are turned into ticks.
 
 Two threads meet here. A feeder's thread hands readings in; the world's thread waits in
 `first` or `step` until a tick is due. Both hold one lock for a few microseconds, and

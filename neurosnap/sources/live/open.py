@@ -1,4 +1,4 @@
-"""Opening a source that is outside, by its name and a few arguments.
+"""Opens a live source by its name and arguments.
 
 ``-`` is standard input, ``zenoh:`` the keys of the swarm itself, ``mqtt:`` a broker's
 topics. Opening starts nothing: a run opens its source twice, once to learn the sensors'

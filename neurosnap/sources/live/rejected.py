@@ -1,4 +1,4 @@
-"""What came from outside and was no reading: counted, and told of without a flood."""
+"""Counts and reports rejected input, without flooding the log."""
 
 import logging
 from collections.abc import Callable

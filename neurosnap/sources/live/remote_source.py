@@ -1,4 +1,4 @@
-"""A source that another process on this machine takes in: what is asked and answered.
+"""A live source in another process: its questions and answers.
 
 Over a socket in a folder of the run's own go frames
 (`neurosnap.sources.live.journal_frames`): the world says which tick it goes on from;

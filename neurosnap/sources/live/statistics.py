@@ -1,4 +1,4 @@
-"""What came in from outside and what became of it."""
+"""Counters of a live source: received, used, rejected, lost."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""When a tick is due: by the clock, or when something has changed.
+"""Decides when a tick is due: by the clock, or on a change.
 
 Both are pure: they are told the time, in seconds on a clock that never goes back, and
 say how long to wait. Whoever asks gives no tick while nothing at all is known.

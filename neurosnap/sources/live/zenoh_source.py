@@ -1,4 +1,4 @@
-"""Readings that any program puts to a swarm's own keys, with a stock Zenoh client.
+"""Readings that any program puts to a swarm's Zenoh keys.
 
 Below ``neurosnap/<swarm>/``, the id that the run began with, without any attachment:
 

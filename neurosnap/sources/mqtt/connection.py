@@ -1,4 +1,4 @@
-"""A connection to a broker that comes back: connect, subscribe, publish, start over.
+"""An MQTT connection that reconnects, resubscribes and republishes.
 
 Every connection is a client of its own, with a session of its own: what has to outlive
 a connection is in the `Outbox`, what was retained comes with the subscriptions, and the

@@ -1,4 +1,4 @@
-"""A small MQTT broker in this process, for trying things out.
+"""A small MQTT broker in this process, for trials.
 
 It listens on this machine only, lets everybody in and keeps nothing: who needs more has
 a real broker. It runs in a thread with a loop of its own and ends with the `with`.

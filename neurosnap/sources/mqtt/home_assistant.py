@@ -1,4 +1,4 @@
-"""What Home Assistant is told, so that it shows a run as a device by itself.
+"""Home Assistant discovery messages, so that a run shows up as a device.
 
 One retained message a device, in the form of 2024.11 and later: the device, who says
 so, and its components under ids of their own. Whether the device is there follows from

@@ -1,4 +1,4 @@
-"""A loop on a thread of its own, for who has none: started, and told to stop."""
+"""An event loop on a thread of its own."""
 
 import asyncio
 import threading

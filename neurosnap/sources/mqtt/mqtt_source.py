@@ -1,4 +1,4 @@
-"""A source whose sensors are MQTT topics and whose actions are published.
+"""MQTT topics as sensors, and published messages as actions.
 
 What a sensor reads is the latest message of any topic that matches its filter; one
 message may feed several sensors. A topic that appears under way feeds the sensors whose

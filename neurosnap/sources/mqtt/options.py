@@ -1,4 +1,4 @@
-"""What an MQTT source is made of: stored in the recording, so it holds no secret.
+"""The options of an MQTT source; stored in the recording, without secrets.
 
 The password is named by where it is found, a file or a variable of the environment, and
 is read by whoever connects. Nothing here connects, and nothing here needs the library

@@ -1,4 +1,4 @@
-"""What is to be published, bounded however long the broker is away.
+"""A bounded queue of messages to publish while the broker is away.
 
 Two kinds of messages, since they age differently. A *held* one says how things are: the
 latest of its topic counts, the broker retains it, and a broker that lost its memory is

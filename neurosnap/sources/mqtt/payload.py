@@ -1,4 +1,4 @@
-"""From a payload to on, off or unknown.
+"""Converts MQTT payloads to on, off or unknown.
 
 A reading that breaks a rule changes nothing: whoever reads says what was wrong, and the
 sensor keeps what it had until that is stale.

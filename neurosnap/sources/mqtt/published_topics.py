@@ -1,4 +1,4 @@
-"""Where a run publishes what it believes, expects and does, and in which words.
+"""The topics and texts that a run publishes under.
 
 Below the prefix, everything retained:
 

@@ -1,4 +1,4 @@
-"""What a run publishes of itself: beliefs, predictions, decisions, anomalies.
+"""Publishes a run's beliefs, predictions, decisions and anomalies.
 
 Only changes are published, each retained: whoever comes later is told how things are,
 and a broker that was restarted is told again. An orderly end says ``offline`` and

@@ -1,4 +1,4 @@
-"""How long to wait before connecting again, and when not to."""
+"""Reconnection delays, and errors after which there is no retry."""
 
 import random
 import ssl

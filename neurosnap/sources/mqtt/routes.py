@@ -1,4 +1,4 @@
-"""Which sensors a topic feeds, found once a topic and remembered.
+"""Maps topics to sensors, with a cache.
 
 Topics come from outside, without end; so the memory is bounded, and a topic that is
 forgotten is only looked up again.

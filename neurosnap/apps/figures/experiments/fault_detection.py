@@ -1,4 +1,4 @@
-"""A learner whose sensors fail, and watchers that are to notice."""
+"""Fault detection: a learner with failing sensors, and anomaly detectors."""
 
 from typing import Literal, TypeAlias
 

@@ -1,4 +1,4 @@
-"""The compiled loops: a whole walk learned, and its error taken at every step.
+"""Compiled loops: learn a whole walk and measure the error at every step.
 
 Each drives a kernel of `neurosnap.poc.learning.kernels`, of which it holds a compiled
 copy: a change there reaches a cached one only when this file's time stamp changes too.

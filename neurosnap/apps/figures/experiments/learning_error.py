@@ -1,4 +1,4 @@
-"""A learner in a setting: its error at every step of every run."""
+"""Learning error: one learner in one setting, at every step of every run."""
 
 from typing import Literal, TypeAlias
 

@@ -1,4 +1,4 @@
-"""Agents that know all there is to know, in worlds that lack what their model has.
+"""Agents with complete knowledge in worlds with obstacles.
 
 Knowledge is perfect exposure: a snapshot that has seen every action at every place
 equally often, in an order drawn once. Then an agent is put down at each place in turn

@@ -1,4 +1,4 @@
-"""What entries of the table have in common whose rows hold a number for every step."""
+"""Base class of table entries with one number per step."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""Sensors that fail for a while: walks that are known, and what is seen of them.
+"""Sensor faults of limited duration, injected into known walks.
 
 The first half of a walk is as it is. In the second half, time is cut into spells; each
 has one fault somewhere in it, that lasts one step, a fiftieth of a spell or a fifth.

@@ -1,4 +1,4 @@
-"""Excitation-driven agents in the four settings: how far from the target at each step.
+"""Excitation-driven agents: distance from the target at every step.
 
 Every agent starts with an empty snapshot, at a place and with a target drawn for its
 run. Start, target, fields and random numbers are functions of the seed, the setting and

@@ -1,4 +1,4 @@
-"""What there is to learn: true containments, or a walk's own long-run weights.
+"""Ground truth: true containments, or the long-run weights of a walk.
 
 A truth is given as a code a pair of sensors, with the bits of
 `neurosnap.poc.learning.pair_codes`. As a truth may hold any of the four bits at once

@@ -1,4 +1,4 @@
-"""How long a discounted snapshot must wait to learn an implication, and to give it up.
+"""How long a discounted snapshot takes to learn and to drop an implication.
 
 The paper takes ``w_ab*`` by itself ([GK] discounted:formalism). The other three weights
 of the square have a say as well, and truncation moves weight between them:

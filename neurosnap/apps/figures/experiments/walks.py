@@ -1,4 +1,4 @@
-"""The four settings, and the walks through them: drawn once, learned by everybody.
+"""The four settings of the paper, and random walks through them.
 
 A walk is a function of the seed, the setting and the number of the run. All learners
 are shown the same walks, so what differs between them is not luck.
