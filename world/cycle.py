@@ -41,8 +41,7 @@ class CycleWorld(World):
             ``neurosnap/Rail-v0``.
 
     References:
-        [GK] setting (b); the example of the cycle of length 6; "Example: Agent on a
-        Circular Rail".
+        [GK] setting (b); example:N-cycle; "Example: Agent on a Circular Rail".
 
     Versions:
         v0: the first.

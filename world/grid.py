@@ -42,7 +42,7 @@ class GridWorld(PlaneWorld):
         wait: Whether there is a last action that stays. False.
 
     References:
-        [GK] setting (c); the example of direct sums of poc sets.
+        [GK] setting (c); example:direct sum.
 
     Versions:
         v0: the first.

@@ -16,7 +16,7 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 
 
 def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which literals' fields lie within which, as in [GK] (true Dir matrix).
+    """Return which literals' fields lie within which, ([GK] eqn:true dir matrix).
 
     Args:
         fields: ``(sensors, places)``; where each sensor is on.
@@ -102,7 +102,7 @@ def rarest_pair(fields: NDArray[np.bool_], shares: NDArray[np.float64]) -> float
 def learn(
     fields: NDArray[np.bool_], columns: NDArray[np.intp], threshold: float
 ) -> NDArray[np.int64]:
-    """Return Err(t) of an empirical snapshot on a walk ([GK] eq. true dir matrix).
+    """Return Err(t) of an empirical snapshot on a walk ([GK] eqn:true dir matrix).
 
     Err counts the ordered pairs of literals on which the derived graph, with
     equivalences, and `recordable` differ.

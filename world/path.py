@@ -36,8 +36,7 @@ class PathWorld(World):
         wait: Whether there is a last action that stays. False.
 
     References:
-        [GK] setting (a); the examples of the path of length N and of the discrete path
-        with motion.
+        [GK] setting (a); example:N-path and example:path with motion.
 
     Versions:
         v0: the first.

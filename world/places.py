@@ -27,8 +27,8 @@ class World(gymnasium.Env[NDArray[np.int8], np.int64]):
         moves: ``(actions, places)``; where an action leads from a place.
         fields: ``(sensors, places)``; where each sensor is on. None: they are drawn at
             a reset, by an override of `_begin`.
-        wait: Whether to add a last action, ``wait``, that stays, as [GK] gives to its
-            excitation-driven agents.
+        wait: Whether to add a last action, ``wait``, that stays: [GK] "Closing the
+            Loop" gives it to the excitation-driven agents.
 
     Attributes:
         sensors: The sensors' names, in the order of the observation.

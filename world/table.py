@@ -183,7 +183,7 @@ def transition_fields(
 
     What is sensed after a transition: state sensors read the place it leads to,
     transition sensors both places, an action is on iff it was taken, and ``α∧a`` iff
-    ``α`` was taken and ``a`` held at the place before ([GK] eq. context; there the
+    ``α`` was taken and ``a`` held at the place before ([GK] eqn:context; there the
     literal is one of the recorded state, which is the observation once nothing false is
     on record). A reset begins a trajectory: no action is on, no contextual sensor, and
     transition sensors read as if the place had always been this one. So it reads the

@@ -72,8 +72,8 @@ class Actions:
         A choice that implies the complement of an action in it is believed to be
         impossible: it is no vertex of the dual of the actions ([GK] "Invoking Actions
         Synchronously"). If all are, the belief is wrong, for one is made at each step.
-        A pure action can always be taken ([GK] "every action has outcomes"): a belief
-        to the contrary would never be tried, and so never given up.
+        A pure action can always be taken ([GK] "Defining Actions"): a belief to the
+        contrary would never be tried, and so never given up.
 
         Args:
             closures: For each choice, the closure of its signal: ``(2N,)``.
@@ -90,7 +90,7 @@ class Actions:
 
 
 def guaranteed(closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """Return what each action guarantees ([GK] cor. "Computing the Consequences").
+    """Return what each action guarantees ([GK] consequences of an action).
 
     Args:
         closures: For each action, ``↑signal``: ``(2N,)``.

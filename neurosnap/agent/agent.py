@@ -37,8 +37,14 @@ class Agent:
     Example:
         >>> body = Body.full(["warm", "better", "worse"], ["stay", "go"], [0, 1, 1])
         >>> agent = Agent(body, new_policy("excited", body, seed=1))
-        >>> agent.act([1, 0, 0]).why
-        'at random: nothing guarantees better or worse*'
+        >>> for _ in range(3):
+        ...     print(agent.act([1, 0, 0]).why)
+        guarantees better
+        guarantees better
+        at random: nothing guarantees better or worse*
+
+        Sensors alike in all observations count as equivalent, so at first it expects
+        too much. Once both actions have failed to make it better, it knows of none.
     """
 
     def __init__(

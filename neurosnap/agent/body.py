@@ -5,7 +5,7 @@
 becomes an implication like any other, ``α∧a → b``, which a snapshot can learn.
 
 References:
-    [GK] "Algorithm: Computing the consequences of an action", eq. (context).
+    [GK] "Algorithm: Computing the consequences of an action", eqn:context.
 """
 
 from collections.abc import Sequence
@@ -121,7 +121,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
         The pure actions where they exclude each other, in order; all ``2^actions``
         choices otherwise, the atomic actions of choice ``k`` being the bits of ``k``
-        ([GK] generalized actions).
+        ([GK] synchronous actions).
         """
         count = len(self.actions)
         if self.exclusive:

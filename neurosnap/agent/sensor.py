@@ -9,7 +9,7 @@ The predicates made here are values: equal if made alike, and fit to be pickled 
 
 References:
     [GK] "Observation Model for DBAs": an n-sensor has a realization in ``X^(n+1)``
-    (eq. evaluation of state sensors). Orders start from 0 there as here.
+    (eqn:evaluation of state sensors). Orders start from 0 there as here.
 """
 
 import operator

@@ -851,7 +851,7 @@ def test_what_it_knows_of_the_cliff() -> None:
     ways = set(zip(table.before[alive], table.after[alive], strict=True))
     lost = [(b, a) for b, a in ways if (a, b) not in ways]
     assert len(lost) == 11
-    # So time is not spent evenly, as prop. convergence has it for reversible moves.
+    # So time is not spent evenly, as prop:convergence has it for reversible moves.
     shares = table.stationary()
     assert shares.max() > 1000 * shares.min()
 

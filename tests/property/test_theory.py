@@ -357,7 +357,7 @@ def test_defn_dual_map_preserves_medians_and_turns_compositions(
 def test_duality_morphisms_are_the_median_maps_between_the_duals(
     first: Drawn, second: Drawn
 ) -> None:
-    """[GK] Sageev-Roller duality at the level of maps, for poc sets."""
+    """[GK] subsection:duality theory, at the level of maps, for poc sets."""
     p, q = first.p.quotient().target, second.p.quotient().target
     near, far = order_of(p), order_of(q)
     medians = {

@@ -221,6 +221,20 @@ def test_lemma_propagation_gives_coherent_projection(
 
 
 @given(poc_sets(6), st.data())
+def test_alg_propagation_by_dfs(drawn: Drawn, data: st.DataObject) -> None:
+    """[GK] alg:propagation_by_DFS, for a load that holds all above it, as states do.
+
+    It adds the load as it is, while defn:propagation algorithm adds all above it too.
+    """
+    model, graph = drawn.model, drawn.p.graph
+    load = frozen(graph.coherent_projection(data.draw(sets_of(model))))
+    signal, edges = data.draw(sets_of(model)), set(map(tuple, np.argwhere(graph.edges)))
+    closure = oracles.reach(edges, signal)
+    found = frozen(graph.propagate(load, signal))
+    assert found == (load | closure) - oracles.stars(closure)
+
+
+@given(poc_sets(6), st.data())
 def test_cor_projection_by_propagation(drawn: Drawn, data: st.DataObject) -> None:
     """[GK] cor:projection by propagation, for what the network computes.
 

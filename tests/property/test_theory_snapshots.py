@@ -28,7 +28,7 @@ def orientation(w: Weights, a: int, b: int) -> Number:
 
 
 def dissimilarity(w: Weights, a: int, b: int) -> Number:
-    """[GK] the measure of appendix B; its inequality reads ``ac <= ab + bc``."""
+    """[GK] proofs:adding equivalences; its inequality reads ``ac <= ab + bc``."""
     return w[a ^ 1, b] + w[a, b ^ 1]
 
 
@@ -110,7 +110,7 @@ def test_lemma_derived_poc_set(relation: tuple[int, list[tuple[int, int]]]) -> N
 
 @given(runs(longest=12), st.sampled_from([0.25, 0.1]))
 def test_prop_empirical_implies_acyclic(run: tuple[int, Bits], tau: float) -> None:
-    """[GK] prop:empirical implies acyclic."""
+    """[GK] prop "empirical implies acyclic"."""
     snapshot = EmpiricalSnapshot(run[0], tau)
     for bits in run[1]:
         snapshot.learn(bits)
@@ -127,6 +127,41 @@ def test_lemma_discounted_update(
     unit: Weights = {pair: Fraction(weight) / total for pair, weight in w.items()}
     bits = data.draw(st.lists(st.booleans(), min_size=n // 2, max_size=n // 2))
     check_probabilistic(n, oracles.discounted(n, unit, bits, Fraction(7, 8)), 1)
+
+
+@given(runs(most=4, longest=12), st.sampled_from([0.0, 1 / 2, 7 / 8]))
+def test_what_discounts_is_a_probabilistic_snapshot(
+    run: tuple[int, Bits], decay: float
+) -> None:
+    """[GK] defn:probabilistic snapshot, lemma:discounted update; also truncated.
+
+    With these decays doubles are exact for so few observations.
+    """
+    n, snapshot = 2 * run[0], DiscountedSnapshot(run[0], 1 / 4, decay)
+    for bits in run[1]:
+        state = as_set(snapshot.observe(bits))
+        w: Weights = {(a, b): snapshot.weight(a, b) for a, b in oracles.proper_pairs(n)}
+        check_probabilistic(n, w, 1)
+        assert not state & oracles.stars(state)
+        assert snapshot.poc_graph().is_coherent(state)
+
+
+@given(runs(most=4, longest=12))
+def test_lemma_empirical_evolves_from_trivial_an_evolution_is_empirical(
+    run: tuple[int, Bits],
+) -> None:
+    """[GK] defn:empirical snapshot, of the trivial one and of all that it becomes."""
+    n, snapshot = 2 * run[0], EmpiricalSnapshot(run[0], 1 / 4)
+    for tick, bits in enumerate([None, *run[1]]):
+        if bits is not None:
+            snapshot.observe(bits)
+        state = as_set(snapshot.state)
+        w: Weights = {(a, b): snapshot.weight(a, b) for a, b in oracles.proper_pairs(n)}
+        check_probabilistic(n, w, tick)
+        assert snapshot.poc_graph().is_coherent(state)
+        for a, b in w:
+            assert w[a, b] == int(w[a, b])
+            assert marginal(w, a, b) > 0 or a not in state
 
 
 def test_lemma_empirical_evolves_from_trivial_fails_as_printed() -> None:
@@ -210,7 +245,7 @@ def test_prop_adding_equivalences_point_3_fails_as_printed() -> None:
 
 
 def test_truncated_discounted_snapshots_break_the_triangle_inequality() -> None:
-    """[GK] after eqn:triangle inequality: discounted snapshots are said to keep it.
+    """[GK] after eqn:triangle inequality for snapshots: discounted ones are to keep it.
 
     Without truncation they do, as sums of indicators; truncation moves weight.
     """

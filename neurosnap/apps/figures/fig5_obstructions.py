@@ -83,7 +83,10 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
 
 
 def claims(results: Results) -> tuple[Claim, ...]:
-    """Hold the counts against the paper's text ([GK] "Obstructions to GRP")."""
+    """Hold the counts against the paper's text.
+
+    [GK] "Obstructions to Greedy Reactive Planning".
+    """
     counts = {key: _summary(*result) for key, result in results.items()}
     whole, holed = counts[_GRID, "greedy"], counts[_PUNCTURED, "greedy"]
     drawn = counts[_PUNCTURED, "excited"]

@@ -209,7 +209,7 @@ def path_with_all_contexts(length: int = 5) -> Example:
 def grid_with_holes(
     columns: int = 5, rows: int = 5, holes: tuple[tuple[int, int], ...] = ((2, 2),)
 ) -> Example:
-    """Return [GK]'s punctured grid: thresholds on a grid of which places are missing.
+    """Return [GK] "A Punctured Grid": thresholds on a grid with places missing.
 
     The space has a cell for each place, each pair of neighbours and each four of them
     in a square; a sensor says of a cell what it says of the cell's first place.

@@ -120,6 +120,7 @@ class Snapshot(Archived):
             InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
 
         Example:
+            >>> from neurosnap import EmpiricalSnapshot
             >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
             >>> for bits in [(0, 0), (0, 1), (1, 1), (0, 1)]:
             ...     state = e.observe(bits)
@@ -229,6 +230,7 @@ class Snapshot(Archived):
                 clock is at its end.
 
         Example:
+            >>> from neurosnap import EmpiricalSnapshot
             >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
             >>> for bits in [(0, 0), (0, 1), (1, 1)]:
             ...     state = e.observe(bits)

@@ -23,7 +23,7 @@ from neurosnap.sensorium import complement
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """How an observation breaks an order ([GK] coherent set); empty where it does not.
+    """How an observation breaks an order ([GK] defn:coherence); empty if it does not.
 
     An implication ``a -> c`` is broken iff ``a <= c`` while ``a`` and ``c*`` were
     observed. It stands for its contrapositive ``c* -> a*`` too: of the two it is the

@@ -31,7 +31,7 @@ WiringKind: TypeAlias = Literal["hasse", "derived"]
 
 
 class PocGraph:
-    """A directed graph on the ``2N`` literals of ``N`` sensors ([GK] poc graph).
+    """A directed graph on the ``2N`` literals of ``N`` sensors ([GK] "poc graph").
 
     Sets of literals go in as a ``(2N,)`` bool array or as the literals, and come out
     as new ``(2N,)`` bool arrays.

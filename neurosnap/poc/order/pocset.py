@@ -263,7 +263,7 @@ class PocSet:
         return not self.order[np.ix_([x, x ^ 1], [y, y ^ 1])].any()
 
     def is_coherent(self, literals: Literals) -> bool:
-        """Return whether no ``a, b`` in the set have ``a <= b*`` ([GK] coherence)."""
+        """Return whether no ``a, b`` in it have ``a <= b*`` ([GK] defn:coherence)."""
         return self._graph.is_coherent(literals)
 
     def clash(self, literals: Literals) -> tuple[str, str] | None:
@@ -326,7 +326,7 @@ class PocSet:
         return chains.width(self._strict(self.heads))
 
     def quotient(self) -> "PocMorphism":
-        """Return the projection onto the canonical quotient ([GK] appendix A).
+        """Return the projection onto the quotient ([GK] lemma:canonical poc quotient).
 
         The quotient, its ``target``, has a sensor for each proper element: negligible
         literals become the minimum, ubiquitous ones the maximum, and equal literals

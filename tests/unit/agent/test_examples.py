@@ -26,7 +26,7 @@ LENGTH = 5  # the paper's figure of the path with motion
 
 
 def path(places: int) -> tuple[Body, Moves, Fields]:
-    """[GK] discrete path with motion: ``a_k`` is on iff the place is below `k`."""
+    """[GK] example:path with motion: ``a_k`` is on iff the place is below `k`."""
     last, own = places - 1, [f"a{k}" for k in range(1, places)]
     moves = [
         [min(last, x + 1) for x in range(places)],
@@ -38,7 +38,7 @@ def path(places: int) -> tuple[Body, Moves, Fields]:
 
 
 def cycle(places: int) -> tuple[Body, Moves, Fields]:
-    """[GK] agent on a circular rail: a beacon is on at its place and next to it."""
+    """[GK] "Agent on a Circular Rail": a beacon is on at its place and next to it."""
     own = [f"near{k}" for k in range(places)]
     moves = [
         [(x + 1) % places for x in range(places)],
@@ -213,7 +213,7 @@ def sniffed(
 def test_the_excited_who_know_the_truth_walk_straight_to_the_target(
     world: tuple[Body, Moves, Fields],
 ) -> None:
-    # [GK] "the guarantee of the agents finding their targets is absolute".
+    # [GK] "Closing the Loop" calls it absolute that agents find their targets.
     _, moves, fields = world
     places = range(len(moves[0]))
     for target in places:

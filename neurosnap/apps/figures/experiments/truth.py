@@ -69,7 +69,7 @@ def thresholded(
     threshold: float,
     equivalences: bool,
 ) -> NDArray[np.uint8]:
-    """Return what is derived of the walk's own weights ([GK] eqn:thresholded dir).
+    """Return what is derived of the walk's weights ([GK] eqn:thresholded dir matrix).
 
     ``a -> b`` iff ``pi(ab*) < min(tau, pi(ab), pi(a*b*), pi(a*b))``.
 

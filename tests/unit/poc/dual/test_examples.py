@@ -46,7 +46,7 @@ def test_motion_is_a_product_less_two_squares(length: int) -> None:
 
 
 def test_contexts_add_a_flap_each() -> None:
-    """[GK] fig:interval with motion, slight and full expansion, for L = 5."""
+    """[GK] fig:interval with motion, slight expansion, and the full one; L = 5."""
     assert Cubing(path_with_two_contexts().poc).face_vector() == (28, 44, 17)
     assert Cubing(path_with_all_contexts().poc).face_vector() == (42, 66, 25)
 

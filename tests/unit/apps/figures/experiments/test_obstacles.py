@@ -46,7 +46,8 @@ def test_exposure_is_perfect_and_forgives_one_exception() -> None:
     literal, graph = snapshot.sensorium, snapshot.poc_graph()
     names = {name: 2 * k for k, name in enumerate(punctured.body.sensors)}
     assert len(literal) == len(names)
-    # What the hole makes an exception of is believed all the same: [GK] has it so.
+    # What the hole makes an exception of is believed all the same, as
+    # [GK] "A Punctured Grid" has it.
     assert graph.leq(names["up&~y_below_4"], names["y_below_5"] ^ 1)
     assert graph.leq(names["left&x_below_7"], names["x_below_6"])
     # And what has more than one exception is not.
