@@ -105,6 +105,7 @@ async def run_on(
 
     try:
         while True:
+            told = stop.is_set()  # before this life began
             try:
                 async with _late(stop, redone, lives, past) as heeded:
                     outcome = await run(
@@ -124,7 +125,9 @@ async def run_on(
                     raise
                 raise SwarmError(str(error)) from error
             except SwarmError as error:
-                if stop.is_set() or not _mends(supervision, error):
+                # Told to end while a part died, it ends as the next life does: the
+                # recording of this one may lack what the others said last.
+                if told or not _mends(supervision, error):
                     raise
                 if not allowed.allow():
                     raise
