@@ -1,19 +1,23 @@
 #!/usr/bin/env python3
 """Kill parts of a running swarm at random, and see whether it minds.
 
-A run is made twice: once as a swarm of processes of which one part after the other is
-killed with SIGKILL at a random moment, until enough are killed, and once undisturbed,
-in one process, for as many ticks as the first came to. Both must come to the same
-states and decisions, and the recording must hold each once.
+Every role and every pair of roles is killed with SIGKILL as often as any other, in a
+random order and at random moments, until enough are killed. Such a run is a swarm of
+processes in a world of paths; it is made again undisturbed, in one process, for as many
+ticks as the first came to. Both must come to the same states and decisions, and the
+recording must hold each once.
 
-Exit code: 0 if they do, 1 if not.
+With --outside the run is one of its own process that reads numbered lines. It must end
+with exit code 0, and its recording must hold each line once and in order. What a killed
+intake had read and not written down is lost; that counts as wrong, too.
+
+Exit code: 0 if all is so, 1 if not; then what was recorded is kept.
 """
 
 import argparse
 import asyncio
 import json
-import random
-import signal
+import shutil
 import sys
 import tempfile
 import time
@@ -29,20 +33,22 @@ from rich.console import Console
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.split_files import open_whole
+from neurosnap.protocol.run_options import HostKind, RunOptions
+from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.registry import parts_of
+from neurosnap.runtime.parts.intake_process import INTAKE
 from neurosnap.runtime.restart import Restart, run_with_restarts
 from neurosnap.runtime.restart_policy import Supervision
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
+from tools.soak_killer import Killer, Killing, summary
+from tools.soak_outside import Fed, feed, lines_in
 
 SERVICES = ("hub", "recorder", "coordinator", "world")
-VICTIMS = (*SERVICES, "recorder+coordinator")
-"""Beside these, a cell, or a worker where they have the cells."""
+HOSTS: dict[HostKind, str] = {"process": "cell", "worker": "worker"}
+"""Who has the cells, by their kind."""
 
 _ENDLESS = 10**9  # ticks; the kills end the run
 
@@ -51,25 +57,39 @@ class Soaked(msgspec.Struct, kw_only=True):
     """What came of it."""
 
     ticks: int
-    kills: int
-    """Parts killed, a pair counted as one."""
+    killings: list[Killing]
     killed: dict[str, int]
+    """How often each role, and each pair, was."""
     restarts: int
     redone: int
     """Ticks that were whole but not on disk when a part died; they were done again."""
+    ms: float
+    """How long they had taken; see `Killing`."""
     repeated: int
     """Waves sent again inside one life of the swarm."""
     lost: int
-    """Messages missing from the recording, by the senders' running numbers."""
+    """Messages missing from the recording, by the senders' running numbers; or lines
+    that are."""
     doubled: int
-    """Observations, states or decisions that it holds twice."""
+    """Observations, states or decisions that it holds twice; or lines."""
     equal: bool
-    """States and decisions are those of the undisturbed run."""
+    """States and decisions are those of the undisturbed run; or each line is there once
+    and they are in order."""
     verified: bool
     """A replay derives the recording again."""
     files: int
     """Files of the recording."""
+    left: list[str]
+    """Files and folders beside them."""
     seconds: float
+    fed: Fed | None = None
+    """What became of the run that was fed lines, if it was that."""
+
+    @property
+    def fine(self) -> bool:
+        """All is as it should be."""
+        whole = self.equal and self.verified and not (self.lost or self.doubled)
+        return whole and not self.left and (self.fed is None or self.fed.code == 0)
 
 
 async def soak(
@@ -80,28 +100,30 @@ async def soak(
     Args:
         options: What to run; its cells are processes, or have workers. It is the kills
             that end it, however many ticks that takes.
-        kills: How many parts are killed.
+        kills: How often parts are killed.
         seed: Draws whom to kill, and when.
         folder: Where both recordings go.
         pause: Seconds a life of the swarm may last at most before somebody is killed.
     """
     began = time.perf_counter()
     calm, log = folder / "calm.mcap", folder / "soaked.mcap"
-    restarts: list[Restart] = []
     host = "worker" if options.cells == "worker" else "cell"
-    killer, stop = _Killer(kills, seed, host, pause), asyncio.Event()
+    killer, stop = Killer((*SERVICES, host), kills, seed, pause), asyncio.Event()
+
+    async def hunt() -> None:
+        await killer.hunt(psutil.Process())
+        stop.set()
 
     def on_restart(restart: Restart) -> None:
-        restarts.append(restart)
-        killer.rest()
+        killer.restarted(restart.tick, restart.lost)
 
-    hunting = asyncio.create_task(killer.hunt(stop), name="soak/killer")
+    hunting = asyncio.create_task(hunt(), name="soak/killer")
     try:
         outcome = await run_with_restarts(
             msgspec.structs.replace(options, ticks=_ENDLESS),
             log,
             stop,
-            Supervision(max_restarts=10 * kills + 10, backoff=0.0),
+            Supervision(max_restarts=_restarts(kills), backoff=0.0),
             on_progress=killer.follow,
             on_restart=on_restart,
         )
@@ -110,84 +132,79 @@ async def soak(
     ticks = outcome.totals.ticks
     inline = msgspec.structs.replace(options, ticks=ticks, cells="inline", split=0)
     await run(inline, calm, asyncio.Event())
-    return _compare(calm, log, outcome, restarts, killer, time.perf_counter() - began)
+    found = _look(log, killer, time.perf_counter() - began)
+    found.equal = _course(calm, ticks) == _course(log, ticks)
+    found.left.remove(calm.name)
+    return found
 
 
-class _Killer:
-    """Kills a part, waits until the swarm is under way again, kills the next."""
-
-    def __init__(self, kills: int, seed: int, host: str, pause: float) -> None:
-        self._pause = pause
-        self._host = host
-        self.killed: Counter[str] = Counter()
-        self._left = kills
-        self._random = random.Random(seed)
-        self._awake = asyncio.Event()
-        self._tick = -1
-
-    def follow(self, tick: int) -> None:
-        """Take in how far the run is: it is under way once it moves."""
-        if tick > 0 and tick != self._tick:
-            self._awake.set()
-        self._tick = tick
-
-    def rest(self) -> None:
-        """Wait for the next life of the swarm."""
-        self._awake.clear()
-
-    async def hunt(self, stop: asyncio.Event) -> None:
-        """Kill until enough are killed, and set `stop` once the run has gone on."""
-        while self._left:
-            await self._awake.wait()
-            await asyncio.sleep(self._random.uniform(0.0, self._pause))
-            if not self._awake.is_set():
-                continue
-            victim = self._random.choice((self._host, *VICTIMS))
-            if self._kill(victim):
-                self.killed[victim] += 1
-                self._left -= 1
-                self._awake.clear()
-        await self._awake.wait()
-        stop.set()
-
-    def _kill(self, victim: str) -> bool:
-        parts: dict[str, list[psutil.Process]] = {}
-        for who, process in parts_of(psutil.Process()):
-            parts.setdefault(who.partition("/")[0], []).append(process)
-        if not {*SERVICES, self._host} <= parts.keys():
-            return False  # it is coming up, or going down
-        for kind in victim.split("+"):
-            self._random.choice(parts[kind]).send_signal(signal.SIGKILL)
-        return True
-
-
-def _compare(
-    calm: Path,
-    log: Path,
-    outcome: Outcome,
-    restarts: list[Restart],
-    killer: _Killer,
-    seconds: float,
+async def soak_outside(
+    cells: HostKind,
+    kills: int,
+    seed: int,
+    folder: Path,
+    pause: float = 0.4,
+    *,
+    rate: float = 200.0,
+    split: int = 0,
 ) -> Soaked:
+    """Make a run that is fed numbered lines, and look for each of them.
+
+    Args:
+        cells: Where its cells are.
+        kills: How often parts are killed.
+        seed: Draws whom to kill, and when.
+        folder: Where its recording goes.
+        pause: As in `soak`.
+        rate: Lines a second.
+        split: Bytes of a file of its recording, at most.
+    """
+    began, log = time.perf_counter(), folder / "soaked.mcap"
+    killer = Killer((*SERVICES, INTAKE, HOSTS[cells]), kills, seed, pause)
+    flags = {
+        "ticks": _ENDLESS,
+        "cells": cells,
+        "split": split,
+        "backoff": 0,
+        "max-restarts": _restarts(kills),
+    }
+    given = [f"--{name}={value}" for name, value in flags.items()]
+    fed = await feed(killer, log, rate, given)
+    found = _look(log, killer, time.perf_counter() - began)
+    lines = lines_in(log, fed.lines)
+    found.lost += lines.lost
+    found.doubled += lines.doubled
+    found.equal, found.fed = lines.exact, fed
+    return found
+
+
+def _restarts(kills: int) -> int:
+    return 10 * kills + 10
+
+
+def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
+    """Return what a recording says of itself; nothing is compared with it yet."""
     recording = open_whole(log)
-    told = list(recording.messages(("observe", "state", "decide", "wave")))
-    heard = [recorded.message for recorded in told]
+    told = recording.messages(("observe", "state", "decide", "wave"))
+    heard = [each.message for each in told]
     kinds = (wire.Observation, wire.State, wire.Decision)
     keys = [(type(m), m.tick) for m in heard if isinstance(m, kinds)]
-    completeness = recording.completeness()
-    verdict, ticks = verify(log), outcome.totals.ticks
+    verdict, killings = verify(log), killer.killings
+    files = {*part_paths(log).values()}
     return Soaked(
-        ticks=ticks,
-        kills=killer.killed.total(),
-        killed=dict(sorted(killer.killed.items())),
-        restarts=len(restarts),
-        redone=sum(restart.lost for restart in restarts),
+        ticks=max((m.tick for m in heard if isinstance(m, wire.State)), default=0),
+        killings=killings,
+        killed=dict(Counter("+".join(killing.victims) for killing in killings)),
+        restarts=killer.restarts,
+        redone=sum(killing.redone for killing in killings),
+        ms=sum(killing.ms for killing in killings),
         repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
-        lost=sum(completeness.missing.values()),
+        lost=sum(recording.completeness().missing.values()),
         doubled=len(keys) - len(set(keys)),
-        equal=_course(calm, ticks) == _course(log, ticks),
+        equal=False,
         verified=verdict.same and verdict.complete,
         files=verdict.files,
+        left=sorted(path.name for path in {*log.parent.iterdir()} - files),
         seconds=seconds,
     )
 
@@ -210,6 +227,34 @@ def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
 def main(arguments: list[str] | None = None) -> int:
     """Soak, print what came of it, and return the exit code."""
     given = _parser().parse_args(arguments)
+    folder = Path(tempfile.mkdtemp(prefix="neurosnap-soak-", dir=given.folder))
+    try:
+        with Console(stderr=True).status(f"{given.kills} kills"):
+            found = asyncio.run(_soaked(given, folder))
+    except NeurosnapError as error:
+        print(f"error: {error}", file=sys.stderr)
+        print(f"kept: {folder}", file=sys.stderr)
+        return 1
+    values = msgspec.structs.asdict(found)
+    for name in sorted(values.keys() - {"killings", "killed"}, key=list(values).index):
+        print(f"{name:10} {values[name]}")
+    for line in summary(found.killings):
+        print(line)
+    if given.json:
+        print(json.dumps(msgspec.to_builtins(found)))
+    if found.fine:
+        shutil.rmtree(folder)
+        return 0
+    print(f"kept: {folder}", file=sys.stderr)
+    return 1
+
+
+async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
+    chosen = (given.kills, given.seed, folder, given.pause)
+    if given.outside:
+        return await soak_outside(
+            given.cells, *chosen, rate=given.rate, split=given.split
+        )
     source = open_source(given.source, given.seed, {"places": given.sensors + 1})
     source.close()
     options = RunOptions(
@@ -222,27 +267,14 @@ def main(arguments: list[str] | None = None) -> int:
         split=given.split,
         keyframe_every=given.keyframe_every,
     )
-    console = Console(stderr=True)
-    with tempfile.TemporaryDirectory(prefix="neurosnap-soak-") as folder:
-        try:
-            with console.status(f"{given.kills} kills"):
-                found = asyncio.run(
-                    soak(options, given.kills, given.seed, Path(folder), given.pause)
-                )
-        except NeurosnapError as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 1
-    for name, value in msgspec.structs.asdict(found).items():
-        print(f"{name:10} {value}")
-    if given.json:
-        print(json.dumps(msgspec.to_builtins(found)))
-    fine = found.equal and found.verified and not (found.lost or found.doubled)
-    return 0 if fine else 1
+    return await soak(options, *chosen)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="soak", description=__doc__.split("\n")[0])
-    parser.add_argument("--kills", type=int, default=20, help="parts to kill")
+    parser.add_argument(
+        "--kills", type=int, default=30, help="of parts, or pairs of them"
+    )
     parser.add_argument("--seed", type=int, default=0, help="draws whom, and when")
     parser.add_argument(
         "--pause", type=float, default=0.4, help="seconds between kills, at most"
@@ -256,6 +288,13 @@ def _parser() -> argparse.ArgumentParser:
         "--keyframe-every", type=int, default=1000, help="ticks between key-frames"
     )
     parser.add_argument("--source", default="neurosnap/Path-v0", help="a path world")
+    parser.add_argument(
+        "--outside", action="store_true", help="feed it lines on standard input"
+    )
+    parser.add_argument(
+        "--rate", type=float, default=200.0, help="lines a second, with --outside"
+    )
+    parser.add_argument("--folder", type=Path, help="where to record meanwhile")
     parser.add_argument("--json", action="store_true", help="one object, last")
     return parser
 

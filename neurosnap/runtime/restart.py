@@ -107,6 +107,7 @@ async def run_with_restarts(
 
     try:
         while True:
+            told = stop.is_set()  # before this life began
             try:
                 async with _late(stop, redone, lives, past) as heeded:
                     outcome = await run(
@@ -126,7 +127,9 @@ async def run_with_restarts(
                     raise
                 raise SwarmError(str(error)) from error
             except SwarmError as error:
-                if stop.is_set() or not _mends(supervision, error):
+                # Told to end while a part died, it ends as the next life does: the
+                # recording of this one may lack what the others said last.
+                if told or not _mends(supervision, error):
                     raise
                 if not allowed.allow():
                     raise

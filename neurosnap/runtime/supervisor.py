@@ -69,6 +69,7 @@ class Supervisor:
         """The coordinator has said that every part is there."""
         self._context = multiprocessing.get_context("forkserver")
         self._children: dict[str, Child] = {}
+        self._early: dict[str, list[Report]] = {}  # of children not in `_children` yet
         self._reasons: dict[str, Failed] = {}
         self._expected: set[str] = set()
         self._killed: set[str] = set()  # by this supervisor
@@ -165,6 +166,8 @@ class Supervisor:
         """Watch over a child that has started."""
         self._children[process.name] = Child(process)
         self._loop.add_reader(process.sentinel, self._ended, process.name)
+        for report in self._early.pop(process.name, ()):
+            self._take(report)
 
     def _listen(self, line: Connection) -> None:
         self._lines.append(line)
@@ -180,19 +183,21 @@ class Supervisor:
 
     def _take(self, report: Report) -> None:
         child_ = self._children.get(report.who)
+        if child_ is None:
+            # It is quicker than the thread that starts it, on a busy machine.
+            self._early.setdefault(report.who, []).append(report)
+            return
         match report:
             case Ready():
-                if child_ is not None:
-                    child_.ready.set()
+                child_.ready.set()
             case Progress(tick=tick):
                 self.tick = tick
                 self.has_begun = True
                 self.progressed.set()
             case Done(result=result):
                 self._expected.add(report.who)
-                if child_ is not None:
-                    child_.result = bytes(result)
-                    child_.done_at = time.perf_counter()
+                child_.result = bytes(result)
+                child_.done_at = time.perf_counter()
             case Failed():
                 self._reasons[report.who] = report
 

@@ -1,4 +1,4 @@
-"""``neurosnap info``, ``graph``, ``dual`` and ``doctor``: print and draw."""
+"""``neurosnap info``, ``graph``, ``model`` and ``doctor``: print and draw."""
 
 from pathlib import Path
 from typing import Annotated

@@ -73,3 +73,31 @@ async def test_a_tick_that_was_cut_off_is_done_again_before_the_end(
     assert heeded == [not had]
     assert (found.restarts, found.kept) == (1, ())
     assert names(tmp_path) == [log.name, whole.name]
+
+
+@pytest.mark.parametrize("deaths", [1, 2])
+async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
+    deaths: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, whole = tmp_path / "run.mcap", tmp_path / "whole.mcap"
+    options = options_for(TICKS)
+    outcome = await run(options, whole, asyncio.Event())
+    stop = asyncio.Event()
+
+    async def one_life(
+        options: RunOptions, log: Path, *_: object, incarnation: int, **__: object
+    ) -> Outcome:
+        stop.set()
+        if incarnation < deaths:
+            raise PartDiedError("hub: must live, died")
+        copy(whole, log)
+        return outcome
+
+    monkeypatch.setattr(restart, "run", one_life)
+    running = restart.run_with_restarts(options, log, stop, Supervision(backoff=0))
+    async with asyncio.timeout(PATIENCE):
+        if deaths == 1:
+            assert (await running).restarts == 1
+        else:
+            with pytest.raises(PartDiedError, match=r"^hub: must live"):
+                await running

@@ -7,9 +7,11 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import pytest
 
 from neurosnap.runtime.parts.job import Job, PartConnection, PartContext
+from neurosnap.runtime.parts.reports import Ready, Report
 from neurosnap.runtime.supervisor import Supervisor, _without_main
 
 
@@ -122,6 +124,31 @@ async def test_a_line_is_closed_here_even_if_its_child_does_not_start() -> None:
             await supervisor.start(*jobs(1)[0])
         assert supervisor.line.closed
     assert children.close() == {}
+
+
+class Listening(Supervised):
+    """A supervisor that notes that it was told something."""
+
+    def __init__(self, children: Children) -> None:
+        super().__init__(children)
+        self.told = asyncio.Event()
+
+    def _take(self, report: Report) -> None:
+        super()._take(report)
+        self.told.set()
+
+
+async def test_who_is_up_before_its_start_has_returned_is_up() -> None:
+    children = Children()
+    async with Listening(children) as supervisor:
+        starting = asyncio.create_task(supervisor.start(*jobs(1)[0]))
+        await children.is_starting.wait()
+        supervisor.line.send_bytes(msgspec.json.encode(Ready("cell/0")))
+        await supervisor.told.wait()
+        children.go_on.set()
+        child = await starting
+        assert child.ready.is_set()
+    assert children.close() == {"cell/0": -9}
 
 
 async def test_whoever_waits_hears_what_was_blamed() -> None:

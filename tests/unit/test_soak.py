@@ -1,0 +1,182 @@
+"""What kills parts at random: whom, when, and what it counts."""
+
+import asyncio
+import random
+import signal
+from collections import Counter
+from collections.abc import Iterator
+from itertools import islice
+from typing import Any
+
+import msgspec
+import psutil
+import pytest
+
+from tools import soak_killer
+from tools.soak import Soaked
+from tools.soak_killer import Killer, Killing, deck, summary
+from tools.soak_outside import BITS, Fed, Lines, compared
+
+ROLES = ("hub", "recorder", "coordinator", "world", "cell")
+
+
+def test_each_role_and_each_pair_is_drawn_as_often_as_any_other() -> None:
+    drawn = [*islice(deck(ROLES, random.Random(1)), 45)]
+    counts = Counter(frozenset(victims) for victims in drawn)
+    assert len(counts) == 15
+    assert set(counts.values()) == {3}
+    assert Counter(map(len, counts)) == {1: 5, 2: 10}
+    first, second, third = drawn[:15], drawn[15:30], drawn[30:]
+    assert set(first) == set(second) == set(third)
+    assert first != second != third
+
+
+class Target:
+    """A process that notes what it is sent."""
+
+    def __init__(self, sent: list[str], who: str) -> None:
+        self._sent = sent
+        self._who = who
+
+    def send_signal(self, number: int) -> None:
+        assert number == signal.SIGKILL
+        self._sent.append(self._who)
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Who is killed of a swarm that is all there."""
+    sent: list[str] = []
+
+    def parts_of(launcher: psutil.Process) -> Iterator[tuple[str, Target]]:
+        yield from ((who, Target(sent, who)) for who in ("hub", "cell/0"))
+
+    monkeypatch.setattr(soak_killer, "parts_of", parts_of)
+    return sent
+
+
+async def settled(killer: Killer) -> int:
+    """Return how often it has killed, once it has done all it does by itself."""
+    for _ in range(20):
+        await asyncio.sleep(0)
+    return len(killer.killings)
+
+
+async def test_nobody_is_killed_before_the_run_has_gone_on(sent: list[str]) -> None:
+    killer = Killer(("hub", "cell"), 3, 1, pause=0.0)
+    hunting = asyncio.create_task(killer.hunt(psutil.Process()))
+    assert await settled(killer) == 0
+    killer.follow(7)
+    assert await settled(killer) == 1
+    killer.follow(9)  # told by the life that is over
+    assert await settled(killer) == 1
+    killer.restarted(6, 3)
+    killer.follow(6)  # where it goes on from
+    assert await settled(killer) == 1
+    killer.restarted(6, 0)  # it has failed to come up
+    killer.follow(7)
+    assert await settled(killer) == 2
+    killer.restarted(7, 0)
+    killer.follow(8)
+    assert await settled(killer) == 3
+    assert not hunting.done()
+    killer.restarted(8, 0)
+    killer.follow(9)
+    await hunting
+    assert sorted(sent) == ["cell/0", "cell/0", "hub", "hub"]  # each alone, and both
+    assert killer.restarts == 4
+    assert [(one.restarts, one.redone) for one in killer.killings] == [
+        (2, 3),
+        (1, 0),
+        (1, 0),
+    ]
+
+
+async def test_what_is_done_again_took_as_long_as_it_did(sent: list[str]) -> None:
+    now = [0.0]
+    killer = Killer(("hub", "cell"), 1, 1, pause=0.0, clock=lambda: now[0])
+    hunting = asyncio.create_task(killer.hunt(psutil.Process()))
+    for tick, seconds in ((10, 1.0), (20, 2.0), (30, 2.5)):
+        now[0] = seconds
+        killer.follow(tick)
+    assert await settled(killer) == 1
+    killer.restarted(15, 15)
+    (killing,) = killer.killings
+    assert killing.redone == 15
+    assert killing.ms == pytest.approx(1000.0)
+    killer.follow(16)
+    await hunting
+
+
+def test_a_summary_says_what_each_kind_of_killing_cost() -> None:
+    killings = [
+        Killing(victims=("hub",), redone=1, ms=10.0),
+        Killing(victims=("hub",), redone=4, ms=40.0),
+        Killing(victims=("hub", "cell"), redone=2, ms=20.0),
+    ]
+    _, hub, both = summary(killings)
+    assert hub.split() == ["hub", "2", "2.5", "4", "25", "40"]
+    assert both.split() == ["hub+cell", "1", "2.0", "2", "20", "20"]
+
+
+@pytest.mark.parametrize(
+    ("readings", "lines", "found"),
+    [
+        ([1, 2, 3], 3, Lines(lost=0, doubled=0, exact=True)),
+        ([1, 2, 2, 5], 5, Lines(lost=2, doubled=1, exact=False)),
+        ([2, 1], 2, Lines(lost=0, doubled=0, exact=False)),
+        ([1], 3, Lines(lost=2, doubled=0, exact=False)),
+        ([], 0, Lines(lost=0, doubled=0, exact=True)),
+    ],
+)
+def test_lines_are_known_by_their_numbers(
+    readings: list[int], lines: int, found: Lines
+) -> None:
+    assert compared(readings, lines) == found
+
+
+def test_more_lines_than_the_sensors_can_count_are_told_apart() -> None:
+    size = 1 << BITS
+    numbers = [*range(1, 3 * size)]
+    assert compared((n % size for n in numbers), len(numbers)).exact
+    del numbers[size + 5 : size + 8]
+    numbers.insert(2 * size, numbers[2 * size - 1])
+    found = compared((n % size for n in numbers), 3 * size - 1)
+    assert found == Lines(lost=3, doubled=1, exact=False)
+
+
+FINE = Soaked(
+    ticks=9,
+    killings=[],
+    killed={},
+    restarts=0,
+    redone=0,
+    ms=0.0,
+    repeated=0,
+    lost=0,
+    doubled=0,
+    equal=True,
+    verified=True,
+    files=1,
+    left=[],
+    seconds=1.0,
+    fed=Fed(lines=9, code=0, said=[]),
+)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"lost": 1},
+        {"doubled": 1},
+        {"equal": False},
+        {"verified": False},
+        {"left": ["soaked.mcap.broken"]},
+        {"fed": Fed(lines=9, code=3, said=[])},
+    ],
+    ids=str,
+)
+def test_anything_wrong_is_not_fine(wrong: dict[str, Any]) -> None:
+    assert FINE.fine
+    assert msgspec.structs.replace(FINE, fed=None).fine
+    assert not msgspec.structs.replace(FINE, **wrong).fine
