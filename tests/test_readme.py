@@ -1,63 +1,131 @@
-"""The README's blocks run as they are printed."""
+"""The README and the pages in docs/ are true: blocks run, and what is named exists."""
 
 import os
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import pytest
+import typer
 
+import world
+from neurosnap.apps.cli import app
 from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parent.parent
-BLOCKS = re.findall(
-    r"^```(\w+)\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL
-)
-COMMANDS = [
-    line.split("#")[0].strip()
-    for language, text in BLOCKS
-    if language == "sh"
-    for line in text.splitlines()
-]
-MAKE = [line for line in COMMANDS if line.startswith("make ")]
-VERBS = [line for line in COMMANDS if not line.startswith("make ")]
-# What the README shows of the output of a command among those.
-SHOWN = {
-    command: shown.splitlines()
-    for language, text in BLOCKS
-    if language == "console"
-    for command, shown in re.findall(r"^\$ (.*)\n((?:[^$].*\n)+)", text, re.MULTILINE)
-    if command in VERBS
+README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+LINKED = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"]
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+# Pages that the README links to and that are not written yet.
+TO_COME = {"design.md", "paper.md"}
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Return the blocks of a page in a language."""
+    return [text for kind, text in FENCED.findall(page.read_text()) if kind == language]
+
+
+def commands(page: Path) -> list[str]:
+    """Return the commands of a page that are to be run."""
+    return [
+        line.split("#")[0].strip()
+        for text in blocks(page, "sh")
+        for line in text.splitlines()
+    ]
+
+
+def shown(page: Path) -> dict[str, list[str]]:
+    """Return what a page shows of the output of commands that are to be run."""
+    return {
+        command: output.splitlines()
+        for text in blocks(page, "console")
+        for command, output in re.findall(
+            r"^\$ (.*)\n((?:[^$].*\n)+)", text, re.MULTILINE
+        )
+        if command in commands(page)
+    }
+
+
+def mentioned(page: Path) -> list[str]:
+    """Return every command of ours that a page prints, to be run or not."""
+    text = page.read_text()
+    lines = [
+        line.removeprefix("$ ").split("#")[0]
+        for kind, block in FENCED.findall(text)
+        if kind in ("sh", "console")
+        for line in block.splitlines()
+    ]
+    lines += [" ".join(code.split()) for code in INLINE.findall(FENCED.sub("", text))]
+    return [line for line in lines if re.search(r"(^|\| )neurosnap [a-z]", line)]
+
+
+VERBS = {
+    page: [line for line in commands(page) if not line.startswith("make ")]
+    for page in PAGES
 }
+PYTHON = [
+    pytest.param(text, id=f"{page.stem}-{place}")
+    for page in PAGES
+    for place, text in enumerate(blocks(page, "python"))
+]
 
 
-@pytest.mark.parametrize("text", [t for kind, t in BLOCKS if kind == "python"])
+@pytest.mark.parametrize("text", PYTHON)
 def test_python_blocks_run(text: str) -> None:
     subprocess.run(
         [sys.executable, "-W", "error", "-c", text], check=True, timeout=PATIENCE
     )
 
 
+def test_there_are_as_many_blocks_to_run_as_were_written() -> None:
+    """A block in a language that is misspelt would not be run."""
+    assert len(PYTHON) == 2
+    assert {page.stem: len(lines) for page, lines in VERBS.items() if lines} == {
+        "README": 3,
+        "commands": 10,
+        "measurements": 1,
+    }
+    assert sum(len(shown(page)) for page in PAGES) == 2
+
+
 def test_make_targets_exist() -> None:
-    assert MAKE == ["make run", "make test"]
-    for line in MAKE:
+    make = [
+        line for page in PAGES for line in commands(page) if line.startswith("make ")
+    ]
+    assert make == ["make run", "make test"]
+    for line in make:
         dry = subprocess.run(
             [*line.split(), "--dry-run"], cwd=ROOT, capture_output=True, check=True
         )
         assert b"neurosnap run" in dry.stdout or b"pytest" in dry.stdout
 
 
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: page.stem)
+def test_make_targets_in_the_text_exist(page: Path) -> None:
+    targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    named = re.findall(r"`make ([a-z]+)`", page.read_text())
+    assert set(named) <= set(targets)
+
+
 @pytest.mark.zenoh
 @pytest.mark.slow
-def test_shell_blocks_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if VERBS[page]], ids=lambda page: page.stem
+)
+def test_shell_blocks_run(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     bin_folder = str(Path(sys.executable).parent)
     environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}"}
-    assert len(VERBS) == 14
     said = {}
-    for line in VERBS:
+    for line in VERBS[page]:
         done = subprocess.run(
             line.split(),
             cwd=tmp_path,
@@ -66,10 +134,113 @@ def test_shell_blocks_run(tmp_path: Path) -> None:
             text=True,
             timeout=PATIENCE,
         )
-        assert done.returncode == 0, f"{line}: {done.stderr}"
+        assert done.returncode == 0, f"{line}: {done.stdout}{done.stderr}"
         said[line] = done.stdout.splitlines()
-    assert len(SHOWN) == 2
-    for line, shown in SHOWN.items():
-        assert set(shown) <= set(said[line]), line
-    assert (tmp_path / "depths" / "depth.png").stat().st_size > 0
-    assert (tmp_path / "b.mcap").exists()
+        for name in re.findall(r"--out (\S+)", line):
+            assert (tmp_path / name).exists(), line
+    for line, output in shown(page).items():
+        assert set(output) <= set(said[line]), line
+    if "--out depths" in " ".join(said):
+        assert (tmp_path / "depths" / "depth.png").stat().st_size > 0
+
+
+def options(words: list[str]) -> set[str]:
+    """Return the options of the command that `words`, after the program, begin with."""
+    command: Any = typer.main.get_command(app)
+    for word in words:
+        if not hasattr(command, "commands"):
+            break
+        assert word in command.commands, f"no command {word} in {words}"
+        command = command.commands[word]
+    return {name for given in command.params for name in given.opts} | {"--help"}
+
+
+def all_options() -> Iterator[str]:
+    """Yield the options of every command."""
+    waiting: list[Any] = [typer.main.get_command(app)]
+    while waiting:
+        command = waiting.pop()
+        waiting += getattr(command, "commands", {}).values()
+        for given in command.params:
+            yield from given.opts
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_and_their_options_exist(page: Path) -> None:
+    for line in mentioned(page):
+        words = line[line.index("neurosnap ") :].split()[1:]
+        strange = {word for word in words if OPTION.fullmatch(word)} - options(words)
+        assert not strange, line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_options_in_the_text_exist(page: Path) -> None:
+    # The tools have options of their own.
+    known = {*all_options(), "--help"}
+    text = FENCED.sub("", page.read_text())
+    for code in INLINE.findall(text):
+        if not code.startswith("tools/"):
+            assert set(OPTION.findall(code)) <= known, code
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_and_worlds_that_are_named_exist(page: Path) -> None:
+    text = page.read_text()
+    for name in re.findall(r"\b((?:tools|examples|tests)/\w+\.\w+)", text):
+        assert (ROOT / name).is_file(), name
+    for name in re.findall(r"\bneurosnap/\w+-v0", text):
+        assert name in gymnasium.registry, name
+
+
+def test_the_pages_name_every_world() -> None:
+    named = {
+        name
+        for page in PAGES
+        for name in re.findall(r"\bneurosnap/\w+-v0", page.read_text())
+    }
+    assert named == set(world._WORLDS)
+
+
+def test_the_tree_is_the_tree() -> None:
+    (tree,) = [
+        text for text in blocks(README, "text") if text.startswith("neurosnap/\n")
+    ]
+    ours = set(re.findall(r"^  (\S+)  ", tree, re.MULTILINE))
+    package = ROOT / "neurosnap"
+    assert ours == {
+        f"{entry.name}/" if entry.is_dir() else entry.name
+        for entry in package.iterdir()
+        if entry.suffix in ("", ".py") and not entry.name.startswith("__")
+    }
+    beside = re.findall(r"^(\w+)/ ", tree, re.MULTILINE)
+    assert beside == ["world", "tools", "tests", "docs", "examples"]
+    assert all((ROOT / name).is_dir() for name in beside)
+
+
+def anchors(page: Path) -> set[str]:
+    """Return what can be linked to in a page: its headings, as web sites write them."""
+    headings = re.findall(r"^#+ (.*)$", FENCED.sub("", page.read_text()), re.MULTILINE)
+    return {
+        re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+        for heading in headings
+    }
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", FENCED.sub("", page.read_text())):
+        if "://" in link:
+            continue
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        assert target.is_file() or target.name in TO_COME, link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_the_readme_leads_to_every_page() -> None:
+    text = README.read_text()
+    assert [page.name for page in PAGES[1:] if f"(docs/{page.name})" not in text] == []
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.read_text().splitlines()) <= 150

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measure what the README says of speed, all in one run.
+"""Measure what docs/measurements.md says of speed, all in one run.
 
 Ours and what it is compared with are measured in turns, everything is warm before the
 clock starts, and the best of the repeats or the median counts: what else runs on the

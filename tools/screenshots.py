@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Take the README's pictures of `neurosnap view`: one of each main view.
+"""Take the pictures of `neurosnap view` in docs/: one of each main view.
 
     tools/screenshots.py LOG [--tick TICK] [--signal NAME] [--out DIR] [--dark]
 

@@ -303,7 +303,7 @@ def _in_child(what: str, function: str, mend: str) -> Finding:
     """Run one of the functions below in a fresh interpreter that may hang or crash."""
     # Not here: after a session was opened, no child of a fork can open one, and a fork
     # server started here would lack what the supervisor loads into its own.
-    code = f"from neurosnap import doctor; doctor.{function}()"
+    code = f"from {__name__} import {function}; {function}()"
     began = time.perf_counter()
     try:
         done = subprocess.run(

@@ -14,7 +14,7 @@ from neurosnap.apps.drawing.find_model import listed
 
 pytestmark = pytest.mark.slow
 
-README = Path(__file__).parent.parent.parent / "README.md"
+PAGE = Path(__file__).parent.parent.parent / "docs" / "viewing.md"
 
 
 @pytest.fixture(scope="module")
@@ -134,16 +134,16 @@ def test_bad_input_is_named_and_leaves_nothing(
     assert [path.name for path in folder.iterdir()] == ["foreign.mcap"]
 
 
-def test_what_the_readme_shows_works(log: Path, folder: Path) -> None:
+def test_what_the_manual_shows_works(log: Path, folder: Path) -> None:
     (folder / "a.mcap").write_bytes(log.read_bytes())
     blocks = re.findall(
-        r"^```console\n(.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL
+        r"^```console\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL
     )
     (block,) = [text for text in blocks if "neurosnap model" in text]
     commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert [words[:2] for words in commands] == [["neurosnap", "model"]] * 4
     for words in commands:
         assert call(*words[1:]).exit_code == 0, words
-    picture = README.parent / "docs" / "six-way-compass.png"
+    picture = PAGE.parent / "six-way-compass.png"
     assert picture.stat().st_size < 200_000
     assert (folder / "six-arcs.png").read_bytes()[:8] == picture.read_bytes()[:8]

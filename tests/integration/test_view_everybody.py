@@ -60,7 +60,7 @@ async def test_it_fits_a_small_screen(planner_log: Path) -> None:
 
 
 @schemes
-async def test_the_pictures_of_the_readme_can_be_taken(
+async def test_the_pictures_of_the_manual_can_be_taken(
     scheme: Scheme, planner_log: Path, tmp_path: Path
 ) -> None:
     async with opened(planner_log, scheme=scheme) as page:
