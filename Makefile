@@ -28,7 +28,7 @@ check: .venv/installed-dev
 	tools/check
 
 bench: .venv/installed-dev
-	$(BIN)/python tools/bench.py
+	$(BIN)/python tools/bench
 
 # pip from 25.1 on knows dependency groups.
 .venv/bin/python:

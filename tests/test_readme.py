@@ -24,8 +24,6 @@ LINKED = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"]
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
-# Pages that the README links to and that are not written yet.
-TO_COME = {"design.md", "paper.md"}
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -233,7 +231,7 @@ def test_links_lead_somewhere(page: Path) -> None:
             continue
         name, _, anchor = link.partition("#")
         target = page.parent / name if name else page
-        assert target.is_file() or target.name in TO_COME, link
+        assert target.is_file(), link
         assert not anchor or anchor in anchors(target), link
 
 

@@ -290,7 +290,7 @@ def _demand(held: bool, what: str) -> None:
         raise WrongError(what)
 
 
-class WorkerReport(NamedTuple):
+class Tally(NamedTuple):
     """What came of many files; shares are in [0, 1]."""
 
     files: int = 0
@@ -300,9 +300,9 @@ class WorkerReport(NamedTuple):
     learned: float = 0.0
     resumes: int = 0
 
-    def plus(self, truth: Truth, found: Found) -> "WorkerReport":
+    def plus(self, truth: Truth, found: Found) -> "Tally":
         """Return it with one more."""
-        return WorkerReport(
+        return Tally(
             self.files + 1,
             self.refused + bool(found.refused),
             self.messages + found.messages / len(truth.payloads),
@@ -332,7 +332,7 @@ def one_file(truth: Truth, folder: Path, state: str, kind: str, seed: str) -> Fo
         raise WrongError(f"{seed}: {type(error).__name__}: {error}") from error
 
 
-def table(tallies: dict[tuple[str, str], WorkerReport]) -> str:
+def table(tallies: dict[tuple[str, str], Tally]) -> str:
     """Return what came of all files, a line for each state and kind."""
     head = ("files", "refused", "messages", "derived", "learned", "resumes")
     lines = [f"{'':<24}" + "".join(f"{name:>10}" for name in head)]
@@ -354,7 +354,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--only", default="", help="STATE/KIND/NUMBER of one file")
     given = parser.parse_args()
-    tallies: dict[tuple[str, str], WorkerReport] = {}
+    tallies: dict[tuple[str, str], Tally] = {}
     wrong = 0
     with tempfile.TemporaryDirectory(prefix="damage-") as made:
         truth = true_run(Path(made))
@@ -372,7 +372,7 @@ def main() -> int:
                 wrong += 1
                 print(error, file=sys.stderr, flush=True)
                 continue
-            tally = tallies.get((state, kind), WorkerReport())
+            tally = tallies.get((state, kind), Tally())
             tallies[state, kind] = tally.plus(truth, found)
             if found.refused and given.only:
                 print(found.refused)

@@ -85,7 +85,7 @@ class Probe:
         self.rows: list[Measured] = []
         self._plan = plan
         self._clock = clock
-        self._conductor = WaveControl(plan.sensors, workers=plan.workers)
+        self._control = WaveControl(plan.sensors, workers=plan.workers)
         self._waves = self._schedule()
         self._order = Order(plan.sensors, np.empty(0, np.int64), (), 0)
         self._above = self._order.reach()
@@ -100,7 +100,7 @@ class Probe:
     @property
     def in_flight(self) -> tuple[int, ...]:
         """The numbers of the waves that have not settled."""
-        return self._conductor.in_flight
+        return self._control.in_flight
 
     def _schedule(self) -> Iterator[tuple[Order, bool]]:
         """Yield the order of each wave to send, and whether it is timed."""
@@ -122,8 +122,8 @@ class Probe:
         messages: list[wire.Message] = []
         if order is not self._order:
             self._order, self._above = order, order.reach()
-            messages = self._conductor.rewire_to(order.edges)
-        messages += self._conductor.start("signal", signal=order.signal)
+            messages = self._control.rewire_to(order.edges)
+        messages += self._control.start("signal", signal=order.signal)
         self._began = self._clock()
         return messages
 
@@ -136,7 +136,7 @@ class Probe:
         if not isinstance(message, wire.CellReport | wire.WorkerReport):
             return []
         try:
-            wave = self._conductor.report(message)
+            wave = self._control.report(message)
         except MessageError as error:
             return [wire.Fault("coordinator", str(error))]
         if wave is None:
@@ -169,7 +169,7 @@ class Probe:
     def overdue(self, number: int) -> list[wire.Message]:
         """Send a late wave again; its time then counts from the repeat."""
         self._began = self._clock()
-        return self._conductor.repeat(number, ())
+        return self._control.repeat(number, ())
 
     def stop(self) -> list[wire.Message]:
         """End at once: a wave in flight is not worth waiting for."""

@@ -151,7 +151,7 @@ class DeliveryThread(Generic[T]):
 
     def _run(self) -> None:
         while (first := self._items.get()) is not None:
-            burst = [first]
+            batch = [first]
             last = False
             # Nobody else takes items out, so what is not empty can be taken.
             while not last and not self._items.empty():
@@ -159,9 +159,9 @@ class DeliveryThread(Generic[T]):
                 if item is None:
                     last = True
                 else:
-                    burst.append(item)
+                    batch.append(item)
             try:
-                self._deliver(burst)
+                self._deliver(batch)
             except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
                 self._end(error)
                 return

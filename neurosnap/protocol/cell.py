@@ -94,15 +94,15 @@ class Cell:
         self._fence = 0  # the last wave announced to all that has come
         self._remembered = 0  # pulses, in all waves
 
-    def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
-        """Take in `burst` and return what the cell sends for it, in order.
+    def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
+        """Take in `batch` and return what the cell sends for it, in order.
 
         Pulses come before the report of their wave, because neighbours are waiting for
         them. Cost: proportional to the burst and to the out-edges of what fires.
         """
         out: list[wire.Message] = []
         touched: dict[int, _Wave] = {}  # waves that owe a report
-        for message in burst:
+        for message in batch:
             try:
                 self._check(message)
             except MessageError as error:

@@ -97,7 +97,7 @@ class Coordinator:
         self._wiring: WiringKind = wiring
         self._ticks = ticks
         self._keyframe_every = keyframe_every
-        self._conductor = WaveControl(len(snapshot.sensorium), repeats, workers)
+        self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
@@ -137,7 +137,7 @@ class Coordinator:
         return core
 
     def _start_at(self, frame: wire.KeyFrame) -> None:
-        self._conductor.start_at(frame.waves, frame.epochs)
+        self._control.start_at(frame.waves, frame.epochs)
         self._tick, self._known = frame.tick, frame.known
         self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
         self.totals = Totals(
@@ -174,11 +174,11 @@ class Coordinator:
     @property
     def in_flight(self) -> tuple[int, ...]:
         """The numbers of the waves that have not settled."""
-        return self._conductor.in_flight
+        return self._control.in_flight
 
     def begin(self) -> list[wire.Message]:
         """Open the run, or go on with one from a key-frame: ask for an observation."""
-        first = [self._keyframe()] if self._tick else self._conductor.rewire_whole()
+        first = [self._keyframe()] if self._tick else self._control.rewire_whole()
         return [*first, self._next_decision]
 
     def begin_rewired(self) -> list[wire.Message]:
@@ -187,11 +187,11 @@ class Coordinator:
         For replays of their recordings.
         """
         self.recall()
-        return [*self._conductor.rewire_whole(), self._next_decision]
+        return [*self._control.rewire_whole(), self._next_decision]
 
     def recall(self) -> None:
         """Know the wiring again that a key-frame made forget; for such replays."""
-        self._conductor.recall()
+        self._control.recall()
 
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
@@ -224,9 +224,9 @@ class Coordinator:
         Raises:
             WaveLostError: It was sent often enough.
         """
-        messages = self._conductor.repeat(number, self._signal)
+        messages = self._control.repeat(number, self._signal)
         if number in self._asked:
-            self._asked[self._conductor.waves] = self._asked.pop(number)
+            self._asked[self._control.waves] = self._asked.pop(number)
         return messages
 
     def stop(self) -> list[wire.Message]:
@@ -255,12 +255,10 @@ class Coordinator:
         changed = self._snapshot.learn(bits, known)
         if changed:
             self._graph = self._snapshot.poc_graph()
-        if changed or self._conductor.is_forgotten:
-            messages += self._conductor.rewire(self._graph.wires(self._wiring))
+        if changed or self._control.is_forgotten:
+            messages += self._control.rewire(self._graph.wires(self._wiring))
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
-        start = self._conductor.start(
-            "state", observation.tick, seeds=len(self._signal)
-        )
+        start = self._control.start("state", observation.tick, seeds=len(self._signal))
         return [*messages, *start]
 
     def _new_watcher(self) -> Watcher | None:
@@ -284,7 +282,7 @@ class Coordinator:
         self, report: wire.CellReport | wire.WorkerReport
     ) -> list[wire.Message]:
         try:
-            wave = self._conductor.report(report)
+            wave = self._control.report(report)
         except MessageError as error:
             return [_fault(str(error))]
         if wave is None:
@@ -307,8 +305,8 @@ class Coordinator:
         self._answers = [reached] * len(questions)
         starts: list[wire.Message] = []
         for index, signal in enumerate(questions):
-            starts += self._conductor.start("signal", wave.tick, signal)
-            self._asked[self._conductor.waves] = index
+            starts += self._control.start("signal", wave.tick, signal)
+            self._asked[self._control.waves] = index
         return [report, *starts, *([] if starts else self._decide(wave.tick))]
 
     def _answer(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
@@ -333,7 +331,7 @@ class Coordinator:
         self._tick = tick
         self._signal = ()
         self.totals.ticks += 1
-        self.totals.waves = self._conductor.waves
+        self.totals.waves = self._control.waves
         if self._stopping or tick == self._ticks:
             return self._finish()
         if tick % self._keyframe_every == 0:
@@ -367,12 +365,12 @@ class Coordinator:
     def _keyframe(self) -> wire.KeyFrame:
         """Return what somebody else may go on from: nothing older matters then."""
         self._watcher = self._new_watcher()
-        self._conductor.forget()
+        self._control.forget()
         return wire.KeyFrame(
             tick=self._tick,
             snapshot=self._snapshot.to_bytes(),
-            waves=self._conductor.waves,
-            epochs=self._conductor.epochs,
+            waves=self._control.waves,
+            epochs=self._control.epochs,
             known=self._known,
             action=self._next_decision.action,
             why=self._next_decision.why,

@@ -79,7 +79,7 @@ class Worker:
         self._who = f"worker/{worker}"
         self._hosted = hosted
         self._cells = hosted[worker]
-        self._mesh = WorkerEdges(hosted, worker)
+        self._edges = WorkerEdges(hosted, worker)
         self._epoch = 0
         self._wired = True
         # The literals that were on, of the cells whose reading is known.
@@ -90,15 +90,15 @@ class Worker:
         self._held = 0  # pulses that came and wait, in all waves
         self._remembered = 0  # bursts, in all waves
 
-    def receive(self, burst: Iterable[wire.Message]) -> list[wire.Message]:
-        """Take in `burst` and return what the worker sends for it, in order.
+    def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
+        """Take in `batch` and return what the worker sends for it, in order.
 
         All that came of a wave is worked on at once. Its pulses come before its report,
         because others are waiting for them. Cost: proportional to the burst, to the
         cells for each wave in it, and to the out-edges of what fires.
         """
         out: list[wire.Message] = []
-        for message in burst:
+        for message in batch:
             try:
                 self._take(message, out)
             except MessageError as error:
@@ -120,7 +120,7 @@ class Worker:
             case wire.WorkerWiring():
                 # One far ahead would make the true ones all come too late.
                 check_number("loom: epoch", message.epoch, self._epoch)
-                self._mesh.check(message)
+                self._edges.check(message)
                 # What came before it was meant for the wiring before it.
                 self._advance(out)
                 self._rewire(message)
@@ -129,20 +129,20 @@ class Worker:
 
     # Waves -------------------------------------------------------------------------
 
-    def _hold(self, burst: wire.PulseBatch) -> None:
+    def _hold(self, batch: wire.PulseBatch) -> None:
         """Keep what another worker sent, once."""
-        pulses = self._mesh.pulses(burst)
-        check_number("burst: wave", burst.wave, self._announced)
-        if burst.wave < self._settled_below:
+        pulses = self._edges.pulses(batch)
+        check_number("burst: wave", batch.wave, self._announced)
+        if batch.wave < self._settled_below:
             return
         if self._held + len(pulses.hops) > _HELD:
             raise MessageError(f"burst: must leave up to {_HELD} pulses waiting")
         if self._remembered >= _BURSTS:
             rule = f"must be one of {_BURSTS} in flight"
             raise MessageError(f"burst: {rule}, got one more")
-        check_room("burst", burst.wave, self._waves)
-        wave = self._wave(burst.wave)
-        way = (burst.worker, burst.part)
+        check_room("burst", batch.wave, self._waves)
+        wave = self._wave(batch.wave)
+        way = (batch.worker, batch.part)
         if way not in wave.seen:
             wave.seen.add(way)
             wave.waiting.append(pulses)
@@ -220,7 +220,7 @@ class Worker:
 
     def _spread(self, wave: _Wave, reached: Ints, out: list[wire.Message]) -> None:
         """Pass on what waits in a wave, and report."""
-        net = self._mesh.net
+        net = self._edges.net
         _, targets, hops, credit = map(np.concatenate, zip(*wave.waiting, strict=True))
         self._held -= wave.held
         wave.waiting, wave.held = [], 0
@@ -268,17 +268,17 @@ class Worker:
         bits = _unpacked(observation.bits)
         self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
 
-    def _rewire(self, loom: wire.WorkerWiring) -> None:
-        if loom.epoch <= self._epoch:
+    def _rewire(self, wiring: wire.WorkerWiring) -> None:
+        if wiring.epoch <= self._epoch:
             return
-        if loom.after not in (0, self._epoch):
+        if wiring.after not in (0, self._epoch):
             # A change was lost. Taking part with the wrong edges would give a wrong
             # state; staying silent makes the wave's deadline name this worker.
             self._wired = False
-            missed = f"must build on epoch {self._epoch}, got {loom.after}"
+            missed = f"must build on epoch {self._epoch}, got {wiring.after}"
             raise MessageError(f"loom: {missed}")
-        self._mesh.change(loom)
-        self._epoch = loom.epoch
+        self._edges.change(wiring)
+        self._epoch = wiring.epoch
         self._wired = True
 
 

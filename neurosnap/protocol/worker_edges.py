@@ -32,7 +32,7 @@ class WorkerEdges:
         self._edges = np.empty(0, np.int64)  # see `joined`; ascending
         self._net: Net | None = None
 
-    def check(self, loom: wire.WorkerWiring) -> None:
+    def check(self, wiring: wire.WorkerWiring) -> None:
         """Refuse a frame that cannot be right.
 
         Raises:
@@ -40,9 +40,9 @@ class WorkerEdges:
                 twice or out of order, or one that leads from another's cell or to
                 none.
         """
-        if loom.worker != self._worker:
-            raise MessageError(f"loom: must be for this worker, got {loom.worker}")
-        for name, data in (("loom: add", loom.add), ("loom: drop", loom.drop)):
+        if wiring.worker != self._worker:
+            raise MessageError(f"loom: must be for this worker, got {wiring.worker}")
+        for name, data in (("loom: add", wiring.add), ("loom: drop", wiring.drop)):
             edges = pairs(name, data)
             if (np.diff(joined(edges)) <= 0).any():
                 raise MessageError(f"{name} must be ascending, got a step that is not")
@@ -57,38 +57,38 @@ class WorkerEdges:
                         f"{name} must lead {what} {first} to {stop - 1}, got {got}"
                     )
 
-    def change(self, loom: wire.WorkerWiring) -> None:
+    def change(self, wiring: wire.WorkerWiring) -> None:
         """Take in a frame that `check` lets pass. O(e + k log e) time."""
-        edges = self._edges if loom.after else self._edges[:0]
-        drop = joined(pairs("drop", loom.drop))
+        edges = self._edges if wiring.after else self._edges[:0]
+        drop = joined(pairs("drop", wiring.drop))
         places, there = _found(edges, drop)
         edges = np.delete(edges, places[there])
-        add = joined(pairs("add", loom.add))
+        add = joined(pairs("add", wiring.add))
         places, there = _found(edges, add)
         self._edges = np.insert(edges, places[~there], add[~there])
         self._net = None
 
-    def pulses(self, burst: wire.PulseBatch) -> Pulses:
+    def pulses(self, batch: wire.PulseBatch) -> Pulses:
         """Return the pulses in a burst.
 
         Raises:
             MessageError: They cannot be right: they are for another worker or from none
                 of the others, not whole, or of cells that are not theirs.
         """
-        if burst.to != self._worker:
-            raise MessageError(f"burst: must be for this worker, got {burst.to}")
-        if burst.worker == self._worker or burst.worker >= len(self._hosted):
-            raise MessageError(f"burst: must be another worker's, got {burst.worker}")
+        if batch.to != self._worker:
+            raise MessageError(f"burst: must be for this worker, got {batch.to}")
+        if batch.worker == self._worker or batch.worker >= len(self._hosted):
+            raise MessageError(f"burst: must be another worker's, got {batch.worker}")
         pulses = Pulses(
-            ints("burst: sources", burst.sources),
-            ints("burst: targets", burst.targets),
-            ints("burst: hops", burst.hops),
-            ints("burst: credit", burst.credit),
+            ints("burst: sources", batch.sources),
+            ints("burst: targets", batch.targets),
+            ints("burst: hops", batch.hops),
+            ints("burst: credit", batch.credit),
         )
         sizes = {len(field) for field in pulses}
         if len(sizes) > 1 or 0 in sizes:
             raise MessageError(f"burst: must be whole pulses, got {sorted(sizes)}")
-        theirs = self._hosted[burst.worker]
+        theirs = self._hosted[batch.worker]
         for name, field, least, most in (
             ("sources", pulses.sources, 2 * theirs.start, 2 * theirs.stop - 1),
             ("targets", pulses.targets, self._first, self._stop - 1),

@@ -74,22 +74,22 @@ class WorkerWires:
         gained = np.setdiff1d(edges, self._edges, assume_unique=True)
         lost = np.setdiff1d(self._edges, edges, assume_unique=True)
         self._edges = edges.copy()
-        looms: list[wire.Message] = []
+        wirings: list[wire.Message] = []
         for worker, told in enumerate(self._told):
             gains, losses = self._own(worker, gained), self._own(worker, lost)
-            looms += self._looms(worker, gains, losses, told)
+            wirings += self._wirings(worker, gains, losses, told)
             if self._told[worker] != told:
                 self._in_force[worker] = {self._told[worker]}
-        return looms
+        return wirings
 
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of every worker whose cells have or had out-edges."""
-        looms: list[wire.Message] = []
+        wirings: list[wire.Message] = []
         for worker, told in enumerate(self._told):
             if told:
-                looms += self._whole(worker)
+                wirings += self._whole(worker)
                 self._in_force[worker].add(self._told[worker])
-        return looms
+        return wirings
 
     def _rewire_all(self, edges: NDArray[np.int64]) -> list[wire.Message]:
         """Return the whole wiring of every worker, also of those without edges.
@@ -99,15 +99,15 @@ class WorkerWires:
         """
         self.is_forgotten = False
         self._edges = edges.copy()
-        looms: list[wire.Message] = []
+        wirings: list[wire.Message] = []
         for worker in range(len(self._told)):
-            looms += self._whole(worker)
+            wirings += self._whole(worker)
             self._in_force[worker] = {self._told[worker]}
-        return looms
+        return wirings
 
     def _whole(self, worker: int) -> Iterator[wire.Message]:
         edges = self._own(worker, self._edges)
-        return self._looms(worker, edges, edges[:0], 0, least=1)
+        return self._wirings(worker, edges, edges[:0], 0, least=1)
 
     def targets(self, literal: int) -> Sequence[int]:
         """Return the targets of a literal, ascending."""
@@ -149,7 +149,7 @@ class WorkerWires:
         start, stop = np.searchsorted(edges, ends)
         return edges[start:stop]
 
-    def _looms(
+    def _wirings(
         self,
         worker: int,
         gained: NDArray[np.int64],

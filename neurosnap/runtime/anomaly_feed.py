@@ -66,10 +66,10 @@ async def watch(
     """
     seen_one = False
     connections = Connections(network)
-    async with connections.lookout(swarm, stop) as lookout:
+    async with connections.discovery(swarm, stop) as discovery:
         while True:
             try:
-                seen = await lookout.next(stop, patience)
+                seen = await discovery.next(stop, patience)
             except TimeoutError:
                 if seen_one:
                     return

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tools import bench
-from tools.bench_report import Line
+from tools.bench import __main__ as bench
+from tools.bench.report import Line
 from tools.browser import NO_BROWSER, chromium
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow, pytest.mark.zenoh]

@@ -39,7 +39,7 @@ from neurosnap.sources.open import Argument, open_source
 from tests.course import course
 from tests.patience import PATIENCE
 from tests.ports import free_port
-from tools.soak import SERVICES, soak, soak_outside
+from tools.soak.__main__ import SERVICES, soak, soak_outside
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

@@ -20,8 +20,6 @@ from tests.patience import PATIENCE
 LEARNING = ("learning-empirical", "learning-discounted", "learning-compared")
 pytestmark = pytest.mark.slow
 
-_TOOL = Path(__file__).parents[2] / "tools" / "figures.py"
-
 
 def options(out: Path, **changes: Any) -> FigureOptions:
     small = FigureOptions(out=out, only=LEARNING, runs=3, steps=200)
@@ -182,8 +180,15 @@ def test_an_unknown_figure_is_named(tmp_path: Path) -> None:
         run_figures(options(tmp_path, only=("1", "nine")))
 
 
-def test_the_tool_makes_them_too(tmp_path: Path) -> None:
-    command = [sys.executable, str(_TOOL), "--only", "1,learning-compared"]
+def test_the_verb_makes_them_too(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "neurosnap",
+        "figures",
+        "--only",
+        "1,learning-compared",
+    ]
     small = ["--runs", "2", "--steps", "150", "--out", str(tmp_path)]
     done = subprocess.run(
         [*command, *small],
@@ -199,9 +204,9 @@ def test_the_tool_makes_them_too(tmp_path: Path) -> None:
         assert (tmp_path / f"{name}.png").is_file()
 
 
-def test_the_tool_names_what_is_wrong() -> None:
+def test_the_verb_names_what_is_wrong() -> None:
     done = subprocess.run(
-        [sys.executable, str(_TOOL), "--runs", "0"],
+        [sys.executable, "-m", "neurosnap", "figures", "--runs", "0"],
         capture_output=True,
         text=True,
         timeout=PATIENCE,

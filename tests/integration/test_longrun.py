@@ -10,8 +10,8 @@ import pytest
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.sources.open import open_source
-from tools import soak
 from tools.longrun import Gauge, long_run, main, write_readings
+from tools.soak import __main__ as soak
 
 pytestmark = pytest.mark.slow
 

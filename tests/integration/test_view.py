@@ -285,8 +285,8 @@ async def test_a_growing_recording_is_told_as_differences(
     frame, last, shares = None, {}, iter([45, 55, 65, 100])
     loop = asyncio.get_running_loop()
     times = []
-    desk = ViewSession(growing, lambda: True)
-    async with asyncio.timeout(PATIENCE), serving(desk) as address:
+    session = ViewSession(growing, lambda: True)
+    async with asyncio.timeout(PATIENCE), serving(session) as address:
         async for event in events(address):
             times.append(loop.time())
             for change in event.frames:
@@ -295,7 +295,9 @@ async def test_a_growing_recording_is_told_as_differences(
                 last[frame["tick"]] = frame
                 assert frame["state"] == whole.state
                 assert frame["bits"] == whole.bits
-            assert event.live == (event.ticks < TICKS or not desk.film.files.finished)
+            assert event.live == (
+                event.ticks < TICKS or not session.run_view.files.finished
+            )
             share = next(shares, None)
             if share is not None:
                 growing.write_bytes(data[: len(data) * share // 100])
@@ -314,8 +316,8 @@ async def test_a_run_that_begins_its_file_anew_is_begun_anew(
     growing = in_chunks(log, tmp_path / "growing.mcap", 2000)
     os.truncate(growing, growing.stat().st_size // 2)
     other = in_chunks(log, tmp_path / "other.mcap", 2000)
-    desk = ViewSession(growing, lambda: True)
-    async with asyncio.timeout(PATIENCE), serving(desk) as address:
+    session = ViewSession(growing, lambda: True)
+    async with asyncio.timeout(PATIENCE), serving(session) as address:
         seen = []
         async for event in events(address):
             seen.append(event)
@@ -374,9 +376,9 @@ async def test_a_swarm_is_looked_at_while_it_runs(tmp_path: Path, cells: str) ->
         for each in Recording.open(log).messages(("state",))
         if isinstance(each.message, wire.State)
     }
-    film = RunView(log)
-    assert film.last == max(states)
-    for frame_ in film.frames(1, 200):
+    run_view = RunView(log)
+    assert run_view.last == max(states)
+    for frame_ in run_view.frames(1, 200):
         assert frame_.state == derived[frame_.tick].state
         assert all(wave.settled for wave in frame_.waves)
         assert frame_.waves[0].depth == states[frame_.tick].depth

@@ -111,8 +111,8 @@ async def test_a_wave_that_is_not_there_still_has_a_name(planner_log: Path) -> N
 
 
 async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -> None:
-    film = RunView(planner_log)
-    stage = film.scene.stage
+    run_view = RunView(planner_log)
+    stage = run_view.scene.stage
     assert stage is not None
     assert stage.target is not None
     target = f"({', '.join(map(str, stage.coordinates[stage.target]))})"
@@ -121,7 +121,7 @@ async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -
         assert await world.locator("rect").count() == 9
         assert await world.locator("circle.target").count() == 2  # a ring in a ring
         agent = world.locator("circle.agent")
-        for frame in film.frames(1, TICKS):
+        for frame in run_view.frames(1, TICKS):
             await go_to(page, frame.tick)
             assert frame.place is not None
             x, y = stage.coordinates[frame.place]
@@ -216,9 +216,9 @@ async def test_unknown_and_contradicted_are_told_apart_without_colour(
 
 
 async def test_a_plot_says_what_its_columns_are_at_the_tick(planner_log: Path) -> None:
-    film = RunView(planner_log)
-    (frame,) = film.frames(TICKS, TICKS)
-    far = film.scene.distance(frame.place)
+    run_view = RunView(planner_log)
+    (frame,) = run_view.frames(TICKS, TICKS)
+    far = run_view.scene.distance(frame.place)
     async with opened(planner_log, f"#t={TICKS}") as page:
         captions = page.locator("#plots figcaption")
         await expect(captions).to_have_text(

@@ -62,7 +62,7 @@ class Swarm:
         self.end.listen(wire.COORDINATOR_KEYS, self.hear)
         if workers:
             wires = WorkerWires(sensors, workers, frame)
-            self.core._conductor._wires = wires
+            self.core._control._wires = wires
             for number in range(workers):
                 worker = Worker(number, shares(sensors, workers))
                 self.join(f"worker/{number}", worker, wire.worker_keys(number))

@@ -1,7 +1,7 @@
 """Whole swarms in simulation, with everything that can happen to them.
 
-What a schedule is, and what must come of it, is in `tools.simulate_case`; a failure
-names the seed, and ``tools/simulate.py --only SEED`` repeats it.
+What a schedule is, and what must come of it, is in `tools.simulate.case`; a failure
+names the seed, and ``tools/simulate --only SEED`` repeats it.
 """
 
 import asyncio
@@ -22,11 +22,11 @@ from neurosnap.recording.replay.resume import look_back
 from neurosnap.recording.replay.verify import options_of, verify
 from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.run import run
-from tools import simulate
-from tools.simulate_case import live_on, random_options
-from tools.simulate_case import simulate as schedule
-from tools.simulate_check import WrongError, check
-from tools.simulate_weather import Weather, WorkerReport, random_weather
+from tools.simulate import __main__ as simulate
+from tools.simulate.case import live_on, random_options
+from tools.simulate.case import simulate as schedule
+from tools.simulate.check import WrongError, check
+from tools.simulate.weather import Tally, Weather, random_weather
 
 BATCH = 25
 
@@ -42,7 +42,7 @@ def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
 
 def test_a_seed_repeats_its_schedule(tmp_path: Path) -> None:
     said: list[list[tuple[str, int, bytes]]] = []
-    tallies: list[list[WorkerReport]] = []
+    tallies: list[list[Tally]] = []
     for folder in (tmp_path / "first", tmp_path / "again"):
         tallies.append([])
         said.append([])
@@ -67,13 +67,11 @@ def heard(log: Path) -> list[tuple[str, int, bytes]]:
 
 
 def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
-    def third(seed: int, folder: Path) -> WorkerReport:
+    def third(seed: int, folder: Path) -> Tally:
         assert folder.is_dir()
-        return WorkerReport(schedules=1 // (7 - seed))
+        return Tally(schedules=1 // (7 - seed))
 
-    expected = (
-        r"(?s)ZeroDivisionError.*seed 7 fails; again: tools/simulate.py --only 7$"
-    )
+    expected = r"(?s)ZeroDivisionError.*seed 7 fails; again: tools/simulate --only 7$"
     with pytest.raises(SystemExit, match=expected):
         simulate.gathered(simulate.outcomes(5, 5, 1, third))
 
@@ -89,7 +87,7 @@ class _Deleting(RestartFiles):
 def test_a_restart_that_deletes_a_damaged_recording_is_found(
     seed: int, tmp_path: Path
 ) -> None:
-    def living(lives: type[RestartFiles]) -> WorkerReport:
+    def living(lives: type[RestartFiles]) -> Tally:
         folder, chance = tmp_path / lives.__name__, random.Random(seed)
         folder.mkdir()
         options = random_options(chance, folder)

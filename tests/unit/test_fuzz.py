@@ -27,10 +27,11 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.participant import decoded
 from neurosnap.sensorium import pack
 from tests.support.refusals import refusal
-from tools import fuzz, fuzz_bytes
-from tools.fuzz_messages import altered
-from tools.fuzz_run import honest_run
-from tools.fuzz_targets import Count, FuzzError, Twins
+from tools.fuzz import __main__ as fuzz
+from tools.fuzz import altered_bytes
+from tools.fuzz.messages import altered
+from tools.fuzz.run import honest_run
+from tools.fuzz.targets import Count, FuzzError, Twins
 
 LARGEST = 2**31 - 1
 OWN = 2  # of the cell of sensor 1
@@ -55,7 +56,7 @@ def test_a_round_can_be_made_again(tmp_path: Path) -> None:
         folder.mkdir()
         honest, chance = honest_run(folder), random.Random("1/recording/3")
         drawn.append(
-            [fuzz_bytes.damage_recording(honest.recording, chance) for _ in "abc"]
+            [altered_bytes.damage_recording(honest.recording, chance) for _ in "abc"]
         )
     assert drawn[0] == drawn[1]
 
@@ -401,13 +402,13 @@ def test_a_message_nested_too_deep_is_an_error_of_ours(tmp_path: Path) -> None:
 
 def _resealed(whole: bytes) -> bytes:
     """Return a recording of one unpacked chunk with all its checksums right."""
-    records = fuzz_bytes.records(whole[8:-8])
+    records = altered_bytes.records(whole[8:-8])
     for at, (kind, body) in enumerate(records):
         if kind == Opcode.CHUNK:
             (size,) = struct.unpack_from("<Q", body, 16)
             checksum = struct.pack("<I", zlib.crc32(body[-size:]))
             records[at] = kind, body[:24] + checksum + body[28:]
-    return fuzz_bytes.resealed(records)
+    return altered_bytes.resealed(records)
 
 
 @pytest.mark.parametrize("schema", ["9" * 5000, "0", "01", "\u0661", "", "-1"])

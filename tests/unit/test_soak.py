@@ -12,10 +12,9 @@ import msgspec
 import psutil
 import pytest
 
-from tools import soak_killer
-from tools.soak import Soaked
-from tools.soak_killer import Killer, Killing, deck, summary
-from tools.soak_outside import BITS, Fed, Lines, compared
+from tools.soak.__main__ import Soaked
+from tools.soak.killer import Killer, Killing, deck, summary
+from tools.soak.outside import BITS, Fed, Lines, compared
 
 ROLES = ("hub", "recorder", "coordinator", "world", "cell")
 
@@ -51,7 +50,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def parts_of(launcher: psutil.Process) -> Iterator[tuple[str, Target]]:
         yield from ((who, Target(sent, who)) for who in ("hub", "cell/0"))
 
-    monkeypatch.setattr(soak_killer, "parts_of", parts_of)
+    monkeypatch.setattr("tools.soak.killer.parts_of", parts_of)
     return sent
 
 

@@ -63,8 +63,8 @@ async def look(
     from neurosnap.runtime.registry import recorded_in
 
     writes = grows or (lambda: bool(recorded_in(log)))
-    desk = await _begun(lambda: ViewSession(log, writes), writes, stop)
-    async with serving(desk, port) as address:
+    session = await _begun(lambda: ViewSession(log, writes), writes, stop)
+    async with serving(session, port) as address:
         # Not through what folds lines: it is to be copied whole.
         if as_json:
             print_json({"log": str(log), "url": address.url})

@@ -20,7 +20,7 @@ _HEARTBEAT = 15.0
 """Seconds of silence, at most."""
 
 
-async def news(desk: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes]:
+async def news(session: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes]:
     """Yield server-sent events until the recording has its end, or `stop` is set.
 
     A recording that cannot be read any further has its end, too.
@@ -30,8 +30,8 @@ async def news(desk: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes]:
     said = loop.time()
     while not stop.is_set():
         try:
-            await desk.look()
-            event = await desk.ask(listener.event, desk.live)
+            await session.look()
+            event = await session.ask(listener.event, session.live)
         except RecordingError as error:
             # The answer has begun: what is wrong can only be said in it, as its last.
             event = listener.cut(str(error))
@@ -50,43 +50,46 @@ class _Listener:
     """What one who listens was told last."""
 
     def __init__(self) -> None:
-        self._film: RunView | None = None
+        self._run_view: RunView | None = None
         self._frame: api.Frame | None = None
         self._told: tuple[int, int, bool] | None = None
 
-    def event(self, film: RunView, live: bool) -> api.Event | None:
+    def event(self, run_view: RunView, live: bool) -> api.Event | None:
         """Return what is new; None: nothing is."""
-        reset = self._film is not None and film is not self._film
+        reset = self._run_view is not None and run_view is not self._run_view
         if reset:
             self._frame = self._told = None
-        now = (film.grown, film.last, live)
+        now = (run_view.grown, run_view.last, live)
         if now == self._told:
             return None
-        changes = self._changes(film)
+        changes = self._changes(run_view)
         said = None if self._told is None else self._told[1:]
-        self._film, self._told = film, now
+        self._run_view, self._told = run_view, now
         if not changes and now[1:] == said:
             return None
-        cut = None if live and not film.files.troubled else film.cut
+        cut = None if live and not run_view.files.troubled else run_view.cut
         return api.Event(
-            ticks=film.last, live=live, cut=cut, reset=reset, frames=changes
+            ticks=run_view.last, live=live, cut=cut, reset=reset, frames=changes
         )
 
     def cut(self, why: str) -> api.Event:
         """Return that no more can be read."""
-        ticks = 0 if self._film is None else self._film.last
+        ticks = 0 if self._run_view is None else self._run_view.last
         return api.Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
 
-    def _changes(self, film: RunView) -> list[api.Change]:
+    def _changes(self, run_view: RunView) -> list[api.Change]:
         """Return how the newest frames differ from what was told.
 
         The last that was told is looked at again, however far behind it is: its
         decision may have come since.
         """
-        told = film.last if self._frame is None else self._frame.tick
-        newest = max(told + 1, film.last - _NEWEST + 1)
+        told = run_view.last if self._frame is None else self._frame.tick
+        newest = max(told + 1, run_view.last - _NEWEST + 1)
         changes = []
-        for frame in (*film.frames(told, told), *film.frames(newest, film.last)):
+        for frame in (
+            *run_view.frames(told, told),
+            *run_view.frames(newest, run_view.last),
+        ):
             if frame != self._frame:
                 changes.append(api.difference(self._frame, frame))
             self._frame = frame

@@ -16,7 +16,7 @@ _FAR = 100
 """Points of these ticks, and of the key-frames."""
 
 
-def weighed(film: RunView, source: int, target: int, tick: int) -> Edge:
+def weighed(run_view: RunView, source: int, target: int, tick: int) -> Edge:
     """Return what is known of ``source -> target`` at a tick and around it.
 
     Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
@@ -26,9 +26,9 @@ def weighed(film: RunView, source: int, target: int, tick: int) -> Edge:
             sensor.
         RecordingError: An observation or a key-frame that is needed is not there.
     """
-    now = _weigh(tick, film.snapshot(tick), source, target)
-    around = {each.tick: each for each in _far(film, source, target)}
-    around |= {each.tick: each for each in _near(film, source, target, tick)}
+    now = _weigh(tick, run_view.snapshot(tick), source, target)
+    around = {each.tick: each for each in _far(run_view, source, target)}
+    around |= {each.tick: each for each in _near(run_view, source, target, tick)}
     around[tick] = now
     over = [around[each] for each in sorted(around)]
     return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
@@ -46,24 +46,24 @@ def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:
     )
 
 
-def _near(film: RunView, source: int, target: int, tick: int) -> Iterator[Weighed]:
+def _near(run_view: RunView, source: int, target: int, tick: int) -> Iterator[Weighed]:
     """Yield ticks around one, evenly apart, as far as they can be learned."""
-    first = max(film.first, tick - _AROUND)
-    last = min(film.last, tick + _AROUND)
+    first = max(run_view.first, tick - _AROUND)
+    last = min(run_view.last, tick + _AROUND)
     apart = max(1, -(-(last - first + 1) // _NEAR))
     try:
-        for now, snapshot in film.recall.walk(first, last):
+        for now, snapshot in run_view.recall.walk(first, last):
             if (now - tick) % apart == 0:
                 yield _weigh(now, snapshot, source, target)
     except RecordingError:
         return  # what is known by then is shown
 
 
-def _far(film: RunView, source: int, target: int) -> Iterator[Weighed]:
+def _far(run_view: RunView, source: int, target: int) -> Iterator[Weighed]:
     """Yield key-frames, evenly apart."""
-    for frame in film.reel.keyframes(_FAR):
+    for frame in run_view.reel.keyframes(_FAR):
         try:
-            snapshot = film.recall.weigh(frame)
+            snapshot = run_view.recall.weigh(frame)
         except (RecordingError, InvalidValueError):
             continue
         yield _weigh(frame.tick, snapshot, source, target)

@@ -21,17 +21,17 @@ _REPORTING = ("settle", "tally", "observe", "state", "decide", "leave")
 """What each part sends on every tick, or at its end."""
 
 
-def members(film: RunView) -> Cells:
+def members(run_view: RunView) -> Cells:
     """Return the parts of a recorded swarm, or of one that is being recorded.
 
     Raises:
         RecordingError: The recording's totals, or the places it notes, are not what a
             writer writes.
     """
-    hosting = _hosting(film)
-    sent = _sent(film, hosting)
-    there = {part.who: part for part in _running(film.path)}
-    places = film.files.last.places
+    hosting = _hosting(run_view)
+    sent = _sent(run_view, hosting)
+    there = {part.who: part for part in _running(run_view.path)}
+    places = run_view.files.last.places
     services = [who for who in ("coordinator", "world") if who in sent]
     return Cells(
         cells=[
@@ -39,31 +39,31 @@ def members(film: RunView) -> Cells:
                 who=who,
                 sensors=list(hosting.get(who, ())),
                 messages=sent.get(who, 0),
-                restarts=len(film.resumed),
+                restarts=len(run_view.resumed),
                 host=_host(there.get(who), places.get(who)),
             )
             for who in (*services, *hosting)
         ],
-        read_to=film.last,
+        read_to=run_view.last,
     )
 
 
-def _hosting(film: RunView) -> dict[str, range]:
+def _hosting(run_view: RunView) -> dict[str, range]:
     """Return of each worker or cell, in order, which sensors it has."""
-    options = film.options
+    options = run_view.options
     count = len(options.sensors)
     each = shares(count, options.sharing or count) if count else []
     return dict(zip(options.host_names(), each, strict=True))
 
 
-def _sent(film: RunView, hosting: Collection[str]) -> dict[str, int]:
+def _sent(run_view: RunView, hosting: Collection[str]) -> dict[str, int]:
     """Return how many messages each part has sent, as far as those that host go."""
-    noted = film.files.last.noted().expected
+    noted = run_view.files.last.noted().expected
     if noted:
         return noted
     sent: dict[str, int] = {}
     missing = set(hosting)
-    for _, strip in film.reel.readable_back(_LATEST):
+    for _, strip in run_view.reel.readable_back(_LATEST):
         for topic in _REPORTING:
             try:
                 messages = strip.all(topic, wire.TOPICS[topic])

@@ -50,17 +50,17 @@ class Address:
         return f"http://{_LOOPBACK}:{self.port}/?token={self.token}"
 
 
-def application(desk: ViewSession, address: Address, stop: asyncio.Event) -> ASGIApp:
+def application(session: ViewSession, address: Address, stop: asyncio.Event) -> ASGIApp:
     """Return what answers requests.
 
     Args:
-        desk: The recording.
+        session: The recording.
         address: Where it is asked.
         stop: Ends what would go on for ever.
     """
 
     async def run(request: Request) -> Response:
-        return answer(await desk.run())
+        return answer(await session.run())
 
     async def frames(request: Request) -> Response:
         first = max(1, whole(request.query_params, "from"))
@@ -68,32 +68,32 @@ def application(desk: ViewSession, address: Address, stop: asyncio.Event) -> ASG
         if last - first >= api.MOST_FRAMES:
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
-        return answer(api.Frames(await desk.ask(RunView.frames, first, last)))
+        return answer(api.Frames(await session.ask(RunView.frames, first, last)))
 
     async def graph(request: Request) -> Response:
         tick = whole(request.query_params, "tick")
-        return answer(await desk.ask(RunView.graph, tick))
+        return answer(await session.ask(RunView.graph, tick))
 
     async def edge(request: Request) -> Response:
         asked = (whole(request.query_params, n) for n in ("source", "target", "tick"))
-        return answer(await desk.ask(weighed, *asked))
+        return answer(await session.ask(weighed, *asked))
 
     async def series(request: Request) -> Response:
         query = request.query_params
         first = max(1, whole(query, "from", 1))
-        last = whole(query, "to", max(first, desk.film.last))
+        last = whole(query, "to", max(first, session.run_view.last))
         points = whole(query, "points", 600)
         if not 4 <= points <= api.MOST_POINTS:
             rule = f"must be in [4, {api.MOST_POINTS}]"
             raise InvalidValueError("points", rule, points)
         column = query.get("column", "")
-        return answer(desk.ledger.series(column, first, last, points))
+        return answer(session.time_series.series(column, first, last, points))
 
     async def cells(request: Request) -> Response:
-        return answer(await desk.ask(members))
+        return answer(await session.ask(members))
 
     async def events(request: Request) -> Response:
-        return StreamingResponse(news(desk, stop), media_type="text/event-stream")
+        return StreamingResponse(news(session, stop), media_type="text/event-stream")
 
     async def static(request: Request) -> Response:
         return asset(request.path_params["name"]) or await nowhere(request)
@@ -139,11 +139,11 @@ class _Server(uvicorn.Server):
 
 
 @asynccontextmanager
-async def serving(desk: ViewSession, port: int = 0) -> AsyncIterator[Address]:
+async def serving(session: ViewSession, port: int = 0) -> AsyncIterator[Address]:
     """Serve while the context is entered; yields where, once it listens.
 
     Args:
-        desk: The recording.
+        session: The recording.
         port: 0: any that is free.
 
     Raises:
@@ -155,7 +155,7 @@ async def serving(desk: ViewSession, port: int = 0) -> AsyncIterator[Address]:
         address = Address(listener.getsockname()[1], secrets.token_urlsafe(24))
         server = _Server(
             uvicorn.Config(
-                application(desk, address, stop),
+                application(session, address, stop),
                 http=Connection,
                 ws="none",
                 lifespan="off",
@@ -170,7 +170,7 @@ async def serving(desk: ViewSession, port: int = 0) -> AsyncIterator[Address]:
         )
         async with asyncio.TaskGroup() as group:
             group.create_task(server.serve(sockets=[listener]), name="view/server")
-            group.create_task(desk.read_on(stop), name="view/ledger")
+            group.create_task(session.read_on(stop), name="view/series")
             try:
                 yield address
             finally:

@@ -1,7 +1,7 @@
 """One recording opened for viewing, shared by concurrent requests.
 
-A film is used by one thread at a time and may take a while to answer; meanwhile others
-wait, and the event loop does not. A recording that is being written is looked at again
+A view of the run is used by one thread at a time and may take a while to answer:
+others wait meanwhile, and the event loop does not. A recording that is being written is looked at again
 some times a second; where the run went on after a part had died it is another file
 under the same name, and everything begins again.
 """
@@ -21,7 +21,7 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 _IDLE = 0.5
-"""Seconds until a ledger that is up to date looks for more."""
+"""Seconds until a time series that is up to date looks for more."""
 _EVERY = 0.1
 """Seconds between two looks at a recording that grows."""
 
@@ -45,10 +45,10 @@ class ViewSession:
         self._open()
 
     def _open(self) -> None:
-        # Both or none: the ledger has a film of its own, of the same file.
-        film = RunView(self._log)
-        ledger = TimeSeries(RunView(self._log, film.scene))
-        self.film, self.ledger = film, ledger
+        # Both or none: the time series have a view of their own, of the same file.
+        run_view = RunView(self._log)
+        time_series = TimeSeries(RunView(self._log, run_view.scene))
+        self.run_view, self.time_series = run_view, time_series
         self.live = self._is_live(self._grows())
 
     async def ask(
@@ -57,9 +57,9 @@ class ViewSession:
         *arguments: P.args,
         **named: P.kwargs,
     ) -> T:
-        """Return what `question` finds, given the film; one at a time."""
+        """Return what `question` finds, given the view; one at a time."""
         async with self._lock:
-            return await asyncio.to_thread(question, self.film, *arguments, **named)
+            return await asyncio.to_thread(question, self.run_view, *arguments, **named)
 
     async def run(self) -> api.Run:
         """Return what is being looked at, as it is now."""
@@ -83,30 +83,30 @@ class ViewSession:
         # Asked first: what was written before its end is seen after.
         grows = self._grows()
         try:
-            if self.film.files.replaced():
+            if self.run_view.files.replaced():
                 self._open()
                 return
         except RecordingError:
             # Deleted; or the run that goes on has not begun to write.
             self.live = self._is_live(grows)
             return
-        self.film.grow()
+        self.run_view.grow()
         self.live = self._is_live(grows)
 
     def _is_live(self, grows: bool) -> bool:
         """Return whether more may come: another file may where there are several."""
-        files = self.film.files
+        files = self.run_view.files
         return grows and (files.split or not files.finished)
 
     async def read_on(self, stop: asyncio.Event) -> None:
-        """Read the ledger in the background until `stop` is set."""
+        """Read the time series in the background until `stop` is set."""
         while not stop.is_set():
-            ledger, live = self.ledger, self.live
+            time_series, live = self.time_series, self.live
             try:
-                more = await asyncio.to_thread(ledger.read_on)
-                ledger.ended = False
+                more = await asyncio.to_thread(time_series.read_on)
+                time_series.ended = False
             except RecordingError:
-                ledger.ended = True  # what was read until then is there
+                time_series.ended = True  # what was read until then is there
                 more = False
             if more:
                 continue

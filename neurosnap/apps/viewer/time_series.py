@@ -25,13 +25,13 @@ class TimeSeries:
     Reading is for one thread at a time and may go on while others look.
 
     Args:
-        film: A film of its own: it is read from one end to the other.
+        run_view: A view of its own: it is read from one end to the other.
     """
 
-    def __init__(self, film: RunView) -> None:
-        self._film = film
-        self.columns: tuple[Column, ...] = (*COLUMNS, *film.scene.columns)
-        self._first = film.first
+    def __init__(self, run_view: RunView) -> None:
+        self._run_view = run_view
+        self.columns: tuple[Column, ...] = (*COLUMNS, *run_view.scene.columns)
+        self._first = run_view.first
         self._filled = 0
         self.ended = False
         """Nobody reads on: there is no more, or it cannot be read."""
@@ -48,12 +48,12 @@ class TimeSeries:
         Raises:
             RecordingError: The recording cannot be read any more.
         """
-        film = self._film
-        film.grow()
+        run_view = self._run_view
+        run_view.grow()
         if not self._filled:
-            self._first = film.first
+            self._first = run_view.first
         first = self.read_to + 1
-        last = min(film.last, first + _BATCH - 1)
+        last = min(run_view.last, first + _BATCH - 1)
         if first > last:
             return False
         found = np.full((len(self.columns), last - first + 1), np.nan, np.float32)
@@ -87,7 +87,7 @@ class TimeSeries:
             raise InvalidValueError("column", rule, column)
         number = self.columns.index(known)
         first = max(first, self._first)
-        last = min(last, self._film.last)
+        last = min(last, self._run_view.last)
         done = self.ended or last <= self.read_to
         row = self._values[number, : self._filled]
         values = row[first - self._first : max(0, last - self._first + 1)]
@@ -100,9 +100,11 @@ class TimeSeries:
         )
 
     def _read_states(self, first: int, last: int, found: NDArray[np.float32]) -> None:
-        film = self._film
+        run_view = self._run_view
         try:
-            ticks = Ticks(film.reel, film.options, first, last, with_waves=False)
+            ticks = Ticks(
+                run_view.reel, run_view.options, first, last, with_waves=False
+            )
         except RecordingError:
             return  # a message is not what it should be: not known, all of it
         for tick, state in ticks.states.items():
@@ -112,16 +114,16 @@ class TimeSeries:
         if "distance" in self.columns:
             row = self.columns.index("distance")
             for tick in range(first, last + 1):
-                place = film.scene.place(ticks.literals(tick))
-                found[row, tick - first] = film.scene.distance(place)
+                place = run_view.scene.place(ticks.literals(tick))
+                found[row, tick - first] = run_view.scene.distance(place)
 
     def _read_errors(self, first: int, last: int, found: NDArray[np.float32]) -> None:
         row, graph, error = self.columns.index("err"), None, math.nan
         try:
-            for tick, snapshot in self._film.recall.walk(first, last):
+            for tick, snapshot in self._run_view.recall.walk(first, last):
                 if snapshot.poc_graph() is not graph:
                     graph = snapshot.poc_graph()
-                    error = self._film.scene.errors(graph)
+                    error = self._run_view.scene.errors(graph)
                 found[row, tick - first] = error
         except RecordingError:
             return  # an observation is missing: not known from there on

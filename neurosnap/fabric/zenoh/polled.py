@@ -62,9 +62,9 @@ class Poll:
                 break
             samples.append(sample)
         found = map(self._take, samples)
-        burst = [delivery for delivery in found if delivery is not None]
-        if burst:
-            self._handler(burst)
+        batch = [delivery for delivery in found if delivery is not None]
+        if batch:
+            self._handler(batch)
         return len(samples) == _CHUNK
 
     def finish(self) -> None:

@@ -64,7 +64,7 @@ class Connections:
         await asyncio.to_thread(session.close)
         return True
 
-    def lookout(self, swarm: str, stop: asyncio.Event) -> Discovery:
+    def discovery(self, swarm: str, stop: asyncio.Event) -> Discovery:
         """Return a lookout for the swarms of an id, to be entered.
 
         Args:

@@ -84,10 +84,10 @@ async def serve(
     host = _Host(share, connections, stop)
     wait = None if restart == "always" else patience
     trouble = ""
-    async with connections.lookout(swarm, stop) as lookout:
+    async with connections.discovery(swarm, stop) as discovery:
         while True:
             try:
-                seen = await lookout.next(stop, wait)
+                seen = await discovery.next(stop, wait)
             except TimeoutError:
                 raise SwarmError(_nobody(swarm, patience, trouble)) from None
             if seen is None:

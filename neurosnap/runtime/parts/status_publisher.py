@@ -50,8 +50,8 @@ class Listener:
         options: The run's.
     """
 
-    def __init__(self, outlet: "MqttPublisher", options: RunOptions) -> None:
-        self._outlet = outlet
+    def __init__(self, publisher: "MqttPublisher", options: RunOptions) -> None:
+        self._publisher = publisher
         self._options = options
         # Nothing orders what the world says and what the coordinator makes of it.
         self._known: dict[int, NDArray[np.bool_] | None] = {}
@@ -73,20 +73,20 @@ class Listener:
                 self._tell_state()
                 if message.tick > self._wrong and not self._calm:
                     self._calm = True
-                    self._outlet.anomaly(None)
+                    self._publisher.anomaly(None)
             case wire.Anomaly(tick=tick):
                 self._wrong, self._calm = tick, False
                 record = told(message, self._options.sensors)
-                self._outlet.anomaly(msgspec.to_builtins(record))
+                self._publisher.anomaly(msgspec.to_builtins(record))
             case wire.Decision():
-                self._outlet.decision(message)
+                self._publisher.decision(message)
             case _:
                 pass
 
     def _tell_state(self) -> None:
         state = self._state
         if state is not None and state.tick in self._known:
-            self._outlet.state(state, self._known.pop(state.tick))
+            self._publisher.state(state, self._known.pop(state.tick))
             self._state = None
 
 
@@ -119,14 +119,14 @@ async def publish_status(
     if given.publish is None:
         raise InvalidValueError("publish", "must be a table of the source", None)
     body = options.body
-    outlet = MqttPublisher(
+    publisher = MqttPublisher(
         given.broker,
         given.publish,
         body.sensors,
         own=len(body.own),
         actions=body.actions,
     )
-    listener = Listener(outlet, options)
+    listener = Listener(publisher, options)
 
     def handle(deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
@@ -137,7 +137,7 @@ async def publish_status(
     on_ready()
     over = asyncio.Event()
     hearing = asyncio.create_task(fabric.serve(stop), name="outlet/hear")
-    telling = asyncio.create_task(outlet.serve(over), name="outlet/tell")
+    telling = asyncio.create_task(publisher.serve(over), name="outlet/tell")
     try:
         await asyncio.wait((hearing, telling), return_when=asyncio.FIRST_COMPLETED)
         # Also where nothing can be heard any more: the broker is told that it is over.

@@ -29,15 +29,15 @@ def edges(*pairs: tuple[int, int]) -> Edges:
 CHAIN = edges((0, 2), (2, 4), (5, 3), (3, 1))
 
 
-def rewire(conductor: WaveControl, wanted: Edges) -> list[wire.Message]:
-    return conductor.rewire(to_words(wanted))
+def rewire(control: WaveControl, wanted: Edges) -> list[wire.Message]:
+    return control.rewire(to_words(wanted))
 
 
 def begin(
-    conductor: WaveControl, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
+    control: WaveControl, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
 ) -> wire.WaveStart:
     """Start a wave that takes one message."""
-    (start,) = conductor.start(kind, tick, signal)
+    (start,) = control.start(kind, tick, signal)
     assert isinstance(start, wire.WaveStart)
     return start
 
@@ -64,15 +64,15 @@ def told(cells: list[Cell]) -> Edges:
 def test_its_messages_give_the_cells_the_edges(
     plan: list[set[tuple[int, int]] | str],
 ) -> None:
-    conductor = WaveControl(SENSORS)
+    control = WaveControl(SENSORS)
     cells = [Cell(number) for number in range(SENSORS)]
     wanted = edges()
     for step in plan:
         if isinstance(step, str):
-            messages = conductor.rewire_whole()
+            messages = control.rewire_whole()
         else:
             wanted = edges(*step)
-            messages = rewire(conductor, wanted)
+            messages = rewire(control, wanted)
         for message in messages:
             assert isinstance(message, wire.Wiring)
             assert cells[message.cell].receive([message]) == []
@@ -80,40 +80,40 @@ def test_its_messages_give_the_cells_the_edges(
 
 
 def test_only_cells_whose_edges_changed_are_told() -> None:
-    conductor = WaveControl(SENSORS)
-    rewire(conductor, CHAIN)
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
     more = CHAIN | edges((4, 6), (7, 5))
-    assert rewire(conductor, more) == [
+    assert rewire(control, more) == [
         wire.Wiring(2, 2, 1, add=(6,)),
         wire.Wiring(3, 2, 0, add_complement=(5,)),
     ]
-    assert rewire(conductor, CHAIN) == [
+    assert rewire(control, CHAIN) == [
         wire.Wiring(2, 3, 2, drop=(6,)),
         wire.Wiring(3, 3, 2, drop_complement=(5,)),
     ]
 
 
 def test_edges_that_did_not_change_are_no_message() -> None:
-    conductor = WaveControl(SENSORS)
-    assert rewire(conductor, edges()) == []
-    rewire(conductor, CHAIN)
-    assert rewire(conductor, CHAIN.copy()) == []
+    control = WaveControl(SENSORS)
+    assert rewire(control, edges()) == []
+    rewire(control, CHAIN)
+    assert rewire(control, CHAIN.copy()) == []
 
 
 def test_it_keeps_edges_of_its_own() -> None:
-    conductor = WaveControl(SENSORS)
+    control = WaveControl(SENSORS)
     mine = CHAIN.copy()
-    rewire(conductor, mine)
+    rewire(control, mine)
     mine[0, 6] = True
-    assert rewire(conductor, mine) == [wire.Wiring(0, 2, 1, add=(6,))]
+    assert rewire(control, mine) == [wire.Wiring(0, 2, 1, add=(6,))]
 
 
 def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
-    conductor = WaveControl(SENSORS)
-    assert conductor.rewire_whole() == []
-    rewire(conductor, CHAIN)
-    rewire(conductor, edges((0, 2)))
-    assert conductor.rewire_whole() == [
+    control = WaveControl(SENSORS)
+    assert control.rewire_whole() == []
+    rewire(control, CHAIN)
+    rewire(control, edges((0, 2)))
+    assert control.rewire_whole() == [
         wire.Wiring(0, 4, 0, add=(2,)),
         wire.Wiring(1, 4, 0),
         wire.Wiring(2, 4, 0),
@@ -124,68 +124,68 @@ def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
 
 
 def test_waves_are_numbered_from_one() -> None:
-    conductor = WaveControl(SENSORS)
-    starts = [begin(conductor, "signal", 1, (0,)) for _ in range(3)]
+    control = WaveControl(SENSORS)
+    starts = [begin(control, "signal", 1, (0,)) for _ in range(3)]
     assert [start.wave for start in starts] == [1, 2, 3]
-    assert conductor.waves == 3
-    assert conductor.in_flight == (1, 2, 3)
+    assert control.waves == 3
+    assert control.in_flight == (1, 2, 3)
 
 
 def test_a_state_wave_starts_in_every_cell() -> None:
-    conductor = WaveControl(SENSORS)
-    start = begin(conductor, "state", 7)
+    control = WaveControl(SENSORS)
+    start = begin(control, "state", 7)
     assert start == wire.WaveStart(1, 7, "state", 2, 1, fence=1)
-    done = [conductor.report(settled(1, 2 * s, 2)) for s in range(SENSORS)]
+    done = [control.report(settled(1, 2 * s, 2)) for s in range(SENSORS)]
     assert [wave is None for wave in done] == [True, True, True, False]
 
 
 def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
-    conductor = WaveControl(SENSORS)
-    (start,) = conductor.start("state", 7, seeds=2)
+    control = WaveControl(SENSORS)
+    (start,) = control.start("state", 7, seeds=2)
     assert start == wire.WaveStart(1, 7, "state", 1, 1, fence=1)
-    assert conductor.report(settled(1, 0, 1)) is None
-    (start,) = conductor.repeat(1, (0, 5))
+    assert control.report(settled(1, 0, 1)) is None
+    (start,) = control.repeat(1, (0, 5))
     assert start == wire.WaveStart(2, 7, "state", 1, 2, (0, 5), 1, 2)
-    assert conductor.report(settled(2, 0, 1)) is None
-    assert conductor.report(settled(2, 5, 1)) is not None
+    assert control.report(settled(2, 0, 1)) is None
+    assert control.report(settled(2, 5, 1)) is not None
 
 
 def test_a_state_wave_keeps_its_credit_when_it_is_repeated_without_a_signal() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("state", 7, seeds=1)
-    (start,) = conductor.repeat(1, ())
+    control = WaveControl(SENSORS)
+    control.start("state", 7, seeds=1)
+    (start,) = control.repeat(1, ())
     assert start == wire.WaveStart(2, 7, "state", 0, 2, (), 1, 2)
 
 
 def test_a_settled_wave_is_handed_out_and_forgotten() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 0, (0, 2))
-    assert conductor.report(settled(1, 0, 1)) is None
-    wave = conductor.report(settled(1, 2, 1))
+    control = WaveControl(SENSORS)
+    control.start("signal", 0, (0, 2))
+    assert control.report(settled(1, 0, 1)) is None
+    wave = control.report(settled(1, 2, 1))
     assert wave is not None
     assert set(wave.hops) == {0, 2}
-    assert conductor.in_flight == ()
-    assert conductor.report(settled(1, 2, 1)) is None
+    assert control.in_flight == ()
+    assert control.report(settled(1, 2, 1)) is None
 
 
 def test_several_waves_settle_each_for_itself() -> None:
-    conductor = WaveControl(SENSORS)
+    control = WaveControl(SENSORS)
     for _ in range(3):
-        conductor.start("signal", 0, (0, 2))
+        control.start("signal", 0, (0, 2))
     for number in (3, 1, 2):
-        conductor.report(settled(number, 2, 1))
-    done = [conductor.report(settled(number, 0, 1)) for number in (2, 3, 1)]
+        control.report(settled(number, 2, 1))
+    done = [control.report(settled(number, 0, 1)) for number in (2, 3, 1)]
     assert [wave.number for wave in done if wave] == [2, 3, 1]
 
 
 def test_cells_are_told_which_waves_they_can_forget() -> None:
-    conductor = WaveControl(SENSORS)
-    assert begin(conductor, "signal", 0, (0,)).settled_below == 1
-    assert begin(conductor, "signal", 0, (0,)).settled_below == 1
-    conductor.report(settled(2, 0, 0))
-    assert begin(conductor, "signal", 0, (0,)).settled_below == 1
-    conductor.report(settled(1, 0, 0))
-    assert begin(conductor, "signal", 0, (0,)).settled_below == 3
+    control = WaveControl(SENSORS)
+    assert begin(control, "signal", 0, (0,)).settled_below == 1
+    assert begin(control, "signal", 0, (0,)).settled_below == 1
+    control.report(settled(2, 0, 0))
+    assert begin(control, "signal", 0, (0,)).settled_below == 1
+    control.report(settled(1, 0, 0))
+    assert begin(control, "signal", 0, (0,)).settled_below == 3
 
 
 def test_a_report_on_a_wave_that_never_was_is_refused() -> None:
@@ -194,11 +194,11 @@ def test_a_report_on_a_wave_that_never_was_is_refused() -> None:
 
 
 def test_a_report_that_cannot_be_right_is_refused() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 0, (0, 2))
+    control = WaveControl(SENSORS)
+    control.start("signal", 0, (0, 2))
     with pytest.raises(MessageError, match=r"^settle: must give back at most"):
-        conductor.report(settled(1, 0, 0, 0))
-    assert conductor.in_flight == (1,)
+        control.report(settled(1, 0, 0, 0))
+    assert control.in_flight == (1,)
 
 
 # Who is told of a wave ----------------------------------------------------------------
@@ -214,42 +214,42 @@ def test_the_first_wave_is_announced_to_all() -> None:
 
 
 def test_a_wave_of_a_few_goes_to_their_cells_only() -> None:
-    conductor = WaveControl(8)
-    conductor.start("state", 1)
-    starts = conductor.start("signal", 1, (0, 1, 9, 4))
+    control = WaveControl(8)
+    control.start("state", 1)
+    starts = control.start("signal", 1, (0, 1, 9, 4))
     assert told_of(starts) == [(0, 1), (2, 1), (4, 1)]
     assert {m.key for m in starts} == {"wave/0", "wave/2", "wave/4"}
 
 
 def test_a_wave_of_many_is_announced_to_all() -> None:
-    conductor = WaveControl(8)
-    conductor.start("state", 1)
-    assert told_of(conductor.start("signal", 1, (0, 2, 4, 6, 8))) == [(-1, 2)]
-    assert told_of(conductor.start("signal", 1, (0,))) == [(0, 2)]
+    control = WaveControl(8)
+    control.start("state", 1)
+    assert told_of(control.start("signal", 1, (0, 2, 4, 6, 8))) == [(-1, 2)]
+    assert told_of(control.start("signal", 1, (0,))) == [(0, 2)]
 
 
 @pytest.mark.parametrize("whole", [False, True])
 def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
-    conductor = WaveControl(SENSORS)
-    rewire(conductor, CHAIN)
-    conductor.start("state", 1)
-    assert told_of(conductor.start("signal", 1, (0,))) == [(0, 1)]
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("state", 1)
+    assert told_of(control.start("signal", 1, (0,))) == [(0, 1)]
     if whole:
-        conductor.rewire_whole()
+        control.rewire_whole()
     else:
-        rewire(conductor, edges())
-    assert told_of(conductor.start("signal", 1, (0,))) == [(-1, 3)]
-    assert told_of(conductor.start("signal", 1, (0,))) == [(0, 3)]
+        rewire(control, edges())
+    assert told_of(control.start("signal", 1, (0,))) == [(-1, 3)]
+    assert told_of(control.start("signal", 1, (0,))) == [(0, 3)]
 
 
 def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
-    conductor = WaveControl(SENSORS)
+    control = WaveControl(SENSORS)
     announced = []
     for number in range(1, 300):
-        ((cell, _),) = told_of(conductor.start("signal", 0, (0,)))
+        ((cell, _),) = told_of(control.start("signal", 0, (0,)))
         if cell < 0:
             announced.append(number)
-        conductor.report(settled(number, 0, 0))
+        control.report(settled(number, 0, 0))
     assert len(announced) > 3
     assert max(np.diff(announced)) <= 70
 
@@ -257,153 +257,153 @@ def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
 # By which wiring a cell acted ---------------------------------------------------------
 
 
-def allows(conductor: WaveControl, part: int, epoch: int) -> bool:
+def allows(control: WaveControl, part: int, epoch: int) -> bool:
     """Tell whether cell 1 may report on the newest wave by an epoch."""
-    report = wire.CellReport(conductor.waves, 1, part, (), (), (9,), 0, epoch)
+    report = wire.CellReport(control.waves, 1, part, (), (), (9,), 0, epoch)
     try:
-        return conductor.report(report) is None
+        return control.report(report) is None
     except MessageError as error:
         return not str(error).endswith(f"got epoch {epoch} from cell 1")
 
 
-def taken(conductor: WaveControl) -> list[int]:
+def taken(control: WaveControl) -> list[int]:
     """Return the epochs by which cell 1 may report on the newest wave."""
-    return [epoch for epoch in range(9) if allows(conductor, epoch, epoch)]
+    return [epoch for epoch in range(9) if allows(control, epoch, epoch)]
 
 
 def test_a_cell_reports_by_the_edges_in_force_or_is_refused() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("state", 1)
-    assert taken(conductor) == [0]
-    rewire(conductor, CHAIN)
-    conductor.start("state", 2)
-    assert taken(conductor) == [1]
-    rewire(conductor, CHAIN | edges((0, 6)))  # says nothing to cell 1
-    conductor.start("state", 3)
-    assert taken(conductor) == [1]
-    rewire(conductor, edges())
-    conductor.start("state", 4)
-    assert taken(conductor) == [3]
+    control = WaveControl(SENSORS)
+    control.start("state", 1)
+    assert taken(control) == [0]
+    rewire(control, CHAIN)
+    control.start("state", 2)
+    assert taken(control) == [1]
+    rewire(control, CHAIN | edges((0, 6)))  # says nothing to cell 1
+    control.start("state", 3)
+    assert taken(control) == [1]
+    rewire(control, edges())
+    control.start("state", 4)
+    assert taken(control) == [3]
 
 
 def test_a_whole_wiring_changes_the_edges_of_nobody_who_had_them() -> None:
-    conductor = WaveControl(SENSORS)
-    rewire(conductor, CHAIN)
-    conductor.start("signal", 0, (2,))
-    conductor.start("signal", 0, (0,))
-    conductor.repeat(2, ())
-    assert conductor.report(settled(1, 2, 0, epoch=1)) is not None
-    assert taken(conductor) == [1, 2]
-    rewire(conductor, edges((2, 6)))
-    conductor.start("signal", 0, (2,))
-    assert taken(conductor) == [3]
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("signal", 0, (2,))
+    control.start("signal", 0, (0,))
+    control.repeat(2, ())
+    assert control.report(settled(1, 2, 0, epoch=1)) is not None
+    assert taken(control) == [1, 2]
+    rewire(control, edges((2, 6)))
+    control.start("signal", 0, (2,))
+    assert taken(control) == [3]
 
 
 def test_a_report_by_a_lost_wiring_counts_for_nothing_and_a_repeat_mends_it() -> None:
-    conductor = WaveControl(SENSORS)
-    rewire(conductor, CHAIN)
-    conductor.start("signal", 0, (5,))
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("signal", 0, (5,))
     with pytest.raises(MessageError, match=r"of epoch 1, got epoch 0 from cell 2$"):
-        conductor.report(settled(1, 5, 0))
-    assert conductor.in_flight == (1,)
-    conductor.repeat(1, ())
-    wave = conductor.report(settled(2, 5, 0, epoch=2))
+        control.report(settled(1, 5, 0))
+    assert control.in_flight == (1,)
+    control.repeat(1, ())
+    wave = control.report(settled(2, 5, 0, epoch=2))
     assert wave is not None
     assert wave.hops == {5: 0}
 
 
 def test_what_is_said_by_old_edges_of_a_wave_given_up_is_dropped() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 0, (5,))
-    conductor.repeat(1, ())
-    rewire(conductor, CHAIN)
-    assert conductor.report(settled(1, 5, 0)) is None
+    control = WaveControl(SENSORS)
+    control.start("signal", 0, (5,))
+    control.repeat(1, ())
+    rewire(control, CHAIN)
+    assert control.report(settled(1, 5, 0)) is None
 
 
 # Repeats ------------------------------------------------------------------------------
 
 
 def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
-    conductor = WaveControl(SENSORS)
-    rewire(conductor, CHAIN)
-    conductor.start("signal", 4, (0, 5))
-    assert conductor.repeat(1, ()) == [
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("signal", 4, (0, 5))
+    assert control.repeat(1, ()) == [
         wire.Wiring(0, 2, 0, add=(2,)),
         wire.Wiring(1, 2, 0, add=(4,), add_complement=(1,)),
         wire.Wiring(2, 2, 0, add_complement=(3,)),
         wire.WaveStart(2, 4, "signal", 1, 2, (0, 5), 1, 2),
     ]
-    assert conductor.in_flight == (2,)
+    assert control.in_flight == (2,)
 
 
 def test_a_repeated_state_wave_carries_what_was_observed() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("state", 4)
+    control = WaveControl(SENSORS)
+    control.start("state", 4)
     observed = (0, 3, 4, 7)
-    (start,) = conductor.repeat(1, observed)
+    (start,) = control.repeat(1, observed)
     assert start == wire.WaveStart(2, 4, "state", 2, 2, observed, 1, 2)
 
 
 def test_a_repeated_signal_wave_keeps_its_signal() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 4, (6,))
-    (start,) = conductor.repeat(1, (0, 3, 4, 7))
+    control = WaveControl(SENSORS)
+    control.start("signal", 4, (6,))
+    (start,) = control.repeat(1, (0, 3, 4, 7))
     assert start == wire.WaveStart(2, 4, "signal", 0, 2, (6,), 1, 2)
 
 
 def test_reports_on_a_wave_given_up_are_dropped() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 0, (0,))
-    conductor.repeat(1, ())
-    assert conductor.report(settled(1, 0, 0)) is None
-    assert conductor.report(settled(2, 0, 0)) is not None
+    control = WaveControl(SENSORS)
+    control.start("signal", 0, (0,))
+    control.repeat(1, ())
+    assert control.report(settled(1, 0, 0)) is None
+    assert control.report(settled(2, 0, 0)) is not None
 
 
 def test_what_is_given_up_is_settled_only_once_older_waves_are() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 0, (0,))
-    conductor.start("signal", 0, (2,))
-    again = conductor.repeat(2, ())[-1]
+    control = WaveControl(SENSORS)
+    control.start("signal", 0, (0,))
+    control.start("signal", 0, (2,))
+    again = control.repeat(2, ())[-1]
     assert again == wire.WaveStart(3, 0, "signal", 0, 1, (2,), 2, 3)
 
 
 def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
-    conductor = WaveControl(SENSORS, repeats=2)
-    rewire(conductor, CHAIN)
-    conductor.start("state", 9)
+    control = WaveControl(SENSORS, repeats=2)
+    rewire(control, CHAIN)
+    control.start("state", 9)
     observed = (0, 2, 5, 7)
-    conductor.repeat(1, observed)
-    conductor.repeat(2, observed)
-    conductor.report(settled(3, 0, 4, epoch=1))
+    control.repeat(1, observed)
+    control.repeat(2, observed)
+    control.report(settled(3, 0, 4, epoch=1))
     expected = (
         r"^wave 3 \(tick 9\): must settle within its deadline, got 3 tries;"
         r" missing credit 0\.9375, silent cells: cell/1, cell/2, cell/3$"
     )
     with pytest.raises(WaveLostError, match=expected):
-        conductor.repeat(3, observed)
+        control.repeat(3, observed)
 
 
 def test_a_target_that_never_fired_is_named() -> None:
-    conductor = WaveControl(SENSORS, repeats=0)
-    rewire(conductor, CHAIN)
-    conductor.start("signal", 0, (0,))
-    conductor.report(settled(1, 0, 1, epoch=1))
+    control = WaveControl(SENSORS, repeats=0)
+    rewire(control, CHAIN)
+    control.start("signal", 0, (0,))
+    control.report(settled(1, 0, 1, epoch=1))
     expected = r"missing credit 0\.5, silent cells: cell/1$"
     with pytest.raises(WaveLostError, match=expected):
-        conductor.repeat(1, ())
+        control.repeat(1, ())
 
 
 def test_credit_can_be_missing_while_nobody_is_silent() -> None:
-    conductor = WaveControl(SENSORS, repeats=0)
-    conductor.start("signal", 0, (0,))
-    conductor.report(settled(1, 0, 1))
+    control = WaveControl(SENSORS, repeats=0)
+    control.start("signal", 0, (0,))
+    control.report(settled(1, 0, 1))
     with pytest.raises(WaveLostError, match=r"0\.5, silent cells: none$"):
-        conductor.repeat(1, ())
+        control.repeat(1, ())
 
 
 def test_many_silent_cells_are_named_in_part() -> None:
-    conductor = WaveControl(15, repeats=0)
-    conductor.start("state", 1)
+    control = WaveControl(15, repeats=0)
+    control.start("state", 1)
     named = ", ".join(f"cell/{cell}" for cell in range(10))
     with pytest.raises(WaveLostError, match=rf"cells: {named} and 5 more$"):
-        conductor.repeat(1, tuple(range(0, 30, 2)))
+        control.repeat(1, tuple(range(0, 30, 2)))

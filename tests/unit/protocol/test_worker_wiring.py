@@ -53,7 +53,7 @@ def known(workers: list[Worker]) -> set[tuple[int, int]]:
     """Return the edges the workers have: each literal fires alone, and who follows."""
     found = set()
     for worker in workers:
-        net = worker._mesh.net
+        net = worker._edges.net
         for place, start in enumerate(net.starts[:-1]):
             targets = net.targets[start : net.starts[place + 1]].tolist()
             found |= {(net.first + place, target) for target in targets}
@@ -109,20 +109,20 @@ def test_cells_are_told_the_same_by_a_list_of_edges(
 
 
 def test_only_workers_whose_edges_changed_are_told() -> None:
-    conductor = WaveControl(SENSORS, workers=WORKERS)
-    conductor.rewire(edges([(0, 2), (6, 8)]))
-    assert conductor.rewire(edges([(0, 2), (6, 4), (7, 1)])) == [
+    control = WaveControl(SENSORS, workers=WORKERS)
+    control.rewire(edges([(0, 2), (6, 8)]))
+    assert control.rewire(edges([(0, 2), (6, 4), (7, 1)])) == [
         wire.WorkerWiring(1, 2, 1, packed(6, 4, 7, 1), packed(6, 8))
     ]
-    assert conductor.rewire(edges([(0, 2), (6, 4), (7, 1)])) == []
+    assert control.rewire(edges([(0, 2), (6, 4), (7, 1)])) == []
 
 
 def test_a_whole_wiring_goes_to_every_worker_that_has_or_had_edges() -> None:
-    conductor = WaveControl(SENSORS, workers=WORKERS)
-    assert conductor.rewire_whole() == []
-    conductor.rewire(edges([(0, 2), (6, 8)]))
-    conductor.rewire(edges([(0, 2)]))
-    assert conductor.rewire_whole() == [
+    control = WaveControl(SENSORS, workers=WORKERS)
+    assert control.rewire_whole() == []
+    control.rewire(edges([(0, 2), (6, 8)]))
+    control.rewire(edges([(0, 2)]))
+    assert control.rewire_whole() == [
         wire.WorkerWiring(0, 2, 0, packed(0, 2)),
         wire.WorkerWiring(1, 3, 0),
     ]
@@ -148,24 +148,24 @@ def test_what_is_too_much_for_a_frame_goes_on_in_the_next() -> None:
 
 
 def test_every_wave_is_announced_to_all() -> None:
-    conductor = WaveControl(SENSORS, workers=WORKERS)
-    conductor.rewire(edges(CHAIN))
+    control = WaveControl(SENSORS, workers=WORKERS)
+    control.rewire(edges(CHAIN))
     for number in (1, 2, 3):
-        (start,) = conductor.start("signal", 0, (4,))
+        (start,) = control.start("signal", 0, (4,))
         assert isinstance(start, wire.WaveStart)
         assert (start.key, start.wave, start.fence) == ("wave", number, number)
 
 
 def test_a_wave_settles_by_the_reports_of_workers() -> None:
-    conductor = WaveControl(SENSORS, workers=WORKERS)
-    conductor.start("signal", 0, (0, 6))
-    assert conductor.report(tally(1, 0, {0: 0, 3: 5}, 2)) is None
-    assert conductor.report(tally(1, 0, {0: 0, 3: 5}, 2)) is None  # once more
-    assert conductor.report(tally(1, 1, {6: 0}, 1)) is None
-    wave = conductor.report(tally(1, 0, {}, 2, part=1))
+    control = WaveControl(SENSORS, workers=WORKERS)
+    control.start("signal", 0, (0, 6))
+    assert control.report(tally(1, 0, {0: 0, 3: 5}, 2)) is None
+    assert control.report(tally(1, 0, {0: 0, 3: 5}, 2)) is None  # once more
+    assert control.report(tally(1, 1, {6: 0}, 1)) is None
+    wave = control.report(tally(1, 0, {}, 2, part=1))
     assert wave is not None
     assert wave.hops == {0: 0, 3: 5, 6: 0}
-    assert conductor.in_flight == ()
+    assert control.in_flight == ()
 
 
 @pytest.mark.parametrize(
@@ -205,41 +205,41 @@ def test_a_wave_settles_by_the_reports_of_workers() -> None:
 def test_a_report_that_cannot_be_right_is_refused(
     wrong: wire.CellReport | wire.WorkerReport, what: str
 ) -> None:
-    conductor = WaveControl(SENSORS, workers=WORKERS)
-    conductor.start("signal", 0, (0, 6))
+    control = WaveControl(SENSORS, workers=WORKERS)
+    control.start("signal", 0, (0, 6))
     with pytest.raises(MessageError) as caught:
-        conductor.report(wrong)
+        control.report(wrong)
     assert str(caught.value).startswith(what)
-    assert conductor.report(tally(1, 0, {0: 0}, 1)) is None
-    assert conductor.report(tally(1, 1, {6: 0}, 1)) is not None
+    assert control.report(tally(1, 0, {0: 0}, 1)) is None
+    assert control.report(tally(1, 1, {6: 0}, 1)) is not None
 
 
 def test_cells_take_no_report_of_a_worker() -> None:
-    conductor = WaveControl(SENSORS)
-    conductor.start("signal", 0, (0,))
+    control = WaveControl(SENSORS)
+    control.start("signal", 0, (0,))
     expected = "^tally: must be a cell's, got worker 0$"
     with pytest.raises(MessageError, match=expected):
-        conductor.report(tally(1, 0, {0: 0}, 0))
+        control.report(tally(1, 0, {0: 0}, 0))
 
 
 def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
-    conductor = WaveControl(SENSORS, repeats=0, workers=WORKERS)
-    conductor.rewire(edges([*CHAIN, (0, 8), (0, 13)]))
-    conductor.start("signal", 0, (0,))
-    conductor.report(tally(1, 0, {0: 0, 2: 1}, 1, epoch=1))
+    control = WaveControl(SENSORS, repeats=0, workers=WORKERS)
+    control.rewire(edges([*CHAIN, (0, 8), (0, 13)]))
+    control.start("signal", 0, (0,))
+    control.report(tally(1, 0, {0: 0, 2: 1}, 1, epoch=1))
     expected = (
         r"^wave 1 \(tick 0\): must settle within its deadline, got 1 tries; missing"
         r" credit 0\.5, silent cells: 1 of worker/0, 1 of worker/1, 1 of worker/2$"
     )
     with pytest.raises(WaveLostError, match=expected):
-        conductor.repeat(1, ())
+        control.repeat(1, ())
 
 
 def test_a_repeat_wires_every_worker_anew_first() -> None:
-    conductor = WaveControl(SENSORS, workers=WORKERS)
-    conductor.rewire(edges(CHAIN))
-    conductor.start("signal", 0, (0,))
-    *wirings_, start = conductor.repeat(1, ())
+    control = WaveControl(SENSORS, workers=WORKERS)
+    control.rewire(edges(CHAIN))
+    control.start("signal", 0, (0,))
+    *wirings_, start = control.repeat(1, ())
     assert all(isinstance(m, wire.WorkerWiring) and m.after == 0 for m in wirings_)
     assert len(wirings_) == 2
     assert isinstance(start, wire.WaveStart)

@@ -209,9 +209,9 @@ def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
 
 
 def test_waves_go_on_being_numbered() -> None:
-    conductor = WaveControl(3)
-    conductor.start_at(41, (7,))
-    assert (conductor.waves, conductor.epochs) == (41, (7,))
-    (start,) = conductor.start("state", 5)
+    control = WaveControl(3)
+    control.start_at(41, (7,))
+    assert (control.waves, control.epochs) == (41, (7,))
+    (start,) = control.start("state", 5)
     assert isinstance(start, wire.WaveStart)
     assert (start.wave, start.fence, start.settled_below) == (42, 42, 42)

@@ -47,14 +47,14 @@ def test_the_last_frame_that_was_told_is_told_again_once_it_is_whole(
             if isinstance(each.message, wire.State) and each.message.tick == TOLD:
                 break
         writer.flush()
-        film, listener = RunView(log), _Listener()
-        taken(frames, listener.event(film, live=True))
+        run_view, listener = RunView(log), _Listener()
+        taken(frames, listener.event(run_view, live=True))
         assert [frame.action for frame in frames.values()] == [None]
         for each in messages:
             writer.add(each.delivery, each.log_time)
         writer.finish({}, recording.noted().expected)
-    assert film.grow()
-    taken(frames, listener.event(film, live=True))
+    assert run_view.grow()
+    taken(frames, listener.event(run_view, live=True))
     whole = RunView(recording.path)
     newest = whole.frames(TICKS - MOST + 1, TICKS)
     assert list(frames.values()) == [*whole.frames(TOLD, TOLD), *newest]

@@ -77,30 +77,32 @@ def test_every_tick_is_what_a_replay_derives(
 ) -> None:
     again = in_chunks(log, tmp_path / "again.mcap", chunk, seed=chunk)
     derived = told(log)
-    film = RunView(again)
-    assert (film.first, film.last) == (1, TICKS) == (1, len(derived))
+    run_view = RunView(again)
+    assert (run_view.first, run_view.last) == (1, TICKS) == (1, len(derived))
     order = random.Random(2).sample(sorted(derived), len(derived))
     for tick in order:
-        (frame,) = film.frames(tick, tick)
-        graph = film.graph(tick)
+        (frame,) = run_view.frames(tick, tick)
+        graph = run_view.graph(tick)
         assert (frame.tick, graph.tick) == (tick, tick)
         assert frame.state == derived[tick].state
         assert frame.graph == graph.id
         assert edges_of(graph) == derived[tick].hasse
         assert graph.height == frame.height == derived[tick].height
-    assert film.frames(1, TICKS) == [film.frames(t, t)[0] for t in sorted(derived)]
+    assert run_view.frames(1, TICKS) == [
+        run_view.frames(t, t)[0] for t in sorted(derived)
+    ]
 
 
 def test_an_order_keeps_its_id_as_long_as_it_is_the_same(log: Path) -> None:
-    derived, film = told(log), RunView(log)
+    derived, run_view = told(log), RunView(log)
     for before, after in zip(range(1, TICKS), range(2, TICKS + 1), strict=True):
         same = derived[before].hasse == derived[after].hasse
-        assert (film.graph(before).id == film.graph(after).id) == same
+        assert (run_view.graph(before).id == run_view.graph(after).id) == same
 
 
 def test_a_frame_says_what_was_recorded_of_its_tick(log: Path) -> None:
-    film = RunView(log)
-    frames = {frame.tick: frame for frame in film.frames(1, TICKS)}
+    run_view = RunView(log)
+    frames = {frame.tick: frame for frame in run_view.frames(1, TICKS)}
     for state in of_type(log, wire.State):
         assert isinstance(state, wire.State)
         frame = frames[state.tick]
@@ -109,9 +111,9 @@ def test_a_frame_says_what_was_recorded_of_its_tick(log: Path) -> None:
         assert bool(frame.contradicted) == state.incoherent
     for observation in of_type(log, wire.Observation):
         assert isinstance(observation, wire.Observation)
-        bits = unpack(observation.bits, len(film.options.sensors))
+        bits = unpack(observation.bits, len(run_view.options.sensors))
         assert frames[observation.tick].bits == bits.tolist()
-    actions = (*film.options.body.actions, None)
+    actions = (*run_view.options.body.actions, None)
     for decision in of_type(log, wire.Decision):
         assert isinstance(decision, wire.Decision)
         if decision.tick:
@@ -121,14 +123,14 @@ def test_a_frame_says_what_was_recorded_of_its_tick(log: Path) -> None:
 
 
 def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> None:
-    film = RunView(in_chunks(log, tmp_path / "again.mcap", 3000, seed=8))
+    run_view = RunView(in_chunks(log, tmp_path / "again.mcap", 3000, seed=8))
     answers = {
-        message.wave: unpack(message.literals, 2 * len(film.options.sensors))
+        message.wave: unpack(message.literals, 2 * len(run_view.options.sensors))
         for message in of_type(log, wire.Reached)
         if isinstance(message, wire.Reached)
     }
-    for frame in film.frames(1, TICKS):
-        graph = film.snapshot(frame.tick).poc_graph()
+    for frame in run_view.frames(1, TICKS):
+        graph = run_view.snapshot(frame.tick).poc_graph()
         kinds = [wave.kind for wave in frame.waves]
         assert kinds == ["state"] + ["signal"] * (len(kinds) - 1)
         for wave in frame.waves:
@@ -164,8 +166,8 @@ def test_a_contradiction_names_the_sensors_without_a_state(tmp_path: Path) -> No
 
 
 def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
-    film = RunView(path_log)
-    found = weighed(film, 0, 4, 20)
+    run_view = RunView(path_log)
+    found = weighed(run_view, 0, 4, 20)
     shown = {each.tick: each for each in found.over}
     assert (
         sorted(shown) == [each.tick for each in found.over] == list(range(1, TICKS + 1))
@@ -173,13 +175,13 @@ def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
     counts = dict.fromkeys([(1, 1), (1, 0), (0, 1), (0, 0)], 0)
     for observation in of_type(path_log, wire.Observation):
         assert isinstance(observation, wire.Observation)
-        bits = unpack(observation.bits, len(film.options.sensors))
+        bits = unpack(observation.bits, len(run_view.options.sensors))
         counts[int(bits[0]), int(bits[2])] += 1
         each = shown[observation.tick]
         assert each.weights == tuple(counts.values())
         assert each.total == observation.tick
         assert each.threshold == pytest.approx(0.08 * observation.tick)
-        graph = film.snapshot(observation.tick).poc_graph()
+        graph = run_view.snapshot(observation.tick).poc_graph()
         assert each.holds == bool(graph.edges[0, 4])
     assert (found.weights, found.holds) == (shown[20].weights, shown[20].holds)
 
@@ -199,10 +201,10 @@ def test_there_is_no_order_at_no_tick(path_log: Path, tick: int) -> None:
 
 
 def test_frames_beyond_the_ends_are_left_out(path_log: Path) -> None:
-    film = RunView(path_log)
-    assert [f.tick for f in film.frames(0, 2)] == [1, 2]
-    assert [f.tick for f in film.frames(TICKS, TICKS + 9)] == [TICKS]
-    assert film.frames(TICKS + 1, TICKS + 2) == []
+    run_view = RunView(path_log)
+    assert [f.tick for f in run_view.frames(0, 2)] == [1, 2]
+    assert [f.tick for f in run_view.frames(TICKS, TICKS + 9)] == [TICKS]
+    assert run_view.frames(TICKS + 1, TICKS + 2) == []
 
 
 # What is broken -----------------------------------------------------------------------
@@ -216,15 +218,15 @@ def test_a_recording_cut_short_shows_what_is_left(
     small = in_chunks(log, tmp_path / "small.mcap", 2000)
     data = small.read_bytes()
     small.write_bytes(data[: int(share * len(data))])
-    film = RunView(small)
-    assert film.cut is not None
-    assert "cut short after" in film.cut
-    assert film.run(live=False).cut == film.cut
+    run_view = RunView(small)
+    assert run_view.cut is not None
+    assert "cut short after" in run_view.cut
+    assert run_view.run(live=False).cut == run_view.cut
     states = [m.tick for m in of_type(small, wire.State) if isinstance(m, wire.State)]
-    assert film.last == max(states, default=0)
-    for frame in film.frames(1, film.last):
+    assert run_view.last == max(states, default=0)
+    for frame in run_view.frames(1, run_view.last):
         assert frame.state == derived[frame.tick].state
-        assert edges_of(film.graph(frame.tick)) == derived[frame.tick].hasse
+        assert edges_of(run_view.graph(frame.tick)) == derived[frame.tick].hasse
 
 
 def test_behind_a_damaged_chunk_a_key_frame_helps(
@@ -233,19 +235,19 @@ def test_behind_a_damaged_chunk_a_key_frame_helps(
     derived = told(path_log)
     small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
     hurt, lacking = damage(small)
-    film = RunView(small)
-    frames = {frame.tick: frame for frame in film.frames(1, TICKS)}
-    assert film.cut is not None
-    assert f"chunk {hurt}" in film.cut
+    run_view = RunView(small)
+    frames = {frame.tick: frame for frame in run_view.frames(1, TICKS)}
+    assert run_view.cut is not None
+    assert f"chunk {hurt}" in run_view.cut
     assert 0 < len(frames) < TICKS
     assert all(frame.state == derived[tick].state for tick, frame in frames.items())
     for tick in range(1, TICKS + 1):
         since = range(tick - tick % 7 + 1, tick + 1)  # the last key-frame
         if lacking.isdisjoint(since):
-            assert edges_of(film.graph(tick)) == derived[tick].hasse
+            assert edges_of(run_view.graph(tick)) == derived[tick].hasse
         else:
             with pytest.raises(RecordingError, match="must hold the observation of"):
-                film.graph(tick)
+                run_view.graph(tick)
         if tick in frames:
             assert bool(frames[tick].graph) == lacking.isdisjoint(since)
 
@@ -261,14 +263,14 @@ def test_whatever_byte_is_wrong_the_error_is_one_of_ours(
         hurt[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
         small.write_bytes(hurt)
         with suppress(NeurosnapError):
-            film = RunView(small)
-            film.run(live=False)
-            members(film)
-            for frame in film.frames(1, TICKS):
+            run_view = RunView(small)
+            run_view.run(live=False)
+            members(run_view)
+            for frame in run_view.frames(1, TICKS):
                 assert frame.state == whole[frame.tick].state
                 assert frame.bits in (whole[frame.tick].bits, [None] * len(frame.bits))
-            weighed(film, 0, 2, film.last)
-            film.graph(film.last // 2)
+            weighed(run_view, 0, 2, run_view.last)
+            run_view.graph(run_view.last // 2)
 
 
 def damage(log: Path) -> tuple[int, set[int]]:
@@ -297,10 +299,10 @@ def test_a_summary_that_is_wrong_is_said_to_be(path_log: Path, tmp_path: Path) -
     data[-80] ^= 1
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(data)
-    film = RunView(broken)
-    assert film.cut is not None
-    assert "the summary must" in film.cut
-    assert film.frames(1, TICKS) == RunView(path_log).frames(1, TICKS)
+    run_view = RunView(broken)
+    assert run_view.cut is not None
+    assert "the summary must" in run_view.cut
+    assert run_view.frames(1, TICKS) == RunView(path_log).frames(1, TICKS)
 
 
 @pytest.mark.parametrize("content", [b"", b"tick,a\n1,0\n", b"\x89MCAP0\r\n"])
@@ -315,25 +317,25 @@ def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
     small = in_chunks(log, tmp_path / "small.mcap", 2000)
     data, growing = small.read_bytes(), tmp_path / "growing.mcap"
     growing.write_bytes(data[: len(data) // 4])
-    film, seen = RunView(growing), set()
+    run_view, seen = RunView(growing), set()
     for share in range(25, 100, 3):
         with growing.open("r+b") as file:
             file.write(data[: max(len(data) * share // 100, 100)])
-        film.grow()
-        seen.add(film.last)
-        assert film.last == RunView(growing).last
-        if film.last:
-            assert film.frames(film.last, film.last) == RunView(growing).frames(
-                film.last, film.last
-            )
+        run_view.grow()
+        seen.add(run_view.last)
+        assert run_view.last == RunView(growing).last
+        if run_view.last:
+            assert run_view.frames(run_view.last, run_view.last) == RunView(
+                growing
+            ).frames(run_view.last, run_view.last)
     growing.write_bytes(data)
-    assert film.grow()
-    assert not film.grow()
+    assert run_view.grow()
+    assert not run_view.grow()
     assert len(seen) > 5
-    assert (film.last, film.cut, film.files.finished) == (TICKS, None, True)
-    assert film.frames(1, TICKS) == RunView(small).frames(1, TICKS)
+    assert (run_view.last, run_view.cut, run_view.files.finished) == (TICKS, None, True)
+    assert run_view.frames(1, TICKS) == RunView(small).frames(1, TICKS)
 
 
 def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:
-    film = RunView(recorded(drawn_run(), tmp_path / "run.mcap"))
-    assert film.frames(1, TICKS)[-1].tick == TICKS
+    run_view = RunView(recorded(drawn_run(), tmp_path / "run.mcap"))
+    assert run_view.frames(1, TICKS)[-1].tick == TICKS

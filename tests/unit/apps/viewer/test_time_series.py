@@ -23,14 +23,14 @@ from tests.unit.apps.viewer.films import (
 
 
 def read(log: Path) -> TimeSeries:
-    ledger = TimeSeries(RunView(log))
-    while ledger.read_on():
+    time_series = TimeSeries(RunView(log))
+    while time_series.read_on():
         pass
-    return ledger
+    return time_series
 
 
-def column(ledger: TimeSeries, name: str) -> list[float | None]:
-    found = ledger.series(name, 1, TICKS, 1000)
+def column(time_series: TimeSeries, name: str) -> list[float | None]:
+    found = time_series.series(name, 1, TICKS, 1000)
     assert found.ticks == list(range(1, TICKS + 1))
     assert found.done
     return found.values
@@ -38,24 +38,24 @@ def column(ledger: TimeSeries, name: str) -> list[float | None]:
 
 def test_a_column_is_what_was_recorded(tmp_path: Path) -> None:
     log = recorded(path_run(), tmp_path / "run.mcap")
-    ledger = read(log)
+    time_series = read(log)
     states = [each.message for each in Recording.open(log).messages(("state",))]
     for name in ("edges", "depth", "height", "pulses"):
         told = [getattr(state, name) for state in states]
-        assert column(ledger, name) == told
+        assert column(time_series, name) == told
 
 
 def test_err_is_what_a_walk_through_all_pairs_counts(tmp_path: Path) -> None:
     log = recorded(path_run(), tmp_path / "run.mcap")
-    film, found = RunView(log), column(read(log), "err")
-    sensors = len(film.options.sensors)
+    run_view, found = RunView(log), column(read(log), "err")
+    sensors = len(run_view.options.sensors)
     # Sensor k of a path is on below k + 1.
     fields = [
         [place <= sensor for place in range(sensors + 1)] for sensor in range(sensors)
     ]
     true = [row for on in fields for row in (on, [not bit for bit in on])]
     for tick, value in enumerate(found, start=1):
-        edges = film.snapshot(tick).poc_graph().edges
+        edges = run_view.snapshot(tick).poc_graph().edges
         wrong = 0
         for a in range(2 * sensors):
             for b in range(2 * sensors):
@@ -69,11 +69,11 @@ def test_distance_falls_to_zero_at_the_target_only(
     tmp_path: Path, options: object
 ) -> None:
     log = recorded(options, tmp_path / "run.mcap")  # type: ignore[arg-type]
-    film = RunView(log)
-    frames, found = film.frames(1, TICKS), column(read(log), "distance")
-    stage = film.scene.stage
+    run_view = RunView(log)
+    frames, found = run_view.frames(1, TICKS), column(read(log), "distance")
+    stage = run_view.scene.stage
     assert stage is not None
-    assert film.run(live=False).columns[-2:] == ("err", "distance")
+    assert run_view.run(live=False).columns[-2:] == ("err", "distance")
     for frame, value in zip(frames, found, strict=True):
         assert frame.place is not None
         assert (value == 0) == (frame.place == stage.target)
@@ -81,26 +81,26 @@ def test_distance_falls_to_zero_at_the_target_only(
         assert before is not None
         assert after is not None
         assert abs(after - before) <= 1
-    moved = [f for f in frames if "better" in film.options.sensors and f.bits[-2]]
+    moved = [f for f in frames if "better" in run_view.options.sensors and f.bits[-2]]
     assert all(found[f.tick - 1] < found[f.tick - 2] for f in moved)  # type: ignore[operator]
 
 
 def test_where_the_truth_is_not_known_there_is_no_column_of_it(tmp_path: Path) -> None:
     log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
-    ledger = read(log)
-    assert ledger.columns == ("edges", "depth", "height", "pulses")
+    time_series = read(log)
+    assert time_series.columns == ("edges", "depth", "height", "pulses")
     with pytest.raises(InvalidValueError, match=r"^column: must be one of edges, "):
-        ledger.series("err", 1, TICKS, 100)
+        time_series.series("err", 1, TICKS, 100)
 
 
 def test_what_is_not_read_yet_is_said_to_be_so(tmp_path: Path) -> None:
-    ledger = TimeSeries(RunView(recorded(path_run(), tmp_path / "run.mcap")))
-    first = ledger.series("edges", 1, TICKS, 100)
+    time_series = TimeSeries(RunView(recorded(path_run(), tmp_path / "run.mcap")))
+    first = time_series.series("edges", 1, TICKS, 100)
     assert (first.ticks, first.values, first.done) == ([], [], False)
-    assert ledger.read_on()
-    assert ledger.series("edges", 5, 9, 100).ticks == [5, 6, 7, 8, 9]
-    assert ledger.series("edges", 5, 9, 100).done
-    assert not ledger.read_on()
+    assert time_series.read_on()
+    assert time_series.series("edges", 5, 9, 100).ticks == [5, 6, 7, 8, 9]
+    assert time_series.series("edges", 5, 9, 100).done
+    assert not time_series.read_on()
 
 
 @given(

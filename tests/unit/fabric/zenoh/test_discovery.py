@@ -33,34 +33,34 @@ def looking() -> Discovery:
 
 
 async def test_the_last_that_came_is_returned_once() -> None:
-    lookout, stop = looking(), asyncio.Event()
-    lookout._take([("other", True), ("demo", True), ("demo-1", True)])
-    seen = await lookout.next(stop)
+    discovery, stop = looking(), asyncio.Event()
+    discovery._take([("other", True), ("demo", True), ("demo-1", True)])
+    seen = await discovery.next(stop)
     assert seen is not None
     assert (seen.name, seen.gone.is_set()) == ("demo-1", False)
     with pytest.raises(TimeoutError):
-        await lookout.next(stop, 0.01)
-    lookout._take([("demo-1", False)])
+        await discovery.next(stop, 0.01)
+    discovery._take([("demo-1", False)])
     assert seen.gone.is_set()
 
 
 async def test_one_that_has_gone_again_is_not_returned() -> None:
-    lookout = looking()
-    lookout._take([("demo", True), ("demo", False)])
+    discovery = looking()
+    discovery._take([("demo", True), ("demo", False)])
     with pytest.raises(TimeoutError):
-        await lookout.next(asyncio.Event(), 0.01)
+        await discovery.next(asyncio.Event(), 0.01)
 
 
 async def test_one_that_comes_again_is_another() -> None:
-    lookout, stop = looking(), asyncio.Event()
-    lookout._take([("demo", True)])
-    first = await lookout.next(stop)
-    waiting = asyncio.create_task(lookout.next(stop))
+    discovery, stop = looking(), asyncio.Event()
+    discovery._take([("demo", True)])
+    first = await discovery.next(stop)
+    waiting = asyncio.create_task(discovery.next(stop))
     await asyncio.sleep(0)
-    lookout._take([("demo", True)])  # known: a token may be told of twice
+    discovery._take([("demo", True)])  # known: a token may be told of twice
     await asyncio.sleep(0)
     assert not waiting.done()
-    lookout._take([("demo", False), ("demo", True)])
+    discovery._take([("demo", False), ("demo", True)])
     second = await waiting
     assert first is not None
     assert second is not None
@@ -69,8 +69,8 @@ async def test_one_that_comes_again_is_another() -> None:
 
 
 async def test_a_wait_ends_when_asked_to() -> None:
-    lookout, stop = looking(), asyncio.Event()
-    waiting = asyncio.create_task(lookout.next(stop))
+    discovery, stop = looking(), asyncio.Event()
+    waiting = asyncio.create_task(discovery.next(stop))
     await asyncio.sleep(0)
     stop.set()
     assert await waiting is None

@@ -14,7 +14,7 @@ from neurosnap.recording.format.index_scan import glance, go_on
 from neurosnap.recording.format.records import MAGIC, Cut, opened
 from neurosnap.recording.write.writer import Writer
 from tests.unit.recording.samples import traffic
-from tools import fuzz_bytes
+from tools.fuzz import altered_bytes
 
 
 @pytest.fixture
@@ -90,12 +90,12 @@ def test_a_summary_that_points_beyond_the_file_is_not_followed(
 ) -> None:
     scanned = scan(log)
     before = 16 if kind == Opcode.CHUNK_INDEX else 0  # its times
-    records = fuzz_bytes.records(log.read_bytes()[len(MAGIC) : -len(MAGIC)])
+    records = altered_bytes.records(log.read_bytes()[len(MAGIC) : -len(MAGIC)])
     at = [one for one, _ in records].index(kind)
     body = bytearray(records[at][1])
     struct.pack_into("<Q", body, before, place)
     records[at] = kind, bytes(body)
-    log.write_bytes(fuzz_bytes.resealed(records))
+    log.write_bytes(altered_bytes.resealed(records))
     seen = glance(log)
     (damage,) = seen.layout.damage
     assert "the summary must be well-formed" in damage.why

@@ -84,35 +84,35 @@ def test_files_deleted_from_the_beginning_are_not_missed(
     for part in (1, 2):
         content = part_path(split, part).read_bytes()
         part_path(target, part).write_bytes(content)
-    film = RunView(target)
-    assert (film.first, film.last) == (SPLIT[0] + 1, TICKS)
-    assert film.frames(1, TICKS) == RunView(log).frames(film.first, TICKS)
+    view = RunView(target)
+    assert (view.first, view.last) == (SPLIT[0] + 1, TICKS)
+    assert view.frames(1, TICKS) == RunView(log).frames(view.first, TICKS)
 
 
 def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> None:
     target = tmp_path / "run.mcap"
     parts = shares(log)
-    film, writers = None, []
+    view, writers = None, []
     for part, messages in enumerate(parts):
         late = messages[-5:]  # they come once the next file was begun
         writers.append(write(log, part, messages[:-5], target))
-        if film is None:
-            film = RunView(target)
+        if view is None:
+            view = RunView(target)
         else:
-            assert film.grow()
-        assert film.frames(1, TICKS) == RunView(target).frames(1, TICKS)
+            assert view.grow()
+        assert view.frames(1, TICKS) == RunView(target).frames(1, TICKS)
         if part:
             writers[part - 1].finish({}, {})
-            assert film.grow()
+            assert view.grow()
         for each in late:
             writers[part].add(each.delivery, each.log_time)
     writers[-1].finish({}, {})
-    assert film is not None
-    assert film.grow()
-    assert not film.grow()
-    assert film.files.finished
-    assert film.frames(1, TICKS) == RunView(log).frames(1, TICKS)
-    assert film.graph(TICKS) == RunView(log).graph(TICKS)
+    assert view is not None
+    assert view.grow()
+    assert not view.grow()
+    assert view.files.finished
+    assert view.frames(1, TICKS) == RunView(log).frames(1, TICKS)
+    assert view.graph(TICKS) == RunView(log).graph(TICKS)
 
 
 def test_there_has_to_be_a_file(tmp_path: Path) -> None:
@@ -126,16 +126,16 @@ def test_files_deleted_while_they_are_looked_at_are_left_out(
     target = tmp_path / "run.mcap"
     for part in (0, 1, 2):
         part_path(target, part).write_bytes(part_path(split, part).read_bytes())
-    film = RunView(target)
-    assert film.first == 1
+    view = RunView(target)
+    assert view.first == 1
     target.unlink()
-    assert not film.files.replaced()
-    assert film.grow()
-    assert (film.first, film.last) == (SPLIT[0] + 1, TICKS)
-    assert film.frames(1, TICKS) == RunView(log).frames(film.first, TICKS)
-    assert not film.grow()
+    assert not view.files.replaced()
+    assert view.grow()
+    assert (view.first, view.last) == (SPLIT[0] + 1, TICKS)
+    assert view.frames(1, TICKS) == RunView(log).frames(view.first, TICKS)
+    assert not view.grow()
     target.write_bytes(split.read_bytes())  # the run was taken up again from the start
-    assert film.files.replaced()
+    assert view.files.replaced()
 
 
 def test_a_file_in_which_nothing_is_written_yet_is_waited_for(
@@ -143,10 +143,10 @@ def test_a_file_in_which_nothing_is_written_yet_is_waited_for(
 ) -> None:
     target = tmp_path / "run.mcap"
     target.write_bytes(split.read_bytes())
-    film = RunView(target)
+    view = RunView(target)
     next_ = part_path(target, 1)
     next_.touch()
-    assert not film.grow()
+    assert not view.grow()
     next_.write_bytes(part_path(split, 1).read_bytes())
-    assert film.grow()
-    assert film.last == SPLIT[1]
+    assert view.grow()
+    assert view.last == SPLIT[1]

@@ -17,7 +17,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe as facts_of
 from tests.unit.recording.samples import EACH, NOW, delivered, record, traffic
-from tools import fuzz_bytes
+from tools.fuzz import altered_bytes
 
 SECOND = 10**9
 
@@ -201,12 +201,12 @@ def test_an_index_of_a_channel_that_is_not_there_is_damage(
     path: Path, channel: int
 ) -> None:
     record(path, traffic(50))
-    records = fuzz_bytes.records(path.read_bytes()[len(MAGIC) : -len(MAGIC)])
+    records = altered_bytes.records(path.read_bytes()[len(MAGIC) : -len(MAGIC)])
     at = [kind for kind, _ in records].index(Opcode.CHUNK_INDEX)
     index, before = records[at][1], 36  # where the channels of a chunk start
     forged = index[:before] + channel.to_bytes(2, "little") + index[before + 2 :]
     records[at] = Opcode.CHUNK_INDEX, forged
-    path.write_bytes(fuzz_bytes.resealed(records))
+    path.write_bytes(altered_bytes.resealed(records))
     recording = Recording.open(path)
     assert recording.layout.sealed
     rule = rf"chunk 1: an index must be of a topic, got channel {channel}$"

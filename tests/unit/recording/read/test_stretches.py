@@ -175,12 +175,12 @@ def test_an_export_has_the_ticks_there_are(whole: Path, log: Path) -> None:
 def test_a_view_shows_the_ticks_there_are(whole: Path, log: Path) -> None:
     spoil(log, 17)
     true = {frame.tick: frame for frame in RunView(whole).frames(1, TICKS)}
-    film = RunView(log)
-    found = {frame.tick: frame for frame in film.frames(1, TICKS)}
+    view = RunView(log)
+    found = {frame.tick: frame for frame in view.frames(1, TICKS)}
     assert {1, TICKS} < found.keys() < true.keys()
     assert found[30] == true[30]
-    assert film.cut is not None
-    assert "chunk" in film.cut
+    assert view.cut is not None
+    assert "chunk" in view.cut
 
 
 def test_a_view_without_its_summary_goes_on_behind_a_damaged_head(
@@ -190,8 +190,8 @@ def test_a_view_without_its_summary_goes_on_behind_a_damaged_head(
     data = bytearray(log.read_bytes())
     data[chunk.start_offset] ^= 8  # what kind of record it is
     log.write_bytes(data)
-    film = RunView(log)
-    found = {frame.tick: frame for frame in film.frames(1, TICKS)}
+    view = RunView(log)
+    found = {frame.tick: frame for frame in view.frames(1, TICKS)}
     true = {frame.tick: frame for frame in RunView(whole).frames(1, TICKS)}
     assert found[30] == true[30]
     assert {1, TICKS} < found.keys() < true.keys()

@@ -17,7 +17,7 @@ from neurosnap.apps.figures.experiments.learning_error import (
 from neurosnap.apps.figures.experiments.walks import SETTINGS, Walk, walks
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
-from tools.bench_learn import pace
+from tools.bench.learn import pace
 
 CELL = LearningEntry(
     setting="path",

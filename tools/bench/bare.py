@@ -48,7 +48,7 @@ def main() -> None:
     given = parser.parse_args()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
-    _context.set_forkserver_preload(["tools.bench_bare"])
+    _context.set_forkserver_preload(["tools.bench.bare"])
     if given.what == "spawn":
         measured = measure_spawn(given.count, memory=given.memory)
     else:

@@ -15,12 +15,12 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-# Run as a file, the folder of this file is on the path and the project's is not.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+# Run as a folder, that is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rich.console import Console
 
-from tools.bench_report import (
+from tools.bench.report import (
     QUICK,
     Line,
     Sizes,

@@ -11,8 +11,8 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Compression, Writer
-from tools.simulate_disk import Disk
-from tools.simulate_weather import Weather
+from tools.simulate.disk import Disk
+from tools.simulate.weather import Weather
 
 
 class _Writer(Writer):

@@ -25,11 +25,11 @@ from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.participant import decoded
 from neurosnap.sources.protocol import Source
-from tools.simulate_check import WrongError
-from tools.simulate_disk import Disk
-from tools.simulate_recorder import Recorder
-from tools.simulate_source import source_of
-from tools.simulate_weather import Weather, WorkerReport
+from tools.simulate.check import WrongError
+from tools.simulate.disk import Disk
+from tools.simulate.recorder import Recorder
+from tools.simulate.source import source_of
+from tools.simulate.weather import Tally, Weather
 
 Transition = Callable[[wire.Message], list[wire.Message]]
 
@@ -60,7 +60,7 @@ class Life:
         split: Split | None,
         weather: Weather,
         chance: random.Random,
-        tally: WorkerReport,
+        tally: Tally,
         disk: Disk,
     ) -> None:
         self._options = options

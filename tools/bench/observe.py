@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import complete
-from tools.bench_report import Line, Sizes
+from tools.bench.report import Line, Sizes
 
 _PLACES = 64  # observations there are; each stays above every threshold
 _FEW = 3

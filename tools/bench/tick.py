@@ -21,7 +21,7 @@ from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import pack
-from tools.bench_report import Line, Sizes
+from tools.bench.report import Line, Sizes
 
 _STEP = 0.05  # of the side of the square that is walked over
 _BEFORE = 3000  # observations after which an order still changes, but little
@@ -90,14 +90,14 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
     """
     walk = _walk(sensors)
     snapshot = EmpiricalSnapshot(sensors)
-    conductor, plain = WaveControl(sensors), Plain(sensors)
+    control, plain = WaveControl(sensors), Plain(sensors)
     cells = [Cell(number) for number in range(sensors)]
     for _ in range(before):
         snapshot.learn(next(walk))
     if before:
         graph = snapshot.poc_graph()
         plain.rewire(to_words(graph.edges))
-        _deliver(conductor.rewire(graph.wires()), cells)
+        _deliver(control.rewire(graph.wires()), cells)
     spent = _Seconds(ticks)
     for number in range(1, ticks + 1):
         bits = next(walk)
@@ -107,7 +107,7 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
         messages: list[wire.Message] = []
         graph = snapshot.poc_graph()
         if changed:
-            messages = conductor.rewire(graph.wires())
+            messages = control.rewire(graph.wires())
         graph.height()
         graph.wire_count()
         done = time.perf_counter()
@@ -122,16 +122,16 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
             if messages != expected:
                 raise RuntimeError("rewire: must send what the plain way sends")
         _deliver([*messages, wire.Observation(number, pack(bits))], cells)
-        _wave(number, conductor, cells, spent)
+        _wave(number, control, cells, spent)
     return spent
 
 
 def _wave(
-    number: int, conductor: WaveControl, cells: list[Cell], spent: _Seconds
+    number: int, control: WaveControl, cells: list[Cell], spent: _Seconds
 ) -> None:
     """Let a state wave run; count the coordinator's time for it."""
     began = time.perf_counter()
-    sent = conductor.start("state", number)
+    sent = control.start("state", number)
     spent.wave += time.perf_counter() - began
     while sent:
         answers = _deliver(sent, cells)
@@ -139,10 +139,10 @@ def _wave(
         sent = [each for each in answers if isinstance(each, wire.Pulse)]
         began = time.perf_counter()
         for report in reports:
-            conductor.report(report)
+            control.report(report)
         spent.wave += time.perf_counter() - began
         spent.reports += len(reports)
-    if conductor.in_flight:
+    if control.in_flight:
         raise RuntimeError(f"wave {number}: must settle once no pulse is left")
 
 

@@ -32,7 +32,7 @@ class Weather(msgspec.Struct, frozen=True, kw_only=True):
     """That the disk is full, by message."""
 
 
-class WorkerReport(msgspec.Struct):
+class Tally(msgspec.Struct):
     """What happened."""
 
     schedules: int = 0
@@ -61,7 +61,7 @@ class WorkerReport(msgspec.Struct):
     incomplete: int = 0
     """Runs that ended with a recording that says what it lacks."""
 
-    def add(self, other: "WorkerReport") -> None:
+    def add(self, other: "Tally") -> None:
         """Add what happened elsewhere."""
         for name in self.__struct_fields__:
             setattr(self, name, getattr(self, name) + getattr(other, name))

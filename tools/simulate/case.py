@@ -20,17 +20,17 @@ from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.run import describe
 from neurosnap.sources.open import Argument, open_source
-from tools.simulate_check import WrongError, check
-from tools.simulate_disk import Disk
-from tools.simulate_swarm import Life
-from tools.simulate_weather import Weather, WorkerReport, random_weather
+from tools.simulate.check import WrongError, check
+from tools.simulate.disk import Disk
+from tools.simulate.swarm import Life
+from tools.simulate.weather import Tally, Weather, random_weather
 
 # Files are cut small here on purpose, and nobody is to hear of it.
 logging.getLogger("neurosnap").addHandler(logging.NullHandler())
 _CALM = Weather()  # once the worst is over, so that every run comes to its end
 
 
-def simulate(seed: int, folder: Path) -> WorkerReport:
+def simulate(seed: int, folder: Path) -> Tally:
     """Make the run of a seed through all that happens, and check what came of it.
 
     Args:
@@ -52,9 +52,9 @@ def live_on(
     chance: random.Random,
     folder: Path,
     new_lives: Callable[[Path], RestartFiles] = RestartFiles,
-) -> WorkerReport:
+) -> Tally:
     """Let one life follow the other until one comes to its end; see `simulate`."""
-    tally, past = WorkerReport(schedules=1), None
+    tally, past = Tally(schedules=1), None
     bad = chance.choice([1, 2, 4, 8])
     split = chance.choice([None, Split(500), Split(5000)])
     facts = {**describe(options), "swarm": "simulated"}

@@ -11,11 +11,11 @@ import numpy as np
 
 from neurosnap.depth.probe import Measured, ProbePlan
 from neurosnap.runtime.supervisor import allow_files
-from tools.bench_bare import mean_pss
-from tools.bench_probe import probe, rows_of, weighed_while_up
-from tools.bench_report import Line, Sizes, ratio_of_pairs
+from tools.bench.bare import mean_pss
+from tools.bench.probe import probe, rows_of, weighed_while_up
+from tools.bench.report import Line, Sizes, ratio_of_pairs
 
-_ROOT = Path(__file__).parent.parent
+_ROOT = Path(__file__).parents[2]
 _SPAWN, _MEMORY, _HOP, _FIT = 1.5, 12.0, 1.5, 0.98
 _MB = 1e6
 
@@ -152,7 +152,7 @@ def line(sizes: Sizes) -> list[Line]:
 def _bare(*arguments: object) -> dict[str, float]:
     """Run the bare side in a program of its own and return what it measured."""
     # By `-c`: what is run as a file or a module, every child would import again.
-    code = "from tools.bench_bare import main; main()"
+    code = "from tools.bench.bare import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         cwd=_ROOT,

@@ -15,7 +15,7 @@ from neurosnap.apps.figures.experiments.walks import Walk, walks
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.errors import NeurosnapError
 from neurosnap.poc.order.fields import inclusions
-from tools.bench_report import Line, Sizes
+from tools.bench.report import Line, Sizes
 
 _SLACK = 1e-12
 

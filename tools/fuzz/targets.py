@@ -31,9 +31,9 @@ from neurosnap.recording.format.records import opened
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime.parts.participant import decoded
-from tools.fuzz_bytes import damage, damage_json, damage_recording
-from tools.fuzz_messages import altered, drawn, message, number
-from tools.fuzz_run import SENSORS, Honest
+from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
+from tools.fuzz.messages import altered, drawn, message, number
+from tools.fuzz.run import SENSORS, Honest
 
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault

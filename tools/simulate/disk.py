@@ -13,7 +13,7 @@ from pathlib import Path
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
-from tools.simulate_weather import Weather, WorkerReport
+from tools.simulate.weather import Tally, Weather
 
 
 class Disk:
@@ -25,7 +25,7 @@ class Disk:
         tally: Takes note of it.
     """
 
-    def __init__(self, log: Path, chance: random.Random, tally: WorkerReport) -> None:
+    def __init__(self, log: Path, chance: random.Random, tally: Tally) -> None:
         self._log = log
         self._chance = chance
         self._tally = tally

@@ -23,7 +23,7 @@ import psutil
 from neurosnap import wire
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.sensorium import unpack
-from tools.soak_killer import Killer
+from tools.soak.killer import Killer
 
 BITS = 12
 """Sensors: the lower bits of a line's number."""

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Whole swarms in simulation, with crashes, restarts, cuts and losses.
 
-    tools/simulate.py [--schedules 20000] [--seed 0] [--processes 2] [--only SEED]
+    tools/simulate [--schedules 20000] [--seed 0] [--processes 2] [--only SEED]
 
 Every schedule is a function of its seed: which sensors, which readings, who hosts the
 cells, which message comes next, what is lost, cut, late, and who dies when. Whatever
@@ -21,15 +21,15 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-# Run as a file, the folder of this file is on the path and the project's is not.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+# Run as a folder, that is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tools.simulate_case import simulate
-from tools.simulate_weather import WorkerReport
+from tools.simulate.case import simulate
+from tools.simulate.weather import Tally
 
-Outcome = tuple[int, WorkerReport | str]
+Outcome = tuple[int, Tally | str]
 """A seed, and what happened or what went wrong."""
-Schedule = Callable[[int, Path], WorkerReport]
+Schedule = Callable[[int, Path], Tally]
 
 
 def outcome(seed: int, schedule: Schedule = simulate) -> Outcome:
@@ -54,23 +54,23 @@ def outcomes(
         yield from pool.imap(work, seeds, chunksize=20)
 
 
-def gathered(found: Iterator[Outcome]) -> WorkerReport:
+def gathered(found: Iterator[Outcome]) -> Tally:
     """Return what happened in all.
 
     Raises:
         SystemExit: A schedule went wrong; the text names its seed, says what happened
             and how to see it again.
     """
-    total = WorkerReport()
+    total = Tally()
     for seed, what in found:
         if isinstance(what, str):
-            again = f"tools/simulate.py --only {seed}"
+            again = f"tools/simulate --only {seed}"
             sys.exit(f"{what}\nseed {seed} fails; again: {again}")
         total.add(what)
     return total
 
 
-def table(total: WorkerReport, seconds: float) -> str:
+def table(total: Tally, seconds: float) -> str:
     """Return what happened, a line each."""
     lines = [
         f"{name.replace('_', ' '):<12}{getattr(total, name):>14,}"

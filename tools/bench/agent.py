@@ -17,8 +17,8 @@ from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.sources.gymnasium_source import import_worlds
-from tools.bench_observe import Plain
-from tools.bench_report import Line, Sizes
+from tools.bench.observe import Plain
+from tools.bench.report import Line, Sizes
 
 _PLACES = 21  # 145 sensors in all
 _LEARNED = 2000  # steps before the clock starts

@@ -16,9 +16,9 @@ from neurosnap import wire
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.wave import DEEPEST
 from neurosnap.protocol.worker import Worker
-from tools.fuzz_messages import altered, number
-from tools.fuzz_run import SENSORS, Honest
-from tools.fuzz_targets import Count, Twins
+from tools.fuzz.messages import altered, number
+from tools.fuzz.run import SENSORS, Honest
+from tools.fuzz.targets import Count, Twins
 
 WORKERS = 2
 """Workers of the run, which share its cells."""

@@ -9,10 +9,10 @@ from msgspec.structs import replace
 
 from neurosnap.depth.probe import ProbePlan
 from neurosnap.runtime.supervisor import allow_files
-from tools.bench_bare import mean_pss
-from tools.bench_probe import probe, rows_of, weighed_while_up
-from tools.bench_report import Line, Sizes
-from tools.bench_run import path_options, run_once
+from tools.bench.bare import mean_pss
+from tools.bench.probe import probe, rows_of, weighed_while_up
+from tools.bench.report import Line, Sizes
+from tools.bench.run import path_options, run_once
 
 if TYPE_CHECKING:
     from neurosnap.protocol.run_options import CellKind

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Hostile input for everything that reads what others wrote; exit code 1 on a failure.
 
-    tools/fuzz.py [--inputs 1000000] [--seed 1] [--minutes 15]
+    tools/fuzz [--inputs 1000000] [--seed 1] [--minutes 15]
                   [--only decode,cell,worker,wave,coordinator,recording]
 
 Valid input (from the messages' own types, and from a small recorded run) is damaged in
@@ -28,13 +28,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-# Run as a file, the folder of this file is on the path and the project's is not.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+# Run as a folder, that is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import psutil
 
-from tools.fuzz_run import honest_run
-from tools.fuzz_targets import (
+from tools.fuzz.run import honest_run
+from tools.fuzz.targets import (
     CellTarget,
     CoordinatorTarget,
     Count,
@@ -44,7 +44,7 @@ from tools.fuzz_targets import (
     Target,
     WaveTarget,
 )
-from tools.fuzz_worker import WORKERS, WorkerTarget
+from tools.fuzz.worker import WORKERS, WorkerTarget
 
 _GROWTH = 128 * 2**20  # bytes a target may grow by
 _SHOWN = 2000  # characters of an input that failed

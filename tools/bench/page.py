@@ -15,7 +15,7 @@ from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.run import run
-from tools.bench_report import Line, Sizes
+from tools.bench.report import Line, Sizes
 from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
 
 _SPEED = 60

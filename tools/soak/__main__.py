@@ -24,8 +24,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-# Run as a file, the folder of this file is on the path and the project's is not.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+# Run as a folder, that is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import msgspec
 import psutil
@@ -43,8 +43,8 @@ from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
-from tools.soak_killer import Killer, Killing, summary
-from tools.soak_outside import Fed, feed, lines_in
+from tools.soak.killer import Killer, Killing, summary
+from tools.soak.outside import Fed, feed, lines_in
 
 SERVICES = ("hub", "recorder", "coordinator", "world")
 HOSTS: dict[HostKind, str] = {"process": "cell", "worker": "worker"}

@@ -21,7 +21,7 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = Path(__file__).parents[4] / "examples"
 
 
 # Rules that are stated elsewhere, too -------------------------------------------------

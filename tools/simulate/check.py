@@ -21,7 +21,7 @@ from neurosnap.recording.read.reader import Recorded
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import pack
-from tools.simulate_source import source_of
+from tools.simulate.source import source_of
 
 Said = tuple[object, ...]
 Edges = set[tuple[int, int]]

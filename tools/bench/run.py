@@ -9,7 +9,7 @@ from neurosnap.recording.replay.verify import verify as replay
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
-from tools.bench_report import Line, Sizes, ratio_of_pairs
+from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"
 _RECORDING, _VERIFY = 1.15, 10.0
