@@ -25,8 +25,8 @@ class RandomNumbers:
         InvalidValueError: The seed is out of range.
 
     Example:
-        >>> draws = Draws(seed=7)
-        >>> bool((draws.at(3) == Draws(seed=7).table(10)[3]).all())
+        >>> draws = RandomNumbers(seed=7)
+        >>> bool((draws.at(3) == RandomNumbers(seed=7).table(10)[3]).all())
         True
     """
 

@@ -31,17 +31,17 @@ from tools.bench.report import (
 )
 
 ROWS = {
-    "spawn": "bench_swarm",
-    "hop": "bench_swarm",
-    "line": "bench_swarm",
-    "recording": "bench_run",
-    "observe": "bench_observe",
-    "learn": "bench_learn",
-    "cycle": "bench_agent",
-    "tick": "bench_tick",
-    "worker": "bench_worker",
-    "verify": "bench_run",
-    "page": "bench_page",
+    "spawn": "swarm",
+    "hop": "swarm",
+    "line": "swarm",
+    "recording": "run",
+    "observe": "observe",
+    "learn": "learn",
+    "cycle": "agent",
+    "tick": "tick",
+    "worker": "worker",
+    "verify": "run",
+    "page": "page",
 }
 """The module that measures a row, in a function of the row's name."""
 
@@ -72,7 +72,7 @@ def main(arguments: list[str] | None = None) -> None:
 def measure(name: str, sizes: Sizes) -> list[Line]:
     """Return the lines of a row, or one that says why it cannot be measured."""
     try:
-        module = import_module(f"tools.{ROWS[name]}")
+        module = import_module(f"tools.bench.{ROWS[name]}")
         lines: list[Line] = getattr(module, name)(sizes)
     except Exception as error:  # noqa: BLE001 - whatever it is, other rows stand alone
         return [Line(name, f"not measured: {_reason(error)}")]

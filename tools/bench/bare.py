@@ -40,7 +40,7 @@ _PAYLOAD = b"x" * 64  # about what a pulse takes
 
 def main() -> None:
     """Measure what the command line asks for."""
-    parser = argparse.ArgumentParser(prog="bench_bare")
+    parser = argparse.ArgumentParser(prog="bare")
     parser.add_argument("what", choices=("spawn", "ring"))
     parser.add_argument("count", type=int)
     parser.add_argument("laps", type=int, nargs="?", default=50)

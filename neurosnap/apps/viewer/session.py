@@ -1,9 +1,9 @@
 """One recording opened for viewing, shared by concurrent requests.
 
-A view of the run is used by one thread at a time and may take a while to answer:
-others wait meanwhile, and the event loop does not. A recording that is being written is looked at again
-some times a second; where the run went on after a part had died it is another file
-under the same name, and everything begins again.
+A view of the run is used by one thread at a time and may take a while to answer: others
+wait meanwhile, and the event loop does not. A recording that is being written is looked
+at again some times a second; where the run went on after a part had died it is another
+file under the same name, and everything begins again.
 """
 
 import asyncio

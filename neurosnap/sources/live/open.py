@@ -121,7 +121,7 @@ def open_live(
         InvalidValueError: There is no such source, or an argument is wrong.
 
     Example:
-        >>> source = open_outside("-", {"sensors": "door,motion", "stale_after": 60})
+        >>> source = open_live("-", {"sensors": "door,motion", "stale_after": 60})
         >>> source.sensors, source.live
         (('door', 'motion'), True)
         >>> source.close()
