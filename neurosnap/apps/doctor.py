@@ -249,7 +249,7 @@ def check_cache() -> list[Finding]:
     """Write where the compiled kernels are kept."""
     mend = "Set NUMBA_CACHE_DIR to a writable folder, or each start compiles anew."
     try:
-        from neurosnap.poc.learning import kernels
+        from neurosnap.poc.order import kernels
     except RuntimeError as error:  # numba, where it finds no place at all
         return [Finding("compiled kernels", False, str(error), mend)]
     statistics = getattr(kernels.spread, "stats", None)

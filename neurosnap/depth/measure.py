@@ -25,7 +25,7 @@ from neurosnap.errors import (
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import options_of
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.system.distribution import must_have
 from neurosnap.system.durable import replacing

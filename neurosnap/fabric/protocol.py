@@ -20,7 +20,7 @@ from typing import Protocol, Self
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.location import Place
 
 Handler = Callable[[list[wire.Delivery]], None]
 PresenceHandler = Callable[[str, bool], None]

@@ -10,10 +10,10 @@ from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_messages import Told, told
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import options_of
-from neurosnap.runtime.hosts.connections import Connections
-from neurosnap.runtime.hosts.network import Network
-from neurosnap.runtime.hosts.run_description import read_description
+from neurosnap.recording.read.run_facts import options_of
+from neurosnap.runtime.connections import Connections
+from neurosnap.runtime.network import Network
+from neurosnap.runtime.parts.run_description import read_description
 
 
 def recorded(recording: Recording) -> Iterator[Told]:

@@ -20,8 +20,8 @@ from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.protocol.partition import hosts
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.runtime.hosts.connections import Connections
-from neurosnap.runtime.hosts.network import PRIVATE, Network
+from neurosnap.runtime.connections import Connections
+from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.hub_process import HubJob
 from neurosnap.runtime.parts.job import Job, PartConnection

@@ -9,7 +9,7 @@ again. The new recording begins as a copy of the old one up to that tick, so it 
 every observation, state and decision once; of several files only the last is copied.
 
 No tick that was recorded is deleted on the way: see
-`neurosnap.recording.write.restart_files`. A run that had to keep a file beside its
+`neurosnap.runtime.restart_files`. A run that had to keep a file beside its
 recording says so, and is not complete.
 """
 
@@ -24,13 +24,13 @@ from neurosnap.errors import NothingBegunError, PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.write.restart_files import RestartFiles
-from neurosnap.runtime.hosts.network import PRIVATE, Network
 from neurosnap.runtime.launch import new_swarm_id
+from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.world_process import WayIn
+from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Restarts, Supervision
 from neurosnap.runtime.run import Outcome, run
-from neurosnap.sources.live.open import is_live
+from neurosnap.sources.open_live import is_live
 
 _LONGEST = 30.0  # seconds
 
@@ -70,7 +70,7 @@ async def run_with_restarts(
         options: What to run.
         log: Where to record. However the call ends, `log` is what got furthest, and
             beside it is only what was damaged; see
-            `neurosnap.recording.write.restart_files`.
+            `neurosnap.runtime.restart_files`.
         stop: Ends the run in order.
         supervision: How often it goes on.
         on_progress: Told the tick as it grows.

@@ -13,11 +13,11 @@ from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.runtime.hosts.network import PRIVATE, Network
-from neurosnap.runtime.hosts.run_description import RunDescription
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.launch import Plan, run_processes
+from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
+from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.status_publisher import StatusJob, publishes
 from neurosnap.runtime.parts.world_process import WayIn, WorldJob
 from neurosnap.system.distribution import version

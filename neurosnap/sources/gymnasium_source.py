@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.agent.environment import describe
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.open import Argument as Argument
+from neurosnap.sources.open_live import Argument as Argument
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""

@@ -13,9 +13,9 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.csv_source import CsvSource
 from neurosnap.sources.gymnasium_source import GymnasiumSource
-from neurosnap.sources.live.open import Argument as Argument
-from neurosnap.sources.live.open import is_live, open_live
 from neurosnap.sources.live.zenoh_source import Hub
+from neurosnap.sources.open_live import Argument as Argument
+from neurosnap.sources.open_live import is_live, open_live
 from neurosnap.sources.protocol import Source
 
 
@@ -30,7 +30,7 @@ def open_source(
     Args:
         name: The path of a CSV file (it ends with ``.csv``, or the file exists), or the
             id of a Gymnasium environment, ``module:Id`` to import a module first; or
-            one that is outside, as `neurosnap.sources.live.open` has it.
+            one that is outside, as `neurosnap.sources.open_live` has it.
         seed: For the environment's reset, from 0 up; a file does not use it.
         arguments: The environment's own; a file takes none.
         hub: The swarm's, for whoever is about to be its world.

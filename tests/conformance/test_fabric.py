@@ -20,10 +20,10 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.fabric.location import Place
 from neurosnap.fabric.protocol import Fabric, PlaceHandler
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.fabric.zenoh.location import Place
 from tests.patience import PATIENCE
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON

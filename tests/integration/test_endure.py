@@ -25,13 +25,13 @@ from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.hosts import remote_parts
-from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.hosts.service import Served, serve
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.restart import Restart, run_with_restarts
+from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.runtime.supervisor import Child, Supervisor

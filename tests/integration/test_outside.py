@@ -35,9 +35,9 @@ from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.live.open import open_live
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder
+from neurosnap.sources.open_live import open_live
 from tests.patience import PATIENCE
 from tests.ports import free_port
 
@@ -52,7 +52,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
 
 SHOW_TICKS = """
 import json, multiprocessing
-from neurosnap.sources.live.open import open_outside, settle
+from neurosnap.sources.open_live import open_outside, settle
 
 def show(arguments):
     source = open_outside("-", arguments)

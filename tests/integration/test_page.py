@@ -11,7 +11,8 @@ from playwright.async_api import expect
 
 from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import Replay, options_of
+from neurosnap.recording.read.run_facts import options_of
+from neurosnap.recording.replay.verify import Replay
 from neurosnap.sensorium import unpack
 from tests.unit.apps.viewer.films import (
     TICKS,

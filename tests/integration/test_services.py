@@ -15,9 +15,9 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.members import members
 from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.fabric.location import Place
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
-from neurosnap.fabric.zenoh.location import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths

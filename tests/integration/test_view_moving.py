@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import expect
 
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import options_of
+from neurosnap.recording.read.run_facts import options_of
 from tests.unit.apps.viewer.films import (
     TICKS,
     in_chunks,

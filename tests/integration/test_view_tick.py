@@ -13,7 +13,7 @@ from playwright.async_api import expect
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import options_of
+from neurosnap.recording.read.run_facts import options_of
 from tests.unit.apps.viewer.films import (
     TICKS,
     unread_run,

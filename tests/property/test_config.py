@@ -29,7 +29,7 @@ from neurosnap.apps.config.tables import (
     SnapshotTable,
 )
 from neurosnap.apps.config.validate import problems
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import Supervision
 from tests.property.config_documents import Document, documents
 

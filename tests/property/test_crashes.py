@@ -18,9 +18,10 @@ from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.resume import look_back
-from neurosnap.recording.replay.verify import options_of, verify
-from neurosnap.recording.write.restart_files import RestartFiles
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tools.simulate import __main__ as simulate
 from tools.simulate.case import live_on, random_options

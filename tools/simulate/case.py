@@ -16,8 +16,8 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import SwarmError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.split_files import open_whole, part_paths
-from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.recording.write.rotation import Split
+from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import describe
 from neurosnap.sources.open import Argument, open_source
 from tools.simulate.check import WrongError, check

@@ -7,10 +7,10 @@ Exit codes: 0 all well, 1 failed, 2 wrong usage, 3 finished but something was lo
 from neurosnap.apps.cli import config as config
 from neurosnap.apps.cli import coordinate as coordinate
 from neurosnap.apps.cli import export as export
-from neurosnap.apps.cli import hub_and_swarms as hub_and_swarms
 from neurosnap.apps.cli import keys as keys
 from neurosnap.apps.cli import look as look
 from neurosnap.apps.cli import measure as measure
+from neurosnap.apps.cli import processes as processes
 from neurosnap.apps.cli import replay as replay
 from neurosnap.apps.cli import run as run
 from neurosnap.apps.cli import salvage as salvage

@@ -29,7 +29,7 @@ from neurosnap.apps.cli.shared import (
     was_given,
 )
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 
 _ONLY_WITH = {"begin": "verify", "ticks": "resume", "out": "resume"}
 """Flags, and what they go with."""

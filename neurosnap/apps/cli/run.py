@@ -51,7 +51,7 @@ from neurosnap.apps.cli.shared import (
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import RestartKind
 from neurosnap.runtime.systemd import ServiceManager
 

@@ -30,7 +30,7 @@ from neurosnap.apps.cli.shared import (
     screen,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import RestartKind
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from neurosnap.apps.cli.shared import (
     screen,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 
 
 @app.command()

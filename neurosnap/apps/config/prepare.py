@@ -26,11 +26,11 @@ from neurosnap.apps.config.validate import Problem, known_keys
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of, drawn_to
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.preflight import check_sensors
 from neurosnap.runtime.restart_policy import Supervision
-from neurosnap.sources.live.open import ZENOH, is_live, settle
 from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.open_live import ZENOH, is_live, settle
 
 _logger = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from typing import Annotated, TypeAlias
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from neurosnap.sources.live.open import MQTT, STDIN, ZENOH, LiveArguments, Seconds
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.open import Argument
+from neurosnap.sources.open_live import MQTT, STDIN, ZENOH, LiveArguments, Seconds
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
 Opening: TypeAlias = tuple[str, dict[str, Argument]]

@@ -23,7 +23,7 @@ from neurosnap.protocol.run_options import (
     Threshold,
     WiringKind,
 )
-from neurosnap.runtime.hosts.network import PRIVATE, Network
+from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.restart_policy import Supervision
 
 _DEFAULTS: dict[str, Any] = {

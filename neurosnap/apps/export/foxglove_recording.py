@@ -28,8 +28,8 @@ from neurosnap.apps.export.log_lines import line_of, lost_line, resumed_line
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.protocol.observations import readings, selection
 from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.ticks import InOrder, Tick
-from neurosnap.recording.replay.verify import options_of, resumed_at
 from neurosnap.sensorium import Sensorium, unpack
 
 LAYOUT = "layout.json"

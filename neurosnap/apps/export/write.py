@@ -14,9 +14,9 @@ from neurosnap.apps.export.output_file import placed
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.read.ticks import ticks
-from neurosnap.recording.replay.verify import options_of
 from neurosnap.system.distribution import must_have
 
 Form: TypeAlias = Literal["csv", "parquet", "graphml", "foxglove", "layout"]

@@ -1,9 +1,9 @@
 """The interface of a figure: its table entries, and what is drawn from them.
 
 To add one, write a module with a `Figure` and put it into
-`neurosnap.apps.figures.run.FIGURES`. Its cells may be anything that is a
-`neurosnap.apps.figures.results_table.Entry`; its report says what goes into the CSV,
-the picture and the JSON.
+`neurosnap.apps.figures.run.FIGURES`. Its entries may be anything that is an
+`neurosnap.apps.figures.experiments.entry.Entry`; its report says what goes into the
+CSV, the picture and the JSON.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from numpy.typing import NDArray
 
+from neurosnap.apps.figures.experiments.entry import Entry
 from neurosnap.apps.figures.experiments.learning_error import TruthKind
-from neurosnap.apps.figures.results_table import Entry
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas

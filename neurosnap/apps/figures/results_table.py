@@ -8,7 +8,6 @@ nowhere in a result.
 """
 
 import io
-import json
 import logging
 import zipfile
 import zlib
@@ -16,55 +15,16 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import msgspec
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
+from neurosnap.apps.figures.experiments.entry import Entry
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.system.durable import replace_file
 
 _logger = logging.getLogger(__name__)
-
-
-class Entry(Protocol):
-    """An entry of the table: as many rows as there are runs."""
-
-    @property
-    def name(self) -> str:
-        """The readable part of its file's name."""
-
-    @property
-    def key(self) -> str:
-        """All that its rows depend on, as one line of text."""
-
-    @property
-    def runs(self) -> int:
-        """How many rows it has."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row."""
-
-    @property
-    def dtype(self) -> DTypeLike:
-        """The type of a row."""
-
-    def row(self, run: int) -> NDArray[Any]:
-        """Return a row: a function of the cell and `run`; called by any thread."""
-
-
-def key_of(cell: msgspec.Struct, kind: str, version: int) -> str:
-    """Return the key of a cell all of whose fields count, as JSON.
-
-    Args:
-        cell: The cell.
-        kind: What its rows are.
-        version: Raised whenever the same fields come to give other rows.
-    """
-    made = {"kind": kind, "version": version} | msgspec.structs.asdict(cell)
-    return json.dumps(made, sort_keys=True)
 
 
 class Table:

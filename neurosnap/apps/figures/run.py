@@ -31,7 +31,7 @@ from neurosnap.apps.figures.figure import (
     agreement,
     judged,
 )
-from neurosnap.apps.figures.results_table import Entry, Table
+from neurosnap.apps.figures.results_table import Table
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.system.distribution import must_have, version
 from neurosnap.system.durable import replace_file
@@ -39,6 +39,8 @@ from neurosnap.system.durable import replace_file
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as CanvasType
     from numpy.typing import NDArray
+
+    from neurosnap.apps.figures.experiments.entry import Entry
 
 FIGURES: dict[str, Figure] = {
     figure.name: figure

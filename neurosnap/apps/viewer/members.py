@@ -11,7 +11,7 @@ from neurosnap import wire
 from neurosnap.apps.viewer.api import Cells, Member
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.location import Place
 from neurosnap.protocol.partition import shares
 from neurosnap.runtime.registry import Part, parts, recorded_in
 

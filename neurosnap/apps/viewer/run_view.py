@@ -23,8 +23,8 @@ from neurosnap.errors import InvalidValueError, RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.read.growing_files import Files
+from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.recording.replay.verify import options_of, resumed_at
 from neurosnap.sensorium import unpack
 
 _GRAPHS = 32

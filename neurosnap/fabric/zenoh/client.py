@@ -23,6 +23,7 @@ import zenoh
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.inbox import DeliveryThread, Door, Inbox
+from neurosnap.fabric.location import Place
 from neurosnap.fabric.protocol import (
     Failure,
     Handler,
@@ -33,7 +34,6 @@ from neurosnap.fabric.protocol import (
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import check_endpoint
 from neurosnap.fabric.security.roles import BRIEF, FLUSHED, PLACE
-from neurosnap.fabric.zenoh.location import Place
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
 from neurosnap.fabric.zenoh.polled import Poll
 from neurosnap.fabric.zenoh.session import connecting

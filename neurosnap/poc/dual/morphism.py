@@ -209,6 +209,9 @@ def canonical_projection(poc: PocSet) -> PocMorphism:
     """Return the projection of a weak poc set onto its canonical quotient.
 
     [GK] lemma:canonical poc quotient: every morphism to a poc set factors through it.
+    The quotient, its ``target``, has a sensor per proper element: negligible literals
+    become the minimum, ubiquitous ones the maximum, and equal literals are named after
+    the first of them.
 
     Example:
         >>> f = canonical_projection(PocSet.parse("a, b, c : a < a*, b = c*"))

@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.order.kernels import spread
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -195,44 +196,6 @@ def rewire(
                     a, b = b ^ 1, a ^ 1
                     rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
     return True
-
-
-@njit()
-def spread(rows: Words, reached: Words) -> int:
-    """Grow `reached` by everything above it; return the hops the last of it took.
-
-    Breadth first: what hop ``k`` finds is what edges lead to from hop ``k - 1``.
-
-    Args:
-        rows: ``(n, w)``, the out-edges of every literal.
-        reached: ``(w,)``, updated.
-
-    Returns:
-        The number of hops; 0 if nothing is added. O(n w) time.
-    """
-    width = reached.shape[0]
-    frontier = reached.copy()
-    found = np.empty(width, np.uint64)
-    hops = 0
-    while True:
-        found[:] = 0
-        for word in range(width):
-            pending = frontier[word]
-            literal = 64 * word
-            while pending:
-                if pending & _ONE:
-                    for k in range(width):
-                        found[k] |= rows[literal, k]
-                pending >>= _ONE
-                literal += 1
-        more = False
-        for k in range(width):
-            frontier[k] = found[k] & ~reached[k]
-            reached[k] |= found[k]
-            more |= frontier[k] != 0
-        if not more:
-            return hops
-        hops += 1
 
 
 @njit()

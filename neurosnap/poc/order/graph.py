@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning import kernels
+from neurosnap.poc.order import kernels
 from neurosnap.poc.order.closure import Order, order_of, wired
 from neurosnap.poc.order.literals import (
     Literals,

@@ -9,7 +9,7 @@ class once, by its representative.
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,9 +27,6 @@ from neurosnap.poc.order.relations import (
     split_text,
 )
 from neurosnap.sensorium import Sensorium
-
-if TYPE_CHECKING:
-    from neurosnap.poc.dual.morphism import PocMorphism
 
 Element: TypeAlias = int | str
 """An element by its number, or a literal by its name."""
@@ -324,18 +321,6 @@ class PocSet:
             (2, 6)
         """
         return chains.width(self._strict(self.heads))
-
-    def quotient(self) -> "PocMorphism":
-        """Return the projection onto the quotient ([GK] lemma:canonical poc quotient).
-
-        The quotient, its ``target``, has a sensor for each proper element: negligible
-        literals become the minimum, ubiquitous ones the maximum, and equal literals
-        are named after the first of them.
-        """
-        # Morphisms are between poc sets, so that module needs this one.
-        from neurosnap.poc.dual.morphism import canonical_projection
-
-        return canonical_projection(self)
 
     def restricted(self, sensors: Iterable[str]) -> "PocSet":
         """Return the order among some of the sensors: the poc subset they induce.

@@ -6,8 +6,8 @@ from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.keyframes import Start
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.stretches import last_tick
-from neurosnap.recording.replay.verify import options_of
 
 
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:

@@ -18,7 +18,7 @@ from mcap.records import Attachment
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.location import Place
 from neurosnap.recording.format.chunks import EVER, raw_messages
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.full_scan import scan

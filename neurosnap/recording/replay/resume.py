@@ -24,15 +24,10 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, starts
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.split_files import first_path, part_path, part_paths
 from neurosnap.recording.read.stretches import stretches
-from neurosnap.recording.replay.verify import (
-    DifferenceError,
-    Replay,
-    options_of,
-    resumed_at,
-    start_of,
-)
+from neurosnap.recording.replay.verify import DifferenceError, Replay, start_of
 from neurosnap.sensorium import pack
 
 _DATED = (

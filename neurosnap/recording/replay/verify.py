@@ -31,6 +31,7 @@ from neurosnap.protocol.observations import readings, selection
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, last_start, starts
 from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.split_files import Whole, open_whole
 from neurosnap.recording.read.stretches import last_tick, stretches
 from neurosnap.recording.replay.comparison import is_same
@@ -76,37 +77,6 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
 
 class DifferenceError(NeurosnapError):
     """What was derived is not what was recorded."""
-
-
-def options_of(recording: Recording) -> RunOptions:
-    """Return the options a recorded run was made with.
-
-    Raises:
-        RecordingError: The recording says nothing of its run, or nothing valid, or is
-            damaged and what it says may be wrong.
-    """
-    recording.demand_facts()
-    try:
-        return msgspec.json.decode(recording.metadata["options"], type=RunOptions)
-    except (KeyError, msgspec.MsgspecError) as error:
-        raise RecordingError(
-            f"{recording.path}: options: must be those of a run, got {error}"
-        ) from error
-
-
-def resumed_at(recording: Recording) -> tuple[int, ...]:
-    """Return the ticks after which a recorded run was taken up again.
-
-    Raises:
-        RecordingError: The recording says so in a way that is not valid.
-    """
-    raw = recording.metadata.get("resumed", "[]")
-    try:
-        return msgspec.json.decode(raw, type=tuple[int, ...])
-    except msgspec.MsgspecError as error:
-        raise RecordingError(
-            f"{recording.path}: resumed: must be a list of ticks, got {raw!r}"
-        ) from error
 
 
 def verify(path: Path, tick: int = 0) -> Verdict:

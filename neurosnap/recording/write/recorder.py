@@ -12,8 +12,8 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
+from neurosnap.fabric.location import Place
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.zenoh.location import Place
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.sources.live.journal import cut as cut_journal

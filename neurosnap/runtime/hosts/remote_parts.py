@@ -13,10 +13,10 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.hosts.run_description import RunDescription
 from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.job import Job
 from neurosnap.runtime.parts.recorder_process import RecorderJob
+from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.runtime.run import describe

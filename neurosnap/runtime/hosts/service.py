@@ -21,11 +21,11 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
-from neurosnap.runtime.hosts.connections import Connections
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.hosts.remote_parts import RemotePart, Share
-from neurosnap.runtime.hosts.run_description import read_description
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartConnection
+from neurosnap.runtime.parts.run_description import read_description
 from neurosnap.runtime.restart_policy import RestartKind
 from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
 

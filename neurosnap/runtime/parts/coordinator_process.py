@@ -13,11 +13,11 @@ from neurosnap.protocol.coordinator import Coordinator, Totals
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.resume import restore
-from neurosnap.runtime.hosts.run_description import RunDescription
 from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import take_part
-from neurosnap.sources.live.open import is_live
+from neurosnap.runtime.parts.run_description import RunDescription
+from neurosnap.sources.open_live import is_live
 
 _LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
 _LOOK = 0.1  # seconds between two looks at who is there

@@ -18,7 +18,7 @@ from neurosnap.protocol.anomaly_messages import told
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
-from neurosnap.sources.live.open import MQTT, mqtt_options
+from neurosnap.sources.open_live import MQTT, mqtt_options
 
 if TYPE_CHECKING:
     import numpy as np

@@ -18,10 +18,10 @@ from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.live.open import lost_by, open_live
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub
 from neurosnap.sources.open import open_source
+from neurosnap.sources.open_live import lost_by, open_live
 from neurosnap.sources.protocol import Source
 
 

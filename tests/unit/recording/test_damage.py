@@ -18,7 +18,7 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import LIMIT
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import options_of
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.write import writer
 from tests.unit.recording.samples import EACH, delivered, record, traffic
 

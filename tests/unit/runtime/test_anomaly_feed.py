@@ -11,7 +11,7 @@ from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import _look_on
-from neurosnap.runtime.hosts.run_description import RunDescription
+from neurosnap.runtime.parts.run_description import RunDescription
 from tests.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from neurosnap.runtime.hosts.network import Network
 from neurosnap.runtime.launch import Plan, _parts_here, _report
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.supervisor import Supervisor
 

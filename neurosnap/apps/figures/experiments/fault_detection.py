@@ -5,6 +5,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.apps.figures.experiments.entry import key_of
 from neurosnap.apps.figures.experiments.per_step import PerStepEntry
 from neurosnap.apps.figures.experiments.sensor_faults import (
     PLACES,
@@ -13,7 +14,6 @@ from neurosnap.apps.figures.experiments.sensor_faults import (
     faults,
     seen,
 )
-from neurosnap.apps.figures.results_table import key_of
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.protocol.anomaly import Anomaly, Watcher
 from neurosnap.sensorium import Sensorium, complete

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments import kernels, truth
+from neurosnap.apps.figures.experiments.entry import key_of
 from neurosnap.apps.figures.experiments.per_step import PerStepEntry
 from neurosnap.apps.figures.experiments.walks import Walk, walks
-from neurosnap.apps.figures.results_table import key_of
 
 TruthKind: TypeAlias = Literal["contained", "thresholded"]
 

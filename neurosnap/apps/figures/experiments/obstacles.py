@@ -22,7 +22,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind
-from neurosnap.apps.figures.results_table import key_of
+from neurosnap.apps.figures.experiments.entry import key_of
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import complete
 from neurosnap.sources.gymnasium_source import import_worlds

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.apps.figures.experiments.compiled_agent import drive
+from neurosnap.apps.figures.experiments.entry import key_of
 from neurosnap.apps.figures.experiments.per_step import PerStepEntry
 from neurosnap.apps.figures.experiments.walks import SETTINGS, setting
-from neurosnap.apps.figures.results_table import key_of
 from neurosnap.sources.gymnasium_source import import_worlds
 
 _VERSION = 2

@@ -16,7 +16,7 @@ from neurosnap.apps.config.problems import ConfigError
 from neurosnap.apps.config.recording_names import free_path, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import Supervision
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'

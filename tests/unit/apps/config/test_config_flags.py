@@ -15,8 +15,8 @@ from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import SnapshotKind
-from neurosnap.sources.live.open import mqtt_options
 from neurosnap.sources.mqtt.options import MqttBroker
+from neurosnap.sources.open_live import mqtt_options
 
 FILE = """
 [source]

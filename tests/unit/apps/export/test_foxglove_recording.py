@@ -25,8 +25,8 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.format.records import PROFILE
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import open_whole, part_paths
-from neurosnap.recording.replay.verify import options_of
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import Sensorium, unpack

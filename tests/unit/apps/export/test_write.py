@@ -22,9 +22,9 @@ from neurosnap.apps.export.write import Form, export, parse_form
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.read.stretches import last_tick
-from neurosnap.recording.replay.verify import options_of
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource

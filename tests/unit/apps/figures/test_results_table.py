@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import DTypeLike, NDArray
 
-from neurosnap.apps.figures.results_table import Entry, Table
+from neurosnap.apps.figures.experiments.entry import Entry
+from neurosnap.apps.figures.results_table import Table
 
 
 class Squares:

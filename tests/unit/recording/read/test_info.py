@@ -8,7 +8,7 @@ from mcap.opcode import Opcode
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.location import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import MAGIC

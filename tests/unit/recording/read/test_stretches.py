@@ -16,11 +16,12 @@ from neurosnap.recording.format.records import Chunk
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.resume import look_back, past_of, whole_ticks
-from neurosnap.recording.replay.verify import options_of, verify
+from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer

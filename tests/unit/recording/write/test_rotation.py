@@ -13,7 +13,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.location import Place
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.info import describe, render

@@ -13,9 +13,9 @@ from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.runtime.hosts import remote_parts, service
-from neurosnap.runtime.hosts.run_description import RunDescription, read_description
 from neurosnap.runtime.hosts.service import _Ending
 from neurosnap.runtime.parts import coordinator_process
+from neurosnap.runtime.parts.run_description import RunDescription, read_description
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from tests.patience import PATIENCE
 

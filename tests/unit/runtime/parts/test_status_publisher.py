@@ -10,8 +10,8 @@ from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.status_publisher import OUTLET, publish_status
-from neurosnap.sources.live.open import MQTT
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
+from neurosnap.sources.open_live import MQTT
 from tests.patience import PATIENCE
 
 pytest.importorskip("aiomqtt")

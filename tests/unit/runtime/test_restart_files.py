@@ -11,8 +11,8 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
-from neurosnap.recording.write.restart_files import RestartFiles
 from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import Argument, open_source
 

@@ -6,7 +6,7 @@ from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.roles import Role, role_of
 from neurosnap.fabric.zenoh.discovery import Discovery
 from neurosnap.fabric.zenoh.reach import reach
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartConnection
 
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sources.live.open import Argument, is_live, open_live, settle
+from neurosnap.sources.open_live import Argument, is_live, open_live, settle
 
 
 @pytest.mark.parametrize(

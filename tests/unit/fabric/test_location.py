@@ -6,7 +6,7 @@ import socket
 import pytest
 import zenoh
 
-from neurosnap.fabric.zenoh.location import Place
+from neurosnap.fabric.location import Place
 
 NAMES = ["oak", "oak.lan", "Oak-3_b", "a" * 64]
 

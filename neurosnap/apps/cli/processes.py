@@ -19,7 +19,7 @@ from neurosnap.apps.cli.shared import (
     say,
     screen,
 )
-from neurosnap.runtime.hosts.network import Network
+from neurosnap.runtime.network import Network
 
 _HERE = "tcp/127.0.0.1:7447"
 
