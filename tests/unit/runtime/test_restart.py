@@ -6,7 +6,7 @@ from pathlib import Path
 from shutil import copy
 
 import pytest
-from tests.unit.recording.write.test_restart_files import names, options_for
+from tests.unit.runtime.test_restart_files import names, options_for
 
 from neurosnap.errors import PartDiedError
 from neurosnap.protocol.run_options import RunOptions
