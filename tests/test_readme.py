@@ -208,7 +208,8 @@ def test_the_tree_is_the_tree() -> None:
     assert ours == {
         f"{entry.name}/" if entry.is_dir() else entry.name
         for entry in package.iterdir()
-        if entry.suffix in ("", ".py") and not entry.name.startswith("__")
+        if (entry.suffix == ".py" or any(entry.glob("*.py")))
+        and not entry.name.startswith("__")
     }
     beside = re.findall(r"^(\w+)/ ", tree, re.MULTILINE)
     assert beside == ["world", "tools", "tests", "docs", "examples"]

@@ -169,7 +169,9 @@ def test_more_credit_than_was_given_is_refused(wrong: wire.CellReport) -> None:
 def test_a_report_that_cannot_be_right_is_refused(wrong: wire.CellReport) -> None:
     wave = signal_wave(0)
     wave.report(report(0, [0], [1]))
-    expected = r"^settle: must report on wave 1, own literals, each once, got Settled\("
+    expected = (
+        r"^settle: must report on wave 1, own literals, each once, got CellReport\("
+    )
     with pytest.raises(MessageError, match=expected):
         wave.report(wrong)
     assert (wave.missing, wave.hops) == (Fraction(1, 2), {0: 0})
