@@ -6,7 +6,6 @@ from pathlib import Path
 from shutil import copy
 
 import pytest
-from tests.unit.runtime.test_restart_files import names, options_for
 
 from neurosnap.errors import PartDiedError
 from neurosnap.protocol.run_options import RunOptions
@@ -14,6 +13,7 @@ from neurosnap.runtime import restart
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
+from tests.unit.runtime.test_restart_files import names, options_for
 
 TICKS = 12
 PATIENCE = 60.0
