@@ -52,10 +52,10 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
 
 SHOW_TICKS = """
 import json, multiprocessing
-from neurosnap.sources.open_live import open_outside, settle
+from neurosnap.sources.open_live import open_live, settle
 
 def show(arguments):
-    source = open_outside("-", arguments)
+    source = open_live("-", arguments)
     bits = source.first()
     while bits is not None:
         known = None if source.known is None else source.known.tolist()

@@ -67,19 +67,19 @@ async def test_a_server_that_is_gone_is_not_asked_again_and_again(
     async with opened(path_log) as page:
         asked = await page.evaluate(
             """async () => {
-                const { Reel } = await import("/reel.js");
+                const { FrameCache } = await import("/frames.js");
                 const later = [];
                 const set = window.setTimeout;
                 window.setTimeout = (act) => later.push(act);
                 const asked = [];
-                const reel = new Reel(async (from) => {
+                const frameCache = new FrameCache(async (from) => {
                     asked.push(from);
                     throw new Error("gone");
                 });
-                reel.last = 300;
+                frameCache.last = 300;
                 const frame = async () => {
-                    reel.prefetch(5);
-                    await reel.at(5).catch(() => {});
+                    frameCache.prefetch(5);
+                    await frameCache.at(5).catch(() => {});
                 };
                 for (let k = 0; k < 20; k += 1) await frame();
                 for (const act of later) act();

@@ -41,7 +41,7 @@ NAMES = (
             "plots",
             "pointer",
             "pulses",
-            "reel",
+            "frames",
             "search",
             "tabs",
             "theme",

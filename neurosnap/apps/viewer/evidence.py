@@ -61,7 +61,7 @@ def _near(run_view: RunView, source: int, target: int, tick: int) -> Iterator[We
 
 def _far(run_view: RunView, source: int, target: int) -> Iterator[Weighed]:
     """Yield key-frames, evenly apart."""
-    for frame in run_view.reel.keyframes(_FAR):
+    for frame in run_view.tick_index.keyframes(_FAR):
         try:
             snapshot = run_view.recall.weigh(frame)
         except (RecordingError, InvalidValueError):

@@ -63,7 +63,7 @@ def _sent(run_view: RunView, hosting: Collection[str]) -> dict[str, int]:
         return noted
     sent: dict[str, int] = {}
     missing = set(hosting)
-    for _, strip in run_view.reel.readable_back(_LATEST):
+    for _, strip in run_view.tick_index.readable_back(_LATEST):
         for topic in _REPORTING:
             try:
                 messages = strip.all(topic, wire.TOPICS[topic])

@@ -49,11 +49,11 @@ class RunView:
         self.path = path
         self.files = Files(path)
         self.options = options_of(self.files.first)
-        self.reel = TickIndex(self.files)
-        self.recall = SnapshotCache(self.reel, self.options)
+        self.tick_index = TickIndex(self.files)
+        self.recall = SnapshotCache(self.tick_index, self.options)
         self.scene = Scene(self.options) if scene is None else scene
         self.first = self._first()
-        self.last = self.reel.last_tick()
+        self.last = self.tick_index.last_tick()
         self.grown = 0
         """How often there was more."""
         self._names = self.options.body.actions
@@ -67,17 +67,17 @@ class RunView:
         Raises:
             RecordingError: The file cannot be read.
         """
-        if not self.reel.grow():
+        if not self.tick_index.grow():
             return False
         self.first = self._first()
-        self.last = max(self.last, self.reel.last_tick())
+        self.last = max(self.last, self.tick_index.last_tick())
         self.grown += 1
         return True
 
     @property
     def cut(self) -> str | None:
         """Where a recording that is not whole ends, and what in it cannot be read."""
-        return "; ".join((*self.files.cuts, *self.reel.damage.values())) or None
+        return "; ".join((*self.files.cuts, *self.tick_index.damage.values())) or None
 
     @property
     def resumed(self) -> tuple[int, ...]:
@@ -119,7 +119,7 @@ class RunView:
         first, last = max(first, self.first), min(last, self.last)
         if first > last:
             return []
-        ticks = Ticks(self.reel, self.options, first, last)
+        ticks = Ticks(self.tick_index, self.options, first, last)
         graphs = dict(self._graph_ids(first, last))
         return [
             self._frame(ticks, ticks.states[tick], graphs.get(tick, _UNKNOWN))
@@ -159,8 +159,8 @@ class RunView:
 
     def _first(self) -> int:
         """Return the first tick that was observed; 1 if none was."""
-        for number in range(len(self.reel)):
-            if observed := self.reel.observed(number):
+        for number in range(len(self.tick_index)):
+            if observed := self.tick_index.observed(number):
                 return min(observation.tick for observation in observed)
         return 1
 
@@ -174,7 +174,7 @@ class RunView:
                     yield now, self._id_of(snapshot.poc_graph())
             except RecordingError:
                 # Behind the gap it is known again from the next key-frame on.
-                tick = self.reel.keyframe_after(tick)
+                tick = self.tick_index.keyframe_after(tick)
 
     def _id_of(self, graph: PocGraph) -> str:
         """Return `graph_id`; worked out once for each of a row of ticks."""

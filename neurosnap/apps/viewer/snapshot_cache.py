@@ -28,12 +28,12 @@ class SnapshotCache:
     """What was learned, by tick. To be used by one thread at a time.
 
     Args:
-        reel: The recording.
+        tick_index: The recording.
         options: The run's.
     """
 
-    def __init__(self, reel: TickIndex, options: RunOptions) -> None:
-        self._reel = reel
+    def __init__(self, tick_index: TickIndex, options: RunOptions) -> None:
+        self._tick_index = tick_index
         self._options = options
         self._kept: OrderedDict[int, Snapshot] = OrderedDict()
         pairs = len(options.sensors) ** 2 // 2
@@ -83,7 +83,9 @@ class SnapshotCache:
                 return
         if tick < last:
             rule = f"must hold the observation of tick {tick + 1}"
-            raise RecordingError(f"{self._reel.files.first.path}: {rule}, got none")
+            raise RecordingError(
+                f"{self._tick_index.files.first.path}: {rule}, got none"
+            )
 
     def weigh(self, frame: wire.KeyFrame) -> Snapshot:
         """Return the snapshot of a key-frame.
@@ -91,7 +93,7 @@ class SnapshotCache:
         Raises:
             RecordingError: It holds none, or one of other sensors.
         """
-        rule = f"{self._reel.files.first.path}: key-frame of tick {frame.tick}"
+        rule = f"{self._tick_index.files.first.path}: key-frame of tick {frame.tick}"
         try:
             snapshot = Snapshot.from_bytes(frame.snapshot)
         except ValueError as error:
@@ -105,16 +107,16 @@ class SnapshotCache:
         try:
             bits, known = readings(observation, len(self._options.sensors))
         except ShapeError as error:
-            place = f"{self._reel.files.first.path}: tick {observation.tick}"
+            place = f"{self._tick_index.files.first.path}: tick {observation.tick}"
             raise RecordingError(f"{place}: /observe: {error}") from error
         snapshot.learn(bits, known)
 
     def _observations(self, first: int, last: int) -> Iterator[wire.Observation]:
         """Yield the recorded observations of some ticks, each once."""
         due = first
-        start = self._reel.chunk_of(first)
-        for number in range(start, len(self._reel)):
-            for observation in self._reel.observed(number):
+        start = self._tick_index.chunk_of(first)
+        for number in range(start, len(self._tick_index)):
+            for observation in self._tick_index.observed(number):
                 if due <= observation.tick <= last:
                     yield observation
                 due = max(due, observation.tick + 1)
@@ -135,7 +137,7 @@ class SnapshotCache:
         """
         known = max((kept for kept in self._kept if kept <= tick), default=-1)
         if tick - known > far or known < 0:
-            frame = self._reel.keyframe(tick)
+            frame = self._tick_index.keyframe(tick)
             if frame is not None and frame.tick > known:
                 return frame.tick, self.weigh(frame)
         if known < 0:

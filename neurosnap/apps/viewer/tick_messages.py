@@ -26,7 +26,7 @@ class Ticks:
     """The messages of the ticks `first` to `last`.
 
     Args:
-        reel: The recording.
+        tick_index: The recording.
         options: The run's.
         first: From 1 up.
         last: Not before `first`.
@@ -35,7 +35,7 @@ class Ticks:
 
     def __init__(
         self,
-        reel: TickIndex,
+        tick_index: TickIndex,
         options: RunOptions,
         first: int,
         last: int,
@@ -49,7 +49,7 @@ class Ticks:
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
         self._waves = Waves(self._sensors) if with_waves else None
-        self._gather(reel)
+        self._gather(tick_index)
 
     def literals(self, tick: int) -> NDArray[np.bool_]:
         """Return the literals observed at a tick: ``(2N,)``; none if that is unknown.
@@ -81,16 +81,16 @@ class Ticks:
         """Return the literals that start a tick's state wave."""
         return tuple(self.literals(tick).nonzero()[0].tolist())
 
-    def _gather(self, reel: TickIndex) -> None:
+    def _gather(self, tick_index: TickIndex) -> None:
         first, last = self._range[0], self._range[-1]
-        closing = reel.files.last.closing
+        closing = tick_index.files.last.closing
         if closing is not None and closing.tick in self._range:
             self.decisions[closing.tick] = closing
-        behind = reel.chunk_after(last)
-        for number, strip in reel.readable(
-            reel.chunk_of(first) - 1, behind + _BEYOND + 1
+        behind = tick_index.chunk_after(last)
+        for number, strip in tick_index.readable(
+            tick_index.chunk_of(first) - 1, behind + _BEYOND + 1
         ):
-            self._take(reel.observed(number), strip)
+            self._take(tick_index.observed(number), strip)
             if number > behind and self._is_whole():
                 return
 

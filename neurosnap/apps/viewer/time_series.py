@@ -103,7 +103,7 @@ class TimeSeries:
         run_view = self._run_view
         try:
             ticks = Ticks(
-                run_view.reel, run_view.options, first, last, with_waves=False
+                run_view.tick_index, run_view.options, first, last, with_waves=False
             )
         except RecordingError:
             return  # a message is not what it should be: not known, all of it

@@ -64,7 +64,7 @@ async def run_coordinator(
     patience: float = 60.0,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> float:
-    """Let `core` conduct the swarm until it has finished or `stop` is set.
+    """Let `core` direct the swarm until it has finished or `stop` is set.
 
     Reads ``observe``, ``settle``, ``tally``, ``fault``, ``leave`` and the presence of
     `parts`; publishes what the core says. On `stop`, and when a part leaves in order
@@ -97,14 +97,14 @@ async def run_coordinator(
     await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
     await fabric.watch(presence.change)
     await fabric.announce()
-    serving = asyncio.create_task(fabric.serve(shell.over), name="conduct/serve")
-    watching = asyncio.create_task(shell.watch(), name="conduct/deadlines")
+    serving = asyncio.create_task(fabric.serve(shell.over), name="coordinator/serve")
+    watching = asyncio.create_task(shell.watch(), name="coordinator/deadlines")
     try:
         await presence.wait_complete(serving, stop, patience)
         began = time.perf_counter()
         if not stop.is_set() and not serving.done():
             shell.begin()
-        stopping = asyncio.create_task(stop.wait(), name="conduct/stop")
+        stopping = asyncio.create_task(stop.wait(), name="coordinator/stop")
         try:
             await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -270,7 +270,7 @@ class _Presence:
         if not self._missing:
             return
         waits = [
-            asyncio.create_task(event.wait(), name="conduct/presence")
+            asyncio.create_task(event.wait(), name="coordinator/presence")
             for event in (self._complete, stop)
         ]
         try:

@@ -13,7 +13,7 @@ import { Orders } from "./orders.js";
 import { Outline } from "./outline.js";
 import { Player } from "./player.js";
 import { Plots } from "./plots.js";
-import { Reel } from "./reel.js";
+import { FrameCache } from "./frames.js";
 import { Search } from "./search.js";
 import { tickAsked, Timeline } from "./timeline.js";
 import { Notices, Voice } from "./voice.js";
@@ -43,7 +43,7 @@ class Page {
     this.live = false; // the run was seen under way
     this.received = Promise.resolve(); // once all that came has been taken in
     const names = run.sensors;
-    this.reel = new Reel(fetchFrames);
+    this.frameCache = new FrameCache(fetchFrames);
     this.orders = new Orders(fetchGraph);
     this.player = new Player({
       ready: (tick) => this.isReady(tick),
@@ -76,9 +76,9 @@ class Page {
   // Moving through time --------------------------------------------------------------
 
   isReady(tick) {
-    this.reel.prefetch(tick);
-    if (this.reel.peek(tick) !== undefined) return true;
-    this.reel.at(tick).catch(said);
+    this.frameCache.prefetch(tick);
+    if (this.frameCache.peek(tick) !== undefined) return true;
+    this.frameCache.at(tick).catch(said);
     return false;
   }
 
@@ -86,13 +86,13 @@ class Page {
   move() {
     this.timeline.showTick();
     const { tick } = this.player;
-    const frame = this.reel.peek(tick);
+    const frame = this.frameCache.peek(tick);
     if (frame !== undefined) {
       this.arrive(frame);
       return;
     }
     document.body.ariaBusy = true;
-    this.reel
+    this.frameCache
       .at(tick)
       .catch(said)
       .then((late) => {
@@ -229,7 +229,7 @@ class Page {
     write(find("badge"), live ? "live" : `ended at tick ${ticks}`);
     find("follow").hidden = !live;
     notices.say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
-    this.reel.last = ticks;
+    this.frameCache.last = ticks;
     this.player.setRange(first, ticks);
     this.plots.load(first, ticks).catch(said);
   }
@@ -242,7 +242,7 @@ class Page {
 
   /** It is another recording now. */
   async renew() {
-    this.reel.clear();
+    this.frameCache.clear();
     this.orders.clear();
     this.choose(this.chosen); // nothing is known of it any more
     this.setRun(await fetchRun().catch(() => this.run));
@@ -250,8 +250,8 @@ class Page {
 
   take(event) {
     for (const change of event.frames) {
-      const frame = patched(change, (tick) => this.reel.peek(tick));
-      if (frame) this.reel.add(frame);
+      const frame = patched(change, (tick) => this.frameCache.peek(tick));
+      if (frame) this.frameCache.add(frame);
     }
     const { ticks, live, cut } = event;
     this.setRun({ ...this.run, ticks, live, cut });

@@ -8,7 +8,7 @@ const KEPT = 48;
 const REST = 1000; // milliseconds until a block that could not be had is asked for again
 
 /** Frames by tick. */
-export class Reel {
+export class FrameCache {
   /** @param {(from: number, to: number) => Promise<object[]>} fetchFrames */
   constructor(fetchFrames) {
     this.last = 0; // the last tick there is, as far as is known
