@@ -35,7 +35,7 @@ from neurosnap.recording.read import info
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.split_files import open_whole, part_path, part_paths
-from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
@@ -252,7 +252,7 @@ def _viewed(truth: Truth, log: Path) -> int:
 
 def _resumes(truth: Truth, log: Path) -> bool:
     try:
-        _, past = look_back(log)
+        _, past = find_resume_point(log)
     except RecordingError:
         return False
     state = next(

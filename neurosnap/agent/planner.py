@@ -27,8 +27,8 @@ class Planner:
     """Decides by greedy reactive planning.
 
     Subgoals are counted among the literals of the world's state sensors and those of
-    the target: what the agent itself does in a step, and what was sensed of the last
-    one, is nothing to be achieved.
+    the target: sensors of the agent's own action, and of the previous step, are no
+    goals.
 
     Args:
         body: What is sensed and done.

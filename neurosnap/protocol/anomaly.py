@@ -73,7 +73,7 @@ class Anomaly(msgspec.Struct, frozen=True):
     """Whether the search for them was complete."""
 
 
-class Watcher:
+class AnomalyDetector:
     """Follows a run and tells its anomalies.
 
     Which of several smallest sets of culprits is returned goes by what came before:
@@ -92,7 +92,7 @@ class Watcher:
     Example:
         >>> from neurosnap.poc.learning.kinds import EmpiricalSnapshot
         >>> names = Sensorium(["door", "motion"])
-        >>> watcher, snapshot = Watcher(names), EmpiricalSnapshot(names, 0.25)
+        >>> watcher, snapshot = AnomalyDetector(names), EmpiricalSnapshot(names, 0.25)
         >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
         ...     found = watcher.watch(tick, snapshot.poc_graph(), bits)
         ...     state = snapshot.observe(bits)

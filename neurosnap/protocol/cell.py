@@ -12,11 +12,11 @@ Its invariants:
   wiring the wave was meant for; its report says which that was, so that one that got
   lost is noticed.
 - A message that came before changes nothing when it comes again.
-- A message that cannot be right is a fault and changes nothing; what is kept of those
-  that may be right is bounded. What a stranger says just as the coordinator, the world
-  or a neighbour would say it cannot be told from the truth here.
+- A message that cannot be right is answered with a fault and changes nothing; the
+  memory used by messages that may be right is bounded. A forged message that the
+  coordinator, the world or a neighbour could have sent cannot be detected here.
 
-A process imports this file a thousand times over: neither numpy nor numba is needed.
+A thousand cell processes import this file: it needs neither numpy nor numba.
 """
 
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.credit import split_evenly
-from neurosnap.protocol.limits import (
+from neurosnap.protocol.message_checks import (
     RecentReadings,
     check_number,
     check_readings,
@@ -36,7 +36,7 @@ from neurosnap.protocol.limits import (
 )
 from neurosnap.protocol.wave import DEEPEST
 
-_PULSES = 1 << 17  # a cell remembers of all waves together
+_PULSES = 1 << 17  # the most that a cell remembers, over all waves
 
 
 class _Wave:
@@ -88,10 +88,10 @@ class Cell:
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
         # The literal that was on; none where the reading is unknown.
         self._readings = RecentReadings[tuple[int, ...]]()
-        self._bytes = 0  # in every observation; 0: none has come
+        self._bytes = 0  # of every observation; 0: none was received yet
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
-        self._fence = 0  # the last wave announced to all that has come
+        self._fence = 0  # the newest wave announced to all, as far as received
         self._remembered = 0  # pulses, in all waves
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
@@ -167,7 +167,7 @@ class Cell:
         check_number(f"{name}: wave", max(of.wave, of.fence), self._fence)
         if of.wave < self._settled_below:
             return  # nothing will be kept of it
-        # The first fence makes room.
+        # The first announcement to all is exempt: it removes impossible waves.
         if self._fence or isinstance(of, wire.Pulse) or of.cell >= 0:
             check_room(name, of.wave, self._waves)
         if isinstance(of, wire.Pulse) and self._remembered >= _PULSES:
@@ -244,7 +244,7 @@ class Cell:
         self._remembered = sum(len(wave.seen) for wave in self._waves.values())
 
     def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
-        """Return `start` with no more of its signal than is kept: this cell's."""
+        """Return `start` with its signal reduced to the literals of this cell."""
         if not start.signal:
             return start
         own = tuple(literal for literal in self._targets if literal in start.signal)
@@ -266,8 +266,7 @@ class Cell:
     ) -> None:
         """Fire what the signal asks of this cell, then the pulses that came early.
 
-        Does nothing when called again: a signal is asked for once, what was held is
-        gone.
+        May be called again: the signal and each held pulse are processed only once.
         """
         if not self._is_open(wave):
             return
@@ -309,7 +308,7 @@ class Cell:
         wave.pulses += len(targets)
 
     def _report(self, touched: dict[int, _Wave], out: list[wire.Message]) -> None:
-        """Report on the waves that owe it."""
+        """Append one report for each wave in `touched`, and clear it."""
         for wave in touched.values():
             report = wire.CellReport(
                 wave=wave.number,
@@ -326,7 +325,7 @@ class Cell:
             out.append(report)
         touched.clear()
 
-    # What the coordinator and the world say ------------------------------------------
+    # Observations and wirings --------------------------------------------------------
 
     def _latch(
         self,
@@ -360,7 +359,7 @@ class Cell:
             missed = f"must build on epoch {self._epoch}, got {wiring.after}"
             out.append(wire.Fault(self._who, f"wiring: {missed}"))
             return
-        # What fired before it fired by the wiring before it, and says so.
+        # Literals that fired earlier in this burst are reported with the old epoch.
         self._report(touched, out)
         own, complement = 2 * self.cell, 2 * self.cell + 1
         for literal, add, drop in (

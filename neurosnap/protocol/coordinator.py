@@ -22,9 +22,9 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.anomaly import Watcher
+from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.protocol.anomaly_messages import announcement
-from neurosnap.protocol.limits import check_readings
+from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings, selection
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack
@@ -261,10 +261,10 @@ class Coordinator:
         start = self._control.start("state", observation.tick, seeds=len(self._signal))
         return [*messages, *start]
 
-    def _new_watcher(self) -> Watcher | None:
+    def _new_watcher(self) -> AnomalyDetector | None:
         if self._hold is None:
             return None
-        return Watcher(self._snapshot.sensorium, self._hold)
+        return AnomalyDetector(self._snapshot.sensorium, self._hold)
 
     def _judge(
         self, tick: int, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None

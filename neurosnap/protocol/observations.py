@@ -13,7 +13,7 @@ def readings(
     """Return what the sensors read, and of which of them that is known.
 
     Args:
-        observation: Checked by `neurosnap.protocol.limits.check_readings`.
+        observation: Checked by `neurosnap.protocol.message_checks.check_readings`.
         count: How many sensors there are.
 
     Returns:

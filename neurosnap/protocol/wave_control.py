@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, WaveLostError
 from neurosnap.poc.order.literals import Words
-from neurosnap.protocol.cell_wiring import CellWires, Wires
+from neurosnap.protocol.sent_wiring import CellWires, Wires
+from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.wave import Wave
-from neurosnap.protocol.worker_wiring import WorkerWires
 
-_UNANNOUNCED = 64  # waves that only concern a few, before all cells hear of one again
+_UNANNOUNCED = 64  # most waves in a row that are not announced to all cells
 
 
 class WaveControl:
-    """Wires the cells and counts the waves in.
+    """Sends the cells their wirings, starts waves, and tells when they have settled.
 
     Args:
         sensors: How many cells there are.
@@ -35,7 +35,7 @@ class WaveControl:
             WorkerWires(sensors, workers) if workers else CellWires(sensors)
         )
         self._fence = 0  # the last wave announced to all
-        self._stale = True  # a wiring went out since, or many waves
+        self._stale = True  # a wiring was sent since that wave; true at first
         self._next = 1
         self._flying: dict[int, Wave] = {}
         self._tries: dict[int, int] = {}
@@ -57,13 +57,13 @@ class WaveControl:
 
     @property
     def is_forgotten(self) -> bool:
-        """Whether the cells have to be wired anew, whatever they were told."""
+        """Whether the next wiring goes to every cell, in full."""
         return self._wires.is_forgotten
 
     def forget(self) -> None:
         """Let the next wiring go to everybody, and whole.
 
-        With nothing under way, `waves` and `epochs` are then all that matters here.
+        If no wave is in flight, `waves` and `epochs` are then the whole state.
         """
         self._wires.forget()
 
@@ -72,7 +72,7 @@ class WaveControl:
         self._wires.recall()
 
     def start_at(self, waves: int, epochs: tuple[int, ...]) -> None:
-        """Be as whoever had started `waves`, had these `epochs`, and forgot.
+        """Continue after `waves` waves and wirings up to `epochs`, as after `forget`.
 
         Raises:
             InvalidValueError: The epochs are of another number of workers.
@@ -127,7 +127,7 @@ class WaveControl:
             signal: Likewise.
             repeats: Likewise.
             seeds: For a state wave without a signal, how many sensors' readings are
-                known: each starts it, and nobody else. 0: all are.
+                known: exactly these cells fire at the start. 0: all are.
 
         Raises:
             InvalidValueError: A signal is empty, or names a literal twice: a wave of it
@@ -155,9 +155,9 @@ class WaveControl:
     def report(self, report: wire.CellReport | wire.WorkerReport) -> Wave | None:
         """Take in a report; return its wave if that has settled now.
 
-        A report on a wave that was given up is dropped. One by other edges than those
-        in force is refused with its credit, so that its wave will be late and repeated,
-        after whole wirings.
+        A report on a wave that was given up is dropped. A report computed with other
+        edges than those in force is refused, and its credit is not counted: the wave
+        misses its deadline, and is repeated after whole wirings.
 
         Raises:
             MessageError: The report cannot be right, or is by a wiring not in force.
@@ -191,8 +191,8 @@ class WaveControl:
                 observation still fires then.
 
         Raises:
-            WaveLostError: It was sent often enough; the error names the credit that is
-                missing and the cells that are silent.
+            WaveLostError: It was repeated as often as allowed; the error names the
+                missing credit and the cells that owe a report.
         """
         wave = self._flying[number]
         signal = wave.signal or signal

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.limits import (
+from neurosnap.protocol.message_checks import (
     AHEAD,
     RecentReadings,
     check_number,

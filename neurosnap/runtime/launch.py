@@ -1,7 +1,8 @@
 """Launches a swarm, one process per part, and ends it in order.
 
-Starting is hub, recorder, coordinator, world, cells; ending is coordinator, world and
-cells, recorder, hub: the recorder hears everybody's last word.
+The order of starting is hub, recorder, coordinator, world, cells; that of ending is
+coordinator, world and cells, recorder, hub, so that the recorder receives the last
+message of every part.
 """
 
 import asyncio
@@ -34,7 +35,7 @@ from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
 _SERVICES = 5  # hub, recorder, coordinator, world, outlet
 _GRACE = 10.0  # seconds a part may take to end
 _LAST_WRITE = 2.0  # seconds a recorder may take to end without the hub
-# Seconds more where it is coming up still: it compiles, once, and cannot be asked then.
+# Additional seconds while a part still starts: it may compile, and cannot react then.
 _COMING_UP = 60.0
 
 
@@ -45,8 +46,8 @@ class Plan:
     cells: int
     """How many cells."""
     coordinator: Callable[[tuple[str, ...]], Job]
-    """Returns the coordinator's job, from the parts that it has to wait for. On a hub
-    that others may use it reports when it knows that it is the only one."""
+    """Makes the coordinator's job, given the parts that it has to wait for. On a shared
+    hub the coordinator is ready once it knows that no other swarm has its id."""
     workers: int = 0
     """How many processes share the cells; 0: every cell is one."""
     world: Job | None = None
@@ -56,7 +57,7 @@ class Plan:
     log: Path | None = None
     """Where to record; None: not at all."""
     metadata: Mapping[str, str] = field(default_factory=dict)
-    """What the recording says of the run, the swarm's id aside."""
+    """Metadata of the recording; the swarm's id is added to it."""
     past: ResumePoint | None = None
     """Where to go on from, for a run that is resumed."""
     patience: float = 30.0
@@ -66,10 +67,10 @@ class Plan:
     swarm: str = ""
     """Its id; empty: a random one."""
     incarnation: int = 0
-    """How often a swarm of this id went before it, of which it is the continuation."""
+    """How many earlier swarms of this id it continues."""
     elsewhere: frozenset[str] = frozenset()
-    """The parts that somebody else starts, by name. With the recorder among them, it
-    is waited for, too."""
+    """The names of the parts that are started elsewhere. If the recorder is one, the
+    coordinator waits for it, too."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Ending:
     """What a swarm leaves behind."""
 
     result: bytes
-    """What the coordinator brought home, as JSON."""
+    """The coordinator's result, as JSON."""
     completeness: Completeness | None
     """The recording's balance; None where nothing was recorded."""
     seconds: float
@@ -103,13 +104,13 @@ async def run_processes(
     Args:
         plan: Who takes part.
         stop: Ends the run in order.
-        on_progress: Told the tick once the swarm is up, up to twenty times a second;
-            four times, if no tick comes but nothing is over its deadline. What it
-            raises ends the run and comes out of it.
+        on_progress: Called with the tick once the swarm is up, at most twenty times per
+            second; four times per second while no tick comes and no deadline has
+            passed. An exception that it raises ends the run and is raised here.
 
     Raises:
-        NothingBegunError: `stop` was set before the hub of others could be reached.
-        FabricError: That cannot be reached.
+        NothingBegunError: `stop` was set before the external hub could be reached.
+        FabricError: The external hub cannot be reached.
         SwarmError: A part failed; the text names it and says why. Whatever was
             recorded until then is readable.
     """
@@ -156,7 +157,7 @@ class _Launch:
         """Start everything, wait for the end, end everything."""
         began = time.perf_counter()
         if self._plan.network.connect and not await self._connections.await_hub(stop):
-            raise NothingBegunError("swarm: must reach its hub, was asked to end first")
+            raise NothingBegunError("swarm: must reach its hub, got a stop request")
         try:
             await self._start_hub(stop)
             coordinator, world, recorder = await self._start_parts(stop)
@@ -220,7 +221,7 @@ class _Launch:
             plan.coordinator(tuple(awaited)), self._connection("coordinator")
         )
         if plan.network.connect:
-            # A hub of others may have a swarm of this id: it must not hear our parts.
+            # A swarm on a shared hub may have this id: it must not get our messages.
             await self._supervisor.wait(stop, coordinator.ready, coordinator.ended)
             if not coordinator.ready.is_set():
                 return coordinator, None, recorder
@@ -249,9 +250,9 @@ class _Launch:
     async def _end(self) -> list[str]:
         """End everything in order; return who had to be killed.
 
-        Once a part has failed no wave settles, and nobody is waited for but the
-        recorder, which writes down what there is. Without the hub it hears no last
-        word, and gets only as long as it takes to write what it has.
+        Once a part has failed, no wave settles: only the recorder is waited for, which
+        writes what it has received. Without the hub it receives no more messages,
+        and gets only `_LAST_WRITE` seconds.
         """
         end = self._supervisor.end
         if self._supervisor.error is not None:
@@ -281,16 +282,14 @@ def _parts_here(plan: Plan) -> set[str]:
 
 
 def _result(child: Child) -> bytes:
-    """Return what a child said came of it."""
+    """Return the result that a child reported."""
     if child.result is None:
-        raise SwarmError(
-            f"{child.process.name}: must say what came of it, said nothing"
-        )
+        raise SwarmError(f"{child.process.name}: must report a result, got none")
     return child.result
 
 
 async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) -> None:
-    """Pass the coordinator's progress on: only what it says, when it says so."""
+    """Pass each progress report of the coordinator on, and nothing else."""
     try:
         while True:
             await supervisor.progressed.wait()

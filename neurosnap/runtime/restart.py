@@ -45,7 +45,7 @@ class Restart(msgspec.Struct, frozen=True):
     lost: int
     """Ticks that had been whole and are not in what it goes on from."""
     outside: bool = False
-    """What they observed came from outside, so that they cannot be done again."""
+    """The lost ticks were read from a live source, so they cannot be repeated."""
     kept: tuple[str, ...] = ()
     """Files that it could not go on from, which are kept beside the recording."""
 
@@ -64,12 +64,12 @@ async def run_with_restarts(
     elsewhere: frozenset[str] = frozenset(),
     way_in: WayIn | None = None,
 ) -> Outcome:
-    """Run a swarm of processes to its end, whoever dies on the way.
+    """Run a swarm of processes to its end; restart it when a part dies.
 
     Args:
         options: What to run.
-        log: Where to record. However the call ends, `log` is what got furthest, and
-            beside it is only what was damaged; see
+        log: Where to record. However the call ends, `log` is the recording with the
+            latest tick, and only damaged files stay beside it; see
             `neurosnap.runtime.restart_files`.
         stop: Ends the run in order.
         supervision: How often it goes on.
@@ -79,7 +79,7 @@ async def run_with_restarts(
         network: As in `run`.
         swarm: As in `run`; each time the run goes on, it does so as the next
             incarnation of this id.
-        elsewhere: As in `run`; who starts these parts does so in every incarnation.
+        elsewhere: As in `run`; these parts must be started anew for every incarnation.
         way_in: As in `run`.
 
     Raises:
@@ -96,7 +96,7 @@ async def run_with_restarts(
     restarts, delay, reached = 0, supervision.backoff, 0
     vanished: list[str] = []
     cannot_repeat = way_in is None and is_live(options.source)
-    redone = asyncio.Event()  # this life got further than what it goes on from
+    redone = asyncio.Event()  # set once this incarnation is past its resume point
 
     def follow(tick: int) -> None:
         nonlocal reached
@@ -127,8 +127,8 @@ async def run_with_restarts(
                     raise
                 raise SwarmError(str(error)) from error
             except SwarmError as error:
-                # Told to end while a part died, it ends as the next life does: the
-                # recording of this one may lack what the others said last.
+                # If `stop` is set while a part dies, another incarnation runs and ends
+                # in order: this recording may lack last messages of other parts.
                 if told or not _mends(supervision, error):
                     raise
                 if not allowed.allow():
@@ -171,10 +171,11 @@ async def _late(
     lives: RestartFiles,
     past: ResumePoint | None,
 ) -> AsyncIterator[asyncio.Event]:
-    """Yield an event that follows `stop` once a tick that was cut off is done again.
+    """Yield an event that is set after `stop`, once the interrupted tick is redone.
 
-    The life that died may have recorded what was observed at the tick after its last
-    whole one. A life that ended before that tick would leave less than there was.
+    The failed incarnation may have recorded the observation of the tick after its last
+    whole one. If the next incarnation ended before that tick, the new recording would
+    lack an observation that the old one holds.
     """
     heeded = asyncio.Event()
     tick = 1 if past is None else past.tick + 1
@@ -195,7 +196,7 @@ async def _late(
 def _in_all(
     outcome: Outcome, restarts: int, kept: Sequence[Path], vanished: Sequence[str]
 ) -> Outcome:
-    """Return what became of a run, by what became of its last life."""
+    """Return the outcome of a whole run, given that of its last incarnation."""
     balance = outcome.completeness
     if balance is not None:
         every = tuple(dict.fromkeys((*balance.vanished, *vanished)))
@@ -209,7 +210,7 @@ def _in_all(
 
 
 def _mends(supervision: Supervision, error: SwarmError) -> bool:
-    """Tell whether a run that failed so is to go on."""
+    """Return whether the policy restarts a run after this error."""
     if supervision.restart == "on-failure":
         return isinstance(error, PartDiedError)
     return supervision.restart == "always"

@@ -26,7 +26,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_path, part_paths
-from neurosnap.recording.replay.resume import look_back, whole_ticks
+from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.system.durable import sync_file, sync_folder
 
 _Tick: TypeAlias = tuple[int, bytes, bytes, bool]
@@ -86,7 +86,7 @@ class RestartFiles:
         later = [path for number, path in paths.items() if number]
         for path in (self._log, *reversed(later)):
             try:
-                recorded, found = look_back(path, options.ticks - 1)
+                recorded, found = find_resume_point(path, options.ticks - 1)
             except RecordingError:
                 continue
             if recorded != options:

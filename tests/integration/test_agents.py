@@ -17,7 +17,7 @@ from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.run import run
@@ -128,7 +128,7 @@ def test_a_resumed_agent_goes_on_as_if_nothing_had_been(
     options = options_for(agent)
     first = msgspec.structs.replace(options, ticks=20)
     swarm_run(first, tmp_path / "first")
-    again, past = look_back(tmp_path / "first")
+    again, past = find_resume_point(tmp_path / "first")
     again = msgspec.structs.replace(again, ticks=TICKS)
     swarm_run(again, tmp_path / "second", past=past)
     assert of_recording(tmp_path / "second") == in_process(options)

@@ -71,7 +71,7 @@ def from_tick(recording: Recording, tick: int) -> list[wire.Delivery]:
     return [each.delivery for each in recorded[start:]]
 
 
-class Watcher:
+class AnomalyDetector:
     """Somebody who hears everything under a swarm's prefix."""
 
     def __init__(self) -> None:
@@ -90,13 +90,13 @@ class Watcher:
 
 
 @asynccontextmanager
-async def watching(swarm: str, endpoint: str) -> AsyncIterator[Watcher]:
+async def watching(swarm: str, endpoint: str) -> AsyncIterator[AnomalyDetector]:
     """Watch a swarm; entered once the hub is known to pass everything on.
 
     A presence follows the subscription on the same session, so whoever sees the one
     knows that the hub has the other.
     """
-    watcher, seen = Watcher(), asyncio.Event()
+    watcher, seen = AnomalyDetector(), asyncio.Event()
     async with (
         ZenohFabric("watcher", swarm, endpoint) as ears,
         ZenohFabric("witness", swarm, endpoint) as eyes,
@@ -112,7 +112,7 @@ async def watching(swarm: str, endpoint: str) -> AsyncIterator[Watcher]:
 @asynccontextmanager
 async def stage(
     recording: Recording, endpoint: str
-) -> AsyncIterator[tuple[ZenohFabric, Watcher]]:
+) -> AsyncIterator[tuple[ZenohFabric, AnomalyDetector]]:
     """Open a hub with a player's fabric and a watcher on it."""
     hub = await asyncio.to_thread(open_hub, [endpoint], 3)
     try:

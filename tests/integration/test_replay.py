@@ -24,7 +24,7 @@ from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.stretches import last_tick
-from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import Outcome, describe, run
@@ -112,7 +112,7 @@ def recorded_run(
 
 
 def resumed_run(log: Path, new: Path, ticks: int) -> Outcome:
-    options, past = look_back(log)
+    options, past = find_resume_point(log)
     return recorded_run(msgspec.structs.replace(options, ticks=ticks), new, past=past)
 
 
@@ -958,7 +958,7 @@ def test_without_a_whole_tick_there_is_nothing_to_go_on_from(
     state, _ = first(recorded, wire.State, lambda _: True)
     log = write_again(recording, tmp_path / "log", recorded[:state], expected={})
     with pytest.raises(RecordingError, match=r"must hold a whole tick .*, got none$"):
-        look_back(log)
+        find_resume_point(log)
 
 
 def test_a_tampered_run_is_not_gone_on_with(runs: Runs, tmp_path: Path) -> None:
@@ -970,7 +970,7 @@ def test_a_tampered_run_is_not_gone_on_with(runs: Runs, tmp_path: Path) -> None:
     )
     log = rewritten(runs.of("csv").log, tmp_path / "log", tamper)
     with pytest.raises(RecordingError, match=r"must be a true run: tick 29: /state"):
-        look_back(log)
+        find_resume_point(log)
 
 
 def test_a_run_that_lacks_a_pulse_is_not_gone_on_with(
@@ -983,7 +983,7 @@ def test_a_run_that_lacks_a_pulse_is_not_gone_on_with(
     log = rewritten(runs.of("csv").log, tmp_path / "log", change)
     rule = rf"must be whole up to tick {TICKS}, lacks \{{'cell/\d': 1\}}$"
     with pytest.raises(RecordingError, match=rule):
-        look_back(log)
+        find_resume_point(log)
 
 
 def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
@@ -995,7 +995,7 @@ def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=rule):
         verify(log)
     with pytest.raises(RecordingError, match=rule):
-        look_back(log)
+        find_resume_point(log)
 
 
 # Seeking ------------------------------------------------------------------------------

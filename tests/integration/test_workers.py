@@ -19,7 +19,7 @@ from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.info import describe as describe_recording
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.playback import play
-from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import Replay, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.fit_agent import body_of
@@ -300,7 +300,7 @@ def test_a_run_of_workers_goes_on_where_it_ended(tmp_path: Path) -> None:
     whole, first, rest = (tmp_path / f"{name}.mcap" for name in ("whole", "a", "b"))
     inline(options, whole)
     inline(options, first, stop_at=17)
-    again, past = look_back(first)
+    again, past = find_resume_point(first)
     assert 17 <= past.tick < TICKS
     assert again == options
     assert {"worker/0", "worker/1"} <= past.counts.keys()

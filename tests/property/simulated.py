@@ -10,8 +10,8 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.partition import shares
+from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.worker import Worker
-from neurosnap.protocol.worker_wiring import WorkerWires
 from neurosnap.sensorium import pack, unpack
 
 THRESHOLD = 0.2

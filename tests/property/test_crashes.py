@@ -19,7 +19,7 @@ from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
@@ -153,18 +153,20 @@ def test_a_message_that_nobody_misses_is_missed(whole: Path) -> None:
 
 
 def test_a_run_is_taken_up_no_later_than_asked(whole: Path, tmp_path: Path) -> None:
-    options, last = look_back(whole)
+    options, last = find_resume_point(whole)
     assert last.tick == options.ticks
     for tick in range(1, options.ticks):
-        _, past = look_back(whole, tick)
+        _, past = find_resume_point(whole, tick)
         assert (past.tick, past.resumed, len(past.actions)) == (tick, (tick,), tick - 1)
         assert all(past.counts[who] <= count for who, count in last.counts.items())
     with pytest.raises(RecordingError, match=r"must hold a whole tick to go on from"):
-        look_back(whole, 0)
+        find_resume_point(whole, 0)
 
 
 def test_the_last_tick_done_again_ends_the_run(whole: Path, tmp_path: Path) -> None:
-    options, past = look_back(whole, options_of(Recording.open(whole)).ticks - 1)
+    options, past = find_resume_point(
+        whole, options_of(Recording.open(whole)).ticks - 1
+    )
     log = tmp_path / "again.mcap"
     inline = msgspec.structs.replace(options, cells="inline")
     outcome = asyncio.run(run(inline, log, asyncio.Event(), past=past))

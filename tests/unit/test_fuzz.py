@@ -16,9 +16,9 @@ from neurosnap import wire
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol import cell as cells
-from neurosnap.protocol import limits
+from neurosnap.protocol import message_checks as limits
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.limits import check_readings
+from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.wave import DEEPEST, Wave
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.recording.format.records import RUN

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.poc.order.closure import order_of, wired
+from neurosnap.poc.order.generated_order import order_of, wired
 from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave_control import WaveControl

@@ -156,14 +156,14 @@ def _verify(log: Path, begin: int, as_json: bool) -> None:
 def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> None:
     from neurosnap.apps.cli import output
     from neurosnap.recording.read.split_files import part_path
-    from neurosnap.recording.replay.resume import look_back
+    from neurosnap.recording.replay.resume import find_resume_point
     from neurosnap.runtime.journaled_run import run_journaled
     from neurosnap.runtime.parts.world_process import WayIn
     from neurosnap.runtime.run import Outcome
     from neurosnap.runtime.run import run as run_swarm
     from neurosnap.sources.open import open_source
 
-    options, past = look_back(log)
+    options, past = find_resume_point(log)
     source = open_source(options.source, options.seed, options.arguments)
     source.close()
     most = past.tick + 300 if ticks is None else ticks

@@ -89,7 +89,7 @@ class ZenohFabric:
         self._swift = swift
         self._credentials = credentials
         self._located = located
-        # A courier and the loop may publish at once; a number must not be used twice.
+        # Delivery threads and the loop may publish at once; numbers must be unique.
         self._publishing = threading.Lock()
         self._declared: list[Any] = []
         self._doors: list[Door[Any]] = []
@@ -114,10 +114,10 @@ class ZenohFabric:
     async def _off_loop(
         self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
     ) -> T:
-        """Make a call that blocks; aside, unless the loop has nothing else to do.
+        """Make a blocking call: in a thread, or directly if the fabric is `swift`.
 
-        A thread to call from costs a process a millisecond to start, of the ten a cell
-        takes in all.
+        Starting the thread would take one of the ten milliseconds that a cell needs
+        to start.
         """
         if self._swift:
             return call(*args, **kwargs)
@@ -130,8 +130,8 @@ class ZenohFabric:
         traceback: TracebackType | None,
     ) -> None:
         """Stop receiving, hand over what waits, deliver what was sent, close."""
-        # A stack runs backwards, and to its end: whatever a handler raises at the last
-        # moment, the session is closed.
+        # The stack calls back in reverse order and always completes: the session is
+        # closed even if a handler raises.
         async with AsyncExitStack() as stack:
             stack.push_async_callback(self._off_loop, self._session.close)
             stack.push_async_callback(self._off_loop, self._flush)
@@ -149,9 +149,9 @@ class ZenohFabric:
     def _flush(self) -> None:
         """Return once the hub has taken all that was sent.
 
-        Closing a session loses the end now and then, where a large message waits
-        behind many small ones. A query travels behind them, as one of them, and the
-        hub answers this one itself.
+        Closing a session sometimes loses the last messages, if a large one is queued
+        behind many small ones. A query is queued behind all of them, and the hub
+        answers this one itself.
         """
         replies = self._session.get(
             f"{self._prefix}{FLUSHED}", congestion_control=_BLOCK, timeout=_FLUSH
@@ -238,7 +238,7 @@ class ZenohFabric:
         return await self._off_loop(look)
 
     async def brief(self, content: bytes) -> None:
-        """Answer `content` to whoever asks what the run is. For coordinators.
+        """Answer queries for the run's description with `content`. For coordinators.
 
         Raises:
             InvalidValueError: It is larger than any session takes in.

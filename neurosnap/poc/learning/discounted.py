@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning import kernels
+from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.kernels_partial import discount_squares
 from neurosnap.poc.learning.pair_codes import excluded, rows_of
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
-from neurosnap.poc.learning.weights import Weights
+from neurosnap.poc.learning.update_kernels_partial import discount_squares
+from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.sensorium import Sensorium
 
 _ROUNDING = 1e-9

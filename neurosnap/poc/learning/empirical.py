@@ -5,12 +5,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from neurosnap.poc.learning import kernels
+from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays
-from neurosnap.poc.learning.kernels_partial import count_squares
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
-from neurosnap.poc.learning.weights import Weights
+from neurosnap.poc.learning.update_kernels_partial import count_squares
+from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.sensorium import Sensorium
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning import kernels
+from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.edge_dates import date_changes
 from neurosnap.poc.learning.evidence import Evidence
 from neurosnap.poc.learning.pair_codes import rows_of, strict
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
-from neurosnap.poc.learning.weights import Weights, pair_of
+from neurosnap.poc.learning.weight_store import Weights, pair_of
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack

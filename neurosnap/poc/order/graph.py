@@ -1,8 +1,8 @@
 """Poc graphs: relations on literals, closed under contraposition.
 
 ``a <= b`` iff a directed path leads from ``a`` to ``b``; every edge ``a -> b`` comes
-with ``b* -> a*``. What costs something is computed when first asked for and kept: a
-graph never changes.
+with ``b* -> a*``. A graph never changes: costly results are computed on
+first use and kept.
 """
 
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order import kernels
-from neurosnap.poc.order.closure import Order, order_of, wired
+from neurosnap.poc.order.generated_order import Order, order_of, wired
 from neurosnap.poc.order.literals import (
     Literals,
     Words,
@@ -36,13 +36,13 @@ class PocGraph:
     Sets of literals go in as a ``(2N,)`` bool array or as the literals, and come out
     as new ``(2N,)`` bool arrays.
 
-    No literal may be equivalent to its own complement. In the graph of a snapshot none
-    is while all readings are known, since equivalent literals agree in the last
-    observation; only differences at the very edge of the tolerance of discounted
-    weights could add up to such a class. Where readings were unknown, pairs that were
-    known at different times can. Nothing breaks then: it has one representative, which
-    stands for the complement too, and coherent sets hold none of its literals; but it
-    generates no poc set, and `PocSet` refuses it.
+    The constructor refuses a literal that is equivalent to its own complement. The
+    graph of a snapshot has none as long as all readings were known, since equivalent
+    literals agree in the last observation (rounding at the tolerance of discounted
+    weights aside). With unknown readings, pairs known at different times can lead to
+    such a class; the graph of a snapshot is not checked for it. The class then has one
+    representative, which also stands for the complement, and no coherent set holds any
+    of its literals; but the graph generates no poc set, and `PocSet` refuses it.
 
     Args:
         edges: ``(2N, 2N)`` bool; ``edges[a, b]`` iff ``a -> b``. The diagonal is
@@ -111,7 +111,7 @@ class PocGraph:
 
     @classmethod
     def _derived(cls, rows: Words) -> "PocGraph":
-        """Return the graph of packed rows that are known to be one; takes them over."""
+        """Return a graph over `rows`, not copied and not checked."""
         graph = cls.__new__(cls)
         graph._rows = rows  # noqa: SLF001 - its own class
         return graph

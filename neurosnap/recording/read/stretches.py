@@ -1,7 +1,8 @@
 """Stretches of a recording that can be derived without gaps.
 
-A recording that lacks nothing is one stretch. Where messages are missing, as behind
-damage, one ends; the next begins with the next key-frame, which holds all it takes.
+A recording that lacks nothing is one stretch. Where messages are missing, as
+after damage, a stretch ends; the next begins with the following key-frame, which holds
+all that is needed to start there.
 """
 
 from collections.abc import Iterator
@@ -84,7 +85,7 @@ def stretches(recording: Recording) -> list[Recording]:
 
 
 def _begun(rows: list[list[Recording]]) -> list[Recording]:
-    """Return each row from its first piece on that has something to begin with."""
+    """Return each row without the pieces before its first usable key-frame."""
     found: list[Recording] = []
     for row in rows:
         begun = list(dropwhile(lambda piece: piece.begins < 0, row))
@@ -179,8 +180,8 @@ def _piece(
 def _real(recording: Recording, breaks: list[_Break]) -> list[_Break]:
     """Return the breaks at which messages are missing.
 
-    Where that is not certain, the senders' running numbers tell: one that is damaged
-    beside its messages only is no break.
+    Where a break is uncertain, the senders' sequence numbers decide: damage that hit no
+    messages is no break.
     """
     if all(one.certain for one in breaks):
         return breaks

@@ -51,7 +51,9 @@ class _Point(NamedTuple):
     """The state after it, packed."""
 
 
-def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, ResumePoint]:
+def find_resume_point(
+    log: Path, most: int | None = None
+) -> tuple[RunOptions, ResumePoint]:
     """Find out where a recorded run can go on.
 
     Derives the run again on the way, from its last key-frame but one: what is resumed
@@ -69,7 +71,7 @@ def look_back(log: Path, most: int | None = None) -> tuple[RunOptions, ResumePoi
     why: RecordingError | None = None
     for recording, stretch in _backwards(log, most):
         try:
-            return _look_back(recording, stretch, most)
+            return _resume_point_in(recording, stretch, most)
         except RecordingError as error:
             why = why or error
     raise why or RecordingError(
@@ -92,7 +94,7 @@ def _backwards(log: Path, most: int | None) -> Iterator[tuple[Recording, Recordi
             return
 
 
-def _look_back(
+def _resume_point_in(
     recording: Recording, stretch: Recording, most: int | None
 ) -> tuple[RunOptions, ResumePoint]:
     """Find out where a run can go on in one stretch of its last file."""
@@ -114,14 +116,14 @@ def past_of(log: Path, options: RunOptions) -> ResumePoint:
     """Return where a run that is described again goes on with its recording.
 
     Args:
-        log: As in `look_back`.
+        log: As in `find_resume_point`.
         options: The run's; it may have more ticks by now, and other deadlines or syncs.
 
     Raises:
         InvalidValueError: It is another run, or has no more ticks than there are.
-        RecordingError: As from `look_back`.
+        RecordingError: As from `find_resume_point`.
     """
-    recorded, past = look_back(log)
+    recorded, past = find_resume_point(log)
     same = {name: getattr(options, name) for name in ("ticks", "deadline", "sync")}
     if msgspec.structs.replace(recorded, **same) != options:
         rule = "must be a recording of the run that is described"
@@ -141,9 +143,9 @@ def past_at(log: Path, there: ResumePoint) -> ResumePoint:
 
     Raises:
         InvalidValueError: It is no such copy.
-        RecordingError: As from `look_back`.
+        RecordingError: As from `find_resume_point`.
     """
-    _, here = look_back(log, there.tick)
+    _, here = find_resume_point(log, there.tick)
     if msgspec.structs.replace(here, log=there.log) != there:
         rule = f"must be the recording that the run goes on from at tick {there.tick}"
         raise InvalidValueError("resume", rule, str(log))
@@ -154,7 +156,7 @@ def whole_ticks(log: Path) -> int:
     """Return how far a recorded run can go on, in ticks; 0: it cannot.
 
     Args:
-        log: As in `look_back`.
+        log: As in `find_resume_point`.
     """
     with suppress(RecordingError):
         for recording, stretch in _backwards(log, None):
@@ -349,7 +351,7 @@ def restore(past: ResumePoint, ticks: int) -> Coordinator:
     """Return the coordinator's core as it was after the last whole tick.
 
     Args:
-        past: From `look_back`.
+        past: From `find_resume_point`.
         ticks: How many ticks the run is to have in all; more than there are.
     """
     several = stretches(Recording.open(Path(past.log)))

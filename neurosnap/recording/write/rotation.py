@@ -1,30 +1,32 @@
 """Splits a recording into files of limited size, each replayable by itself.
 
-When a file is over the size, the next key-frame begins another. A key-frame is said
-when nothing is under way, so all that belongs before it was sent before it, by whoever
-it was; but not all of that has come by then, since senders overtake each other. So the
-file before stays open for a while, and each sender's messages go there until its first
-of a later wave or tick: what a sender says comes in order, so nothing of before can
-follow that. (A wave that was given up may still make its cells talk; but a cell acts on
-no later one before it has heard which are over.) What has neither wave nor tick, a
-fault or a last word, goes where its sender's last message went. That makes every file's
-share of a sender's running numbers one range, and the file is whole if nothing is
-missing in it.
+When a file has exceeded the size, the next key-frame begins another. The coordinator
+sends a key-frame while no wave is in flight, so every message that belongs before it
+was sent before it. Not all of them have arrived by then, since messages of different
+senders overtake each other. So the older file stays open for a while, and takes each
+sender's messages up to its first of a later wave or tick; one sender's messages arrive
+in order, so no earlier one can follow. (Cells may still report on a wave that was given
+up, but take part in no later wave before they know which waves are over.) A message
+without wave and tick (`fault`, `leave`) goes to the file of its sender's previous
+message. Each file thus holds one range of a sender's sequence numbers, and is whole if
+no number of that range is missing.
 
-Others overtake the key-frame instead. So what answers a word of the coordinator that
-has not come yet, the start of its wave or the decision before its tick, waits for that.
+Other messages arrive before a message of the coordinator that they answer: the start
+of their wave, or the decision before their tick. They are held back until it arrives.
 
-A sender that says nothing for `LATE` after the key-frame is taken to have had nothing
-left to say; if it had, that goes to the newer file. If all ends before that, the file
-before gets no end, unless that sender has said a last word. What is missing between the
-last message of a sender in the one file and the first in the other, the older lacks.
+If a sender's first message for the newer file does not come within `LATE` after the
+key-frame, the older file is closed, and later messages of that sender go to the newer
+file. If the recording ends earlier, the older file gets no end, unless the sender's
+`leave` shows that it lacks nothing. Messages missing between a
+sender's last in the older file and its first in the newer one count as missing from
+the older.
 
 The decision of a file's last tick follows the key-frame, so it is in the next file. The
 key-frame says it, too, and it is noted among the totals of the file before, which can
 be verified to its end alone.
 
-A file that is over is finished at once, so that it survives the end of this process;
-what waits for the disk is `neurosnap.recording.write.fsync_thread`.
+A closed file is finished at once, so that it survives the end of this process; the
+sync to disk is done by `neurosnap.recording.write.fsync_thread`.
 """
 
 import contextlib
@@ -67,7 +69,7 @@ class Split(msgspec.Struct, frozen=True):
 
 
 def split_of(metadata: Mapping[str, str]) -> Split | None:
-    """Return how a run wants to be recorded, by what is written of it; None: whole.
+    """Return how to split a recording, from the run's metadata; None: not at all.
 
     Raises:
         RecordingError: What is written there is not valid.
@@ -99,7 +101,7 @@ class _Boundary(NamedTuple):
     """That of the key-frame's tick."""
     wave: int
     closes: int
-    """The time of recording after which nothing of before is waited for."""
+    """The log time after which earlier messages are no longer waited for."""
 
 
 class SplitWriter:
@@ -152,7 +154,7 @@ class SplitWriter:
             raise
 
     def _check_free(self) -> None:
-        """Refuse to write where a later file would be in the way."""
+        """Refuse to start if a later file of the split exists already."""
         for number, path in part_paths(self._log).items():
             if self._split is not None and number > self._number:
                 rule = "must not exist yet"
@@ -226,9 +228,9 @@ class SplitWriter:
     def _is_full(self, frame: wire.KeyFrame, delivery: wire.Delivery) -> bool:
         """Tell whether a key-frame is to begin another file.
 
-        Not if it came before; or the newest begins with it, since that of a run which
-        goes on from there is still to get it; or its tick's decision is in a file
-        already, as when the world has ended and nothing is to follow.
+        Not if it is a duplicate; if the newest file begins with its tick, since the
+        file of a resumed run still has to receive it; or if its tick's decision is
+        recorded already, as at the end of a run.
         """
         return (
             self._split is not None
@@ -263,7 +265,7 @@ class SplitWriter:
             return
         self._warned = True
         _log.warning(
-            "files have some %d bytes, not %d: so much comes between two key-frames",
+            "files have about %d bytes, not %d: key-frames are that far apart",
             older.size,
             self._split.size,
         )
@@ -285,8 +287,8 @@ class SplitWriter:
     def _pass(self, sender: str, sequence: int, older: Writer) -> None:
         """From here on a sender's messages go to the newest file.
 
-        What is lost between its last in the older file and this one is missing there:
-        it may be what that ends with, and nobody looks back from the newest.
+        Messages lost between its last in the older file and this one count as missing
+        from the older file: they may be its end, and the newest is read without it.
         """
         self._passed.add(sender)
         first = max(sequence, older.sequences.upcoming(sender))
@@ -296,13 +298,13 @@ class SplitWriter:
         """Finish the older file, if one is open, and let it be saved.
 
         Args:
-            expected: How many messages senders must have sent in all. Who has not said
-                anything since the newer file began may lack some in this one: then it
-                gets no end, and nobody goes on from the newer.
+            expected: How many messages each sender must have sent in all. If the older
+                file lacks some of a sender that sent nothing since the newer one began,
+                it gets no end, and no run resumes from the newer file.
         """
         if self._older is None:
             return
-        self._saving.wait()  # what is in here cannot be lost by an error yet
+        self._saving.wait()  # may raise, so it comes before `_older` is cleared
         older, self._older = self._older, None
         self._watch(older)
         begun = self._newest.sequences.first
@@ -314,7 +316,7 @@ class SplitWriter:
         is_whole = all(expected.get(sender, 0) <= ends[sender] for sender in silent)
         for sender, end in ends.items():
             self._newest.sequences.begin(sender, end)
-        # First of all: who goes on from the newest file has to know.
+        # Written first: a run that resumes from the newest file needs it.
         self._newest.note_share()
         if not is_whole:
             older.abandon()
@@ -368,7 +370,7 @@ class SplitWriter:
         """Let what was flushed be written to the disk, on a thread.
 
         Returns:
-            It begins. Otherwise the last time is not over.
+            Whether a sync began; false while the previous one is under way.
 
         Raises:
             RecordingError: Now or before the disk did not take it.

@@ -85,7 +85,7 @@ def child(job: Job, connection: PartConnection, line: Connection) -> None:
         loop.add_signal_handler(END, stop.set)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {END})
         try:
-            with _orphanage(connection.who, stop):
+            with _ending_with_launcher(connection.who, stop):
                 await job.run(PartContext(connection, stop, reporter))
         finally:
             # It is about to end: asked to now, it must not be killed by that, as it
@@ -104,7 +104,7 @@ def child(job: Job, connection: PartConnection, line: Connection) -> None:
 
 
 @contextmanager
-def _orphanage(who: str, stop: asyncio.Event) -> Iterator[None]:
+def _ending_with_launcher(who: str, stop: asyncio.Event) -> Iterator[None]:
     """End in order when the launcher dies without having said so."""
     parent = multiprocessing.parent_process()
     if parent is None:

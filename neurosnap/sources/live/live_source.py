@@ -2,17 +2,18 @@
 
 Two threads meet here. A feeder's thread hands readings in; the world's thread waits in
 `first` or `step` until a tick is due. Both hold one lock for a few microseconds, and
-what waits between them is bounded: a reading replaces the one before it, and of whole
-readings no more than `WAITING` are kept, and what a feeder had read by then.
+the data between them is bounded: a single reading replaces its sensor's previous one,
+and at most `WAITING` whole readings are queued, plus those a feeder had read by then.
 
 Whole readings come first: each is a tick of its own, in the order they came, and the
 pace is not asked. Only when none waits does the pace decide when the board is shown.
 
-With a journal each row, the readings of one tick, is written down as soon as it is
-known that it gets one: a whole reading when it comes, the board when it is shown. Who
-goes on after a death gets the same rows again (`go_on`). While nobody asks
-(`keep_changes`) the board is not shown by the clock, but each change of it is a row, as
-far as the pace and `WAITING` allow: so a restart hides no more than a busy swarm does.
+With a journal each row (the readings of one tick) is written as soon as it is certain
+to get a tick: a whole reading when it arrives, the board when it becomes a tick. After
+a restart the same rows are given again (`go_on`). While no tick is waited for
+(`keep_changes`), the clock does not turn the board into rows, but each change of it
+becomes one, within the limits of the schedule and of `WAITING`: so a restart hides no
+more changes than a busy swarm does.
 """
 
 import logging
@@ -131,11 +132,11 @@ class LiveSource:
         self._fresh = True  # nobody has listened before the next row
         self._waiting: deque[Shown] = deque()
         self._shown: Shown | None = None  # the last row, be it given or waiting
-        self._turn = 0  # whoever asks and is not of this turn is let go
+        self._turn = 0  # a waiting call ends when this has changed; see `let_go`
         self._away = False
         self._unshown: Bits = np.zeros(len(board.sensors), np.bool_)
         self._stamps = ClockMapping(clock(), wall())
-        # A feeder is not started once it was stopped, and not stopped halfway.
+        # Serializes `start` and `stop`: no start after a stop, no stop during a start.
         self._feeding = threading.Lock()
         self._sensitive = True  # a reading may bring the next tick nearer
         self._started = self._ended = self._closed = False
@@ -213,9 +214,10 @@ class LiveSource:
             self._condition.notify_all()
 
     def keep_changes(self) -> None:
-        """Write down each change that would have been a row, until `let_go`.
+        """Write each change that would have been a row to the journal, until `let_go`.
 
-        For while nobody asks. What the journal fails of, whoever asks next gets.
+        To be used while no tick is waited for. The next `first` or `step` raises the
+        journal's error, if there is one.
         """
         if not self._started:
             self._start()
@@ -303,11 +305,11 @@ class LiveSource:
                     self._unshown[number] = True
                     self._changed()
             if self._away:
-                # Here, and not by who waits: the next readings may be faster than that.
+                # Here, not in the waiting thread: readings may come before it wakes.
                 self._keep_change(now)
 
     def _changed(self) -> None:
-        """Wake whoever waits, once a burst: there is but one look to take."""
+        """Wake the waiting thread, once per burst of changes."""
         if self._sensitive:
             self._sensitive = False
             self._condition.notify_all()
@@ -493,7 +495,7 @@ class LiveSource:
         self._condition.wait(until if patience is None else min(until, patience))
 
     def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
-        """Return for how long to wait before showing `seen`; None: it is no reason."""
+        """Return the seconds until `seen` is due; None: it makes no tick due."""
         changed = self._shown is None or not self._shown.is_same(seen)
         self._sensitive = True
         if not seen[1].any():
@@ -501,7 +503,7 @@ class LiveSource:
         if self._ended:
             return 0.0 if changed else None
         patience = self._pace.wait(now, changed)
-        # While this is what will be shown, more of it need not wake anybody.
+        # A change that would not bring the tick forward need not wake the waiter.
         self._sensitive = patience != self._pace.wait(now, True)
         return patience
 

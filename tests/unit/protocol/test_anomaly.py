@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.anomaly import MOST, Anomaly, Watcher
+from neurosnap.protocol.anomaly import MOST, Anomaly, AnomalyDetector
 from neurosnap.sensorium import Sensorium, complete
 from tests.property.strategies import runs
 
@@ -18,17 +18,21 @@ CHAIN = PocGraph.from_implications(3, [(0, 2), (2, 4)])
 FREE = PocGraph.from_implications(3, [])
 
 
-def shown(watcher: Watcher, readings: list[tuple[int, ...]]) -> list[Anomaly | None]:
+def shown(
+    watcher: AnomalyDetector, readings: list[tuple[int, ...]]
+) -> list[Anomaly | None]:
     return [watcher.watch(t, CHAIN, bits) for t, bits in enumerate(readings)]
 
 
 def test_nothing_is_wrong_with_what_was_to_be_expected() -> None:
-    assert shown(Watcher(NAMES), [(0, 0, 0), (0, 0, 1), (0, 1, 1)]) == [None] * 3
+    assert (
+        shown(AnomalyDetector(NAMES), [(0, 0, 0), (0, 0, 1), (0, 1, 1)]) == [None] * 3
+    )
 
 
 def test_an_anomaly_lasts_since_the_first_in_a_row() -> None:
     found = shown(
-        Watcher(NAMES), [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1), (1, 0, 1)]
+        AnomalyDetector(NAMES), [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1), (1, 0, 1)]
     )
     assert [None if one is None else one.since for one in found] == [
         *(None, 1, 1, None, 4)
@@ -39,7 +43,9 @@ def test_the_broken_implication_is_named_with_its_evidence() -> None:
     snapshot = EmpiricalSnapshot(NAMES, 0.25)
     for bits in [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 1, 1)]:
         snapshot.learn(bits)
-    found = Watcher(NAMES).watch(4, snapshot.poc_graph(), (1, 0, 1), snapshot=snapshot)
+    found = AnomalyDetector(NAMES).watch(
+        4, snapshot.poc_graph(), (1, 0, 1), snapshot=snapshot
+    )
     assert found is not None
     (broken,) = found.broken
     (link,) = broken.links
@@ -52,7 +58,7 @@ def test_the_broken_implication_is_named_with_its_evidence() -> None:
 def test_through_what_was_not_read_it_follows_from_several_links() -> None:
     snapshot = EmpiricalSnapshot(NAMES, 0.25)
     known = np.array([True, False, True])
-    found = Watcher(NAMES).watch(0, CHAIN, (1, 0, 0), known, snapshot)
+    found = AnomalyDetector(NAMES).watch(0, CHAIN, (1, 0, 0), known, snapshot)
     assert found is not None
     (broken,) = found.broken
     assert [(one.source, one.target) for one in broken.links] == [
@@ -60,13 +66,13 @@ def test_through_what_was_not_read_it_follows_from_several_links() -> None:
         ("b", "c"),
     ]
     assert (broken.source, broken.target) == ("a", "c")
-    assert Watcher(NAMES).watch(0, CHAIN, (1, 0, 0), known & False) is None
+    assert AnomalyDetector(NAMES).watch(0, CHAIN, (1, 0, 0), known & False) is None
 
 
 def test_a_literal_never_on_has_no_evidence() -> None:
     never = PocGraph.from_implications(3, [(0, 1)])
     snapshot = EmpiricalSnapshot(NAMES, 0.25)
-    found = Watcher(NAMES).watch(0, never, (1, 0, 0), snapshot=snapshot)
+    found = AnomalyDetector(NAMES).watch(0, never, (1, 0, 0), snapshot=snapshot)
     assert found is not None
     assert found.broken[0].links[0].evidence is None
     assert found.culprits == ("a",)
@@ -74,7 +80,7 @@ def test_a_literal_never_on_has_no_evidence() -> None:
 
 def test_who_did_not_change_is_the_more_suspect() -> None:
     for before, culprit in (((1, 1, 1), "a"), ((0, 0, 1), "b")):
-        _, found = shown(Watcher(NAMES), [before, (1, 0, 1)])
+        _, found = shown(AnomalyDetector(NAMES), [before, (1, 0, 1)])
         assert found is not None
         assert found.culprits == (culprit,)
         assert found.candidates == ("a", "b")
@@ -82,7 +88,7 @@ def test_who_did_not_change_is_the_more_suspect() -> None:
 
 def test_who_was_to_blame_before_is_again() -> None:
     # In the second a alone explains all; so it does in the third, where b might, too.
-    _, second, third = shown(Watcher(NAMES), [(0, 0, 1), (1, 0, 0), (1, 0, 1)])
+    _, second, third = shown(AnomalyDetector(NAMES), [(0, 0, 1), (1, 0, 0), (1, 0, 1)])
     assert second is not None
     assert third is not None
     assert second.candidates == second.culprits == third.culprits == ("a",)
@@ -90,7 +96,7 @@ def test_who_was_to_blame_before_is_again() -> None:
 
 
 def test_blame_fades() -> None:
-    watcher = Watcher(NAMES)
+    watcher = AnomalyDetector(NAMES)
     shown(watcher, [(0, 0, 1), (1, 0, 0)])
     found = watcher.watch(10_000, CHAIN, (1, 0, 1))
     assert found is not None
@@ -98,7 +104,7 @@ def test_blame_fades() -> None:
 
 
 def test_it_holds_on_to_what_was_broken_first_for_a_while() -> None:
-    watcher = Watcher(NAMES, hold=3)
+    watcher = AnomalyDetector(NAMES, hold=3)
     assert watcher.watch(0, CHAIN, (0, 1, 1)) is None
     first = watcher.watch(1, CHAIN, (1, 0, 1))
     # From now on the graph has unlearned everything.
@@ -109,7 +115,7 @@ def test_it_holds_on_to_what_was_broken_first_for_a_while() -> None:
 
 def test_an_anomaly_can_be_written_and_read() -> None:
     snapshot = EmpiricalSnapshot(NAMES, 0.25)
-    found = Watcher(NAMES).watch(7, CHAIN, (1, 0, 0), snapshot=snapshot)
+    found = AnomalyDetector(NAMES).watch(7, CHAIN, (1, 0, 0), snapshot=snapshot)
     assert found is not None
     again = msgspec.json.decode(msgspec.json.encode(found), type=Anomaly)
     assert again == found
@@ -122,7 +128,7 @@ def test_there_is_a_bound_to_what_it_lists(sensors: int) -> None:
         sensors,
         [(2 * a, 2 * b + 1) for a in range(sensors) for b in range(a)],
     )
-    found = Watcher(Sensorium.of(sensors)).watch(0, order, [True] * sensors)
+    found = AnomalyDetector(Sensorium.of(sensors)).watch(0, order, [True] * sensors)
     assert found is not None
     pairs = sensors * (sensors - 1) // 2
     assert len(found.broken) == min(pairs, MOST)
@@ -149,8 +155,8 @@ def test_where_one_exception_convinces_nothing_is_wrong_once_it_is_learned(
 
 def test_nonsense_is_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"^hold: must be 0 or more, got -1$"):
-        Watcher(NAMES, hold=-1)
-    watcher = Watcher(NAMES)
+        AnomalyDetector(NAMES, hold=-1)
+    watcher = AnomalyDetector(NAMES)
     with pytest.raises(ShapeError, match=r"^graph: must have 3 sensors, got 0$"):
         watcher.watch(0, PocGraph(np.zeros((0, 0), np.bool_)), (0, 0, 0))
     with pytest.raises(

@@ -7,7 +7,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.protocol.anomaly import MOST, Watcher
+from neurosnap.protocol.anomaly import MOST, AnomalyDetector
 from neurosnap.protocol.anomaly_messages import Link, announcement, told
 from neurosnap.sensorium import Sensorium
 
@@ -16,7 +16,7 @@ NAMES = Sensorium(["door", "motion", "light"])
 
 def broken() -> wire.Anomaly:
     """What is announced once the door opens without motion."""
-    watcher, snapshot = Watcher(NAMES), EmpiricalSnapshot(NAMES, 0.25)
+    watcher, snapshot = AnomalyDetector(NAMES), EmpiricalSnapshot(NAMES, 0.25)
     for bits in [(0, 0, 1), (0, 1, 0), (1, 1, 1), (1, 1, 0)]:
         snapshot.observe(bits)
     found = watcher.watch(5, snapshot.poc_graph(), (1, 0, 1), None, snapshot)
@@ -39,7 +39,9 @@ def test_there_is_a_bound_to_what_it_lists() -> None:
     for k in range(60):  # one of them at a time, or none
         snapshot.observe(np.arange(count) == k)
     everything = np.ones(count, np.bool_)
-    found = Watcher(names).watch(1, snapshot.poc_graph(), everything, None, snapshot)
+    found = AnomalyDetector(names).watch(
+        1, snapshot.poc_graph(), everything, None, snapshot
+    )
     assert found is not None
     message = announcement(found, names)
     assert message.implications == count * (count - 1) // 2

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.protocol.limits import check_readings
+from neurosnap.protocol.message_checks import check_readings
 from tests.support.refusals import refusal
 
 

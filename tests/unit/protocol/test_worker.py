@@ -432,7 +432,7 @@ def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
 def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.limits.WAVES", 3)
+    monkeypatch.setattr("neurosnap.protocol.message_checks.WAVES", 3)
     worker = wired()
     waiting = [burst((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
     (fault,) = worker.receive(waiting)

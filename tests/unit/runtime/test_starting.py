@@ -12,13 +12,13 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.cell_wiring import CellWires, Wires
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
+from neurosnap.protocol.sent_wiring import CellWires, Wires
+from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
-from neurosnap.protocol.worker_wiring import WorkerWires
 from neurosnap.sensorium import pack
 
 SENSORS = ("a", "b", "c", "d")

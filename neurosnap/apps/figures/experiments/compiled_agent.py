@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.excited import choose
-from neurosnap.poc.learning.kernels import learn_counts, learn_discounted, project
+from neurosnap.poc.learning.update_kernels import (
+    learn_counts,
+    learn_discounted,
+    project,
+)
 from neurosnap.poc.order.kernels import spread
 from neurosnap.system.compiled import njit
 

@@ -15,7 +15,7 @@ from neurosnap.apps.figures.experiments.sensor_faults import (
     seen,
 )
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.protocol.anomaly import Anomaly, Watcher
+from neurosnap.protocol.anomaly import Anomaly, AnomalyDetector
 from neurosnap.sensorium import Sensorium, complete
 
 _VERSION = 1
@@ -95,7 +95,9 @@ class DetectionEntry(PerStepEntry, frozen=True, kw_only=True):
             snapshot = EmpiricalSnapshot(sensorium, self.threshold)
         else:
             snapshot = DiscountedSnapshot(sensorium, self.threshold, self.decay)
-        after, before, held = (Watcher(sensorium, hold) for hold in (0, 0, self.hold))
+        after, before, held = (
+            AnomalyDetector(sensorium, hold) for hold in (0, 0, self.hold)
+        )
         for step, bits in enumerate(read):
             believed = snapshot.poc_graph()
             snapshot.learn(bits)

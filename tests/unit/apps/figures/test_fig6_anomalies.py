@@ -29,7 +29,7 @@ from neurosnap.apps.figures.experiments.sensor_faults import (
 from neurosnap.apps.figures.fig6_anomalies import score
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.protocol.anomaly import Watcher
+from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.sensorium import Sensorium, complete
 
 CELL = DetectionEntry(
@@ -102,7 +102,10 @@ def test_flags_are_those_of_a_learner_followed_step_by_step() -> None:
     key = np.random.SeedSequence(CELL.seed, spawn_key=(0, 1, 3)).generate_state(1)
     episodes = faults("flipped", 20, CELL.steps, int(key[0]))
     read = seen(walk.bits, "flipped", episodes)
-    snapshot, watcher = EmpiricalSnapshot(20, CELL.threshold), Watcher(Sensorium.of(20))
+    snapshot, watcher = (
+        EmpiricalSnapshot(20, CELL.threshold),
+        AnomalyDetector(Sensorium.of(20)),
+    )
     faulty = {t for each in episodes for t in range(each.first, each.end)}
     for step, bits in enumerate(read):
         wrong = bool((bits != walk.bits[step]).any())

@@ -20,7 +20,7 @@ from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
-from neurosnap.recording.replay.resume import look_back, past_of, whole_ticks
+from neurosnap.recording.replay.resume import find_resume_point, past_of, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
@@ -228,7 +228,7 @@ def test_a_run_whose_actions_are_lost_goes_on_from_before_the_damage(
 ) -> None:
     spoil(log, 17)
     before = verify(log).ranges[0][1]
-    _, past = look_back(log)
+    _, past = find_resume_point(log)
     assert past.tick == before
     assert len(past.actions) == before - 1
 

@@ -15,7 +15,7 @@ from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.replay.resume import look_back
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
@@ -159,7 +159,7 @@ def test_a_run_with_unknown_readings_goes_on(
         return made
 
     log = record(source(), tmp_path / "log.mcap", monkeypatch)
-    _, past = look_back(log)
+    _, past = find_resume_point(log)
     again = tmp_path / "again.mcap"
     record(source(), again, monkeypatch, past=past, ticks=TICKS + 10)
     verdict = verify(again)
@@ -212,7 +212,7 @@ def test_a_run_from_before_goes_on_and_is_derived_again(
     log = record(
         Scripted(rows(unknown=False), ACTIONS), tmp_path / "log.mcap", monkeypatch
     )
-    _, past = look_back(of_schema_1(log))
+    _, past = find_resume_point(of_schema_1(log))
     again = tmp_path / "again.mcap"
     source = Scripted(rows(unknown=False), ACTIONS)
     record(source, again, monkeypatch, past=past, ticks=TICKS + 10)

@@ -24,7 +24,7 @@ from neurosnap.recording.read.split_files import (
     part_path,
     part_paths,
 )
-from neurosnap.recording.replay.resume import look_back, restore, whole_ticks
+from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.rotation import LATE, Split, SplitWriter, split_of
@@ -317,7 +317,7 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
         # so the run goes on from the next one.
         assert Recording.open(log).finished
         assert Recording.open(log).completeness().whole
-        assert look_back(log)[1].part == 1
+        assert find_resume_point(log)[1].part == 1
         assert threading.get_ident() not in disk.threads
         disk.takes.set()
         for count, one in enumerate(recorded[len(shares) :], len(shares)):
@@ -507,7 +507,7 @@ def test_what_is_lost_where_files_meet_is_missing_in_the_older(
         for path in part_paths(log).values()
     ]
     assert missing == [{}, {lost.message.sender: 1}, {}]
-    _, past = look_back(log)
+    _, past = find_resume_point(log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
@@ -533,7 +533,7 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
     assert list(part_paths(log)) == [0, 1, 2, 3]
     lacking = Recording.open(part_path(log, 2)).noted().completeness.missing
     assert lacking.keys() == {who}
-    _, past = look_back(log)
+    _, past = find_resume_point(log)
     assert (past.part, past.tick) == (2, 2 * EVERY)
     # The numbers of what is lost are not given again.
     assert past.counts[who] == lost.sequence + lacking[who]
@@ -573,7 +573,7 @@ def test_a_run_that_goes_on_where_a_file_begins_says_so_in_that_file(
 ) -> None:
     """The head alone is larger than a file should be."""
     paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
-    _, past = look_back(paths[0], 2 * EVERY)
+    _, past = find_resume_point(paths[0], 2 * EVERY)
     assert (past.tick, past.part) == (2 * EVERY, 2)
     new = tmp_path / "new.mcap"
     made(new, options_workers(whole), past)
@@ -607,7 +607,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
     assert balance.missing == dict.fromkeys(parts_there, 1)
     assert not Recording.open(part_path(log, 1)).finished
     assert not verify(log).complete
-    _, past = look_back(log)
+    _, past = find_resume_point(log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
@@ -726,7 +726,7 @@ def test_a_run_goes_on_in_its_last_file(
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[:at])
     paths[4].write_bytes(data[:at])
-    _, past = look_back(paths[0])
+    _, past = find_resume_point(paths[0])
     assert (past.log, past.part, past.begins) == (str(paths[4]), 4, 4 * EVERY)
     assert 4 * EVERY <= past.tick < 5 * EVERY
     assert past.tick == whole_ticks(paths[0])
@@ -753,7 +753,7 @@ def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
         for one in recorded[: len(upto(recorded, 3 * EVERY)) + 1]:
             if one.message.sender != who or one.sequence < lost.sequence:
                 writer.add(one.delivery, one.log_time)
-    _, past = look_back(log)
+    _, past = find_resume_point(log)
     assert past.tick == 2 * EVERY - 1
     core = restore(past, TICKS)
     assert (core.tick, core.in_flight) == (past.tick, ())
@@ -765,7 +765,7 @@ def test_what_is_restored_is_derived_from_the_last_key_frame_alone(
 ) -> None:
     """What was looked back on goes no further back: there it may lack something."""
     recorded = list(Recording.open(whole).messages())
-    _, past = look_back(whole, 3 * EVERY + 5)
+    _, past = find_resume_point(whole, 3 * EVERY + 5)
     del recorded[last_of(recorded, 3 * EVERY)]
     log = tmp_path / "log.mcap"
     with Writer(log) as writer:
@@ -787,7 +787,7 @@ def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -
     paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
     layout = Recording.open(paths[2]).layout
     paths[2].write_bytes(paths[2].read_bytes()[: layout.chunks[-8].offset])
-    _, past = look_back(paths[0])
+    _, past = find_resume_point(paths[0])
     assert (past.part, past.begins) == (2, 2 * EVERY)
     assert 2 * EVERY <= past.tick < 3 * EVERY
 
@@ -800,4 +800,4 @@ def test_without_its_first_files_a_world_that_acts_cannot_go_on(
     paths[1].unlink()
     rule = r"must have its decisions of ticks 1 to 59, to do them again, got 49"
     with pytest.raises(RecordingError, match=rule):
-        look_back(paths[6])
+        find_resume_point(paths[6])

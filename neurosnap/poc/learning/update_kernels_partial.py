@@ -1,8 +1,8 @@
 """Compiled loops for partial observations: four weights stored per pair.
 
-What `neurosnap.poc.learning.kernels` does with one joint weight a pair takes every
-reading at every tick. Here a reading may be unknown: the pairs it is in are not touched
-then, and so each pair has a total of its own. Pairs and codes are as in
+What `neurosnap.poc.learning.update_kernels` does with one joint weight a pair takes
+every reading at every tick. Here a reading may be unknown: the pairs it is in are not
+touched then, and so each pair has a total of its own. Pairs and codes are as in
 `neurosnap.poc.learning.pair_codes`; the squares are ``(4, N (N - 1) / 2)``: ``w_ij,
 w_ij*, w_i*j, w_i*j*`` of each pair.
 
@@ -12,7 +12,7 @@ The loops over a row are written for vector instructions, as those in the other 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.kernels import SLACK, rewire
+from neurosnap.poc.learning.update_kernels import SLACK, rewire
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -104,8 +104,9 @@ def discount_squares(
     """Weigh in what is known of one observation, derive, truncate.
 
     ``w_ab <- q w_ab + (1 - q) [a and b both on]`` where both sensors are known; codes
-    and truncation as in `neurosnap.poc.learning.kernels.learn_discounted`, for these
-    pairs alone: what is not touched keeps its code as well, which rounding might turn.
+    and truncation as in `neurosnap.poc.learning.update_kernels.learn_discounted`, for
+    these pairs alone: what is not touched keeps its code as well, which rounding might
+    turn.
 
     Args:
         bits: ``(N,)``, 0 or 1; any where unknown.

@@ -10,9 +10,9 @@ from neurosnap import wire
 from neurosnap.errors import MessageError, WaveLostError
 from neurosnap.poc.order.literals import Words, to_words
 from neurosnap.protocol.partition import shares
+from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
-from neurosnap.protocol.worker_wiring import WorkerWires
 
 SENSORS, WORKERS = 7, 3
 LITERALS = 2 * SENSORS

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.order.literals import Words
-from neurosnap.protocol.cell_wiring import members, outdated
 from neurosnap.protocol.partition import shares
+from neurosnap.protocol.sent_wiring import members, outdated
 from neurosnap.protocol.worker_edges import parted
 
 FRAME = 1 << 16
