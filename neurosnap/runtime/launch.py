@@ -10,6 +10,7 @@ import secrets
 import tempfile
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -145,6 +146,7 @@ class _Launch:
             plan.network, endpoint, located=bool(plan.elsewhere)
         )
         self._folder = folder
+        self._recorder: Child | None = None
         self.swarm = plan.swarm or new_swarm_id()
         self._hosts = hosts(plan.cells, plan.workers)
 
@@ -216,6 +218,7 @@ class _Launch:
                 ),
                 self._connection("recorder"),
             )
+            self._recorder = recorder
             awaited = ["recorder", *heard]
         coordinator = await start(
             plan.coordinator(tuple(awaited)), self._connection("coordinator")
@@ -260,6 +263,12 @@ class _Launch:
             if self._supervisor.has_ended("hub"):
                 await end(["recorder"], _LAST_WRITE)
         more = 0.0 if self._supervisor.has_begun else _COMING_UP
+        if more and self._supervisor.error is None and self._recorder is not None:
+            # A coordinator that leaves before the recorder listens would be missing.
+            ready, ended = self._recorder.ready, self._recorder.ended
+            with suppress(TimeoutError):
+                async with asyncio.timeout(more):
+                    await wait_any(self._supervisor.failed, ready, ended)
         late = await end(["coordinator"], self._plan.patience + more)
         grace = _GRACE + 0.02 * len(self._hosts) + more
         late += await end(["world", *self._hosts], grace)

@@ -31,6 +31,7 @@ async def run_recorder(
     parts: Collection[str],
     grace: float = 5.0,
     journal: Path | None = None,
+    on_ready: Callable[[], None] = lambda: None,
 ) -> Completeness:
     """Record all traffic until every one of `parts` has left; finish the recording.
 
@@ -44,6 +45,7 @@ async def run_recorder(
         parts: Whose last word is awaited.
         grace: Seconds.
         journal: Where outside readings are kept until they are recorded.
+        on_ready: Called once it misses no message any more.
 
     Returns:
         What the recording holds of what was sent; a part that never said its last word
@@ -57,6 +59,7 @@ async def run_recorder(
     await fabric.locate(listener.locate)
     await fabric.watch(listener.change)
     await fabric.announce()
+    on_ready()
     flushing = asyncio.create_task(
         _flush(writer, fabric, lambda: listener.framed, journal), name="recorder/flush"
     )

@@ -33,5 +33,6 @@ class RecorderJob(msgspec.Struct, frozen=True):
                     part.stop,
                     parts=self.parts,
                     journal=journal_of(Path(self.path)),
+                    on_ready=part.reporter.ready,
                 )
         part.reporter.done(balance)
