@@ -128,7 +128,7 @@ def decoded(data: bytes) -> Iterator[Record]:
     for raw in records(data):
         try:
             record = _decoder.decode(raw)
-        except msgspec.MsgspecError:
+        except (msgspec.MsgspecError, UnicodeDecodeError):  # msgspec lets that through
             return
         if isinstance(record, Begin):
             expected = record.first

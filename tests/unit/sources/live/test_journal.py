@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
@@ -46,6 +46,7 @@ def test_zeros_are_no_records(several: list[bytes], zeros: int) -> None:
 
 
 @given(st.binary(max_size=200))
+@example(b"\x91\xa7\0\0\0\0\0\0\x80")  # a text that is none
 def test_any_bytes_are_records_or_none(data: bytes) -> None:
     assert [*decoded(data)] == []
     assert [*decoded(frame(data))] == []
