@@ -2,8 +2,8 @@
 
 `BinarySensors` gives what `Sensor` predicates read along the trajectory instead of the
 environment's own observation. Where episodes follow each other
-(`Continuing`), every one of them is a trajectory of its own,
-whichever of the two wrappers is around the other.
+(`Continuing`), every one of them is a trajectory of its own, whichever of the two
+wrappers is around the other.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -344,7 +344,7 @@ def send_round() -> None:
             zenoh.open(config) as sender,
         ):
             callback = zenoh.handlers.Callback(hand_over, indirect=False)
-            subscriber = receiver.declare_subscriber("neurosnap/apps/doctor", callback)
+            subscriber = receiver.declare_subscriber("neurosnap/doctor", callback)
             _send_until_it_comes(sender, came)
             subscriber.undeclare()
 
@@ -354,7 +354,7 @@ def _send_until_it_comes(
 ) -> None:
     """Send again and again: the first may be sent before the hub knows who listens."""
     for _ in range(100):
-        sender.put("neurosnap/apps/doctor", b"hello")
+        sender.put("neurosnap/doctor", b"hello")
         try:
             came.get(timeout=0.1)
         except queue.Empty:

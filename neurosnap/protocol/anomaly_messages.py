@@ -14,7 +14,7 @@ def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
     """Return `anomaly` as it goes on the wire: by numbers.
 
     Args:
-        anomaly: What a `AnomalyDetector` that had a snapshot found.
+        anomaly: What an `AnomalyDetector` that had a snapshot found.
         sensorium: The names it uses.
     """
     links = [

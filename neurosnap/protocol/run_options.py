@@ -135,12 +135,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             InvalidValueError: There are too many sensors.
         """
         count, pair = len(self.sensors), _BYTES_A_PAIR[self.snapshot]
-        room = (
-            LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
-        )  # base64 takes four bytes for three
+        # Base64 takes four bytes for three.
+        room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
         if count * count * pair > 2 * room:
             most = math.isqrt(2 * room // pair)
-            rule = f"must be at most {most:,}, for a key-frame of {LARGEST_KEYFRAME >> 20} MiB"
+            limit = f"{LARGEST_KEYFRAME >> 20} MiB"
+            rule = f"must be at most {most:,}, for a key-frame of {limit}"
             raise InvalidValueError("sensors", rule, count)
 
     def new_snapshot(self) -> Snapshot:

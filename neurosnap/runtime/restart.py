@@ -186,7 +186,7 @@ async def _late(
             await redone.wait()
         heeded.set()
 
-    following = asyncio.create_task(follow(), name="endure/stop")
+    following = asyncio.create_task(follow(), name="restart/stop")
     try:
         yield heeded
     finally:

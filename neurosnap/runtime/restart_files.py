@@ -132,7 +132,7 @@ class RestartFiles:
             tick: Where it was cut off, so that the next life does it again.
         """
         left = [self._broken] if self._broken.exists() else []
-        with suppress(RecordingError):
+        with suppress(RecordingError, OSError):
             return any(one[0] == tick for one in _ticks([*left, *self.kept]))
         return False
 

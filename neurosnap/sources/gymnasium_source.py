@@ -174,8 +174,7 @@ def import_worlds() -> None:
     for entry in entry_points(group=WORLDS):
         try:
             entry.load()
-        except Exception:
-            # A broken package must not keep the others from being used.
+        except Exception:  # a broken package must not keep the others from being used
             _logger.exception("%s: cannot be imported", entry.value)
 
 

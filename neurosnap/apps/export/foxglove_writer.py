@@ -9,7 +9,7 @@ import msgspec
 from mcap.writer import Writer
 
 from neurosnap import wire
-from neurosnap.apps.export import foxglove_schemas
+from neurosnap.apps.export import foxglove_schemas as drawn
 from neurosnap.apps.export.foxglove_layout import BELIEVED, GRAPH, LOG, READINGS, STATE
 from neurosnap.recording.format import schemas
 from neurosnap.recording.read.reader import Recorded
@@ -40,25 +40,14 @@ class Sink:
             message = wire.TOPICS[topic]
             name, schema = schemas.name(message), schemas.encoded(message)
             self._channels[f"/{topic}"] = self._channel(f"/{topic}", name, schema)
-        signs = foxglove_schemas.signs(sensors)
+        signs = drawn.signs(sensors)
+        log, scene = drawn.foxglove(drawn.LOG), drawn.foxglove(drawn.SCENE)
         for topic, name, schema in (
-            (READINGS, foxglove_schemas.SIGNS, signs),
-            (BELIEVED, foxglove_schemas.SIGNS, signs),
-            (
-                LOG,
-                foxglove_schemas.LOG,
-                foxglove_schemas.foxglove(foxglove_schemas.LOG),
-            ),
-            (
-                GRAPH,
-                foxglove_schemas.SCENE,
-                foxglove_schemas.foxglove(foxglove_schemas.SCENE),
-            ),
-            (
-                STATE,
-                foxglove_schemas.SCENE,
-                foxglove_schemas.foxglove(foxglove_schemas.SCENE),
-            ),
+            (READINGS, drawn.SIGNS, signs),
+            (BELIEVED, drawn.SIGNS, signs),
+            (LOG, drawn.LOG, log),
+            (GRAPH, drawn.SCENE, scene),
+            (STATE, drawn.SCENE, scene),
         ):
             self._channels[topic] = self._channel(topic, name, schema)
 

@@ -97,9 +97,8 @@ class Discovery:
         self._patience = patience
         self._credentials = credentials
         self._there: dict[str, FoundSwarm] = {}  # by name, in the order they came
-        self._next: FoundSwarm | None = (
-            None  # the last that came, until it was returned
-        )
+        # The last that came, until it was returned.
+        self._next: FoundSwarm | None = None
         self._came = asyncio.Event()
 
     async def __aenter__(self) -> Self:

@@ -1,8 +1,8 @@
 """Poc graphs: relations on literals, closed under contraposition.
 
 ``a <= b`` iff a directed path leads from ``a`` to ``b``; every edge ``a -> b`` comes
-with ``b* -> a*``. A graph never changes: costly results are computed on
-first use and kept.
+with ``b* -> a*``. A graph never changes: costly results are computed on first use and
+kept.
 """
 
 from collections.abc import Iterable

@@ -5,9 +5,6 @@ import numpy as np
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
-SLACK = 1e-12
-"""By how much a discounted weight must be smaller to count as smaller."""
-
 _ONE = np.uint64(1)
 
 

@@ -1,4 +1,4 @@
-"""Syncs growing files to disk on a thread of its own.
+"""Syncs files to disk, and deletes those no longer kept, on a thread of its own.
 
 Waiting for the disk may take long, and the recorder must not. One file that has its end
 is saved at a time: a run that writes faster than the disk takes it waits there, so that

@@ -17,9 +17,8 @@ of their wave, or the decision before their tick. They are held back until it ar
 If a sender's first message for the newer file does not come within `LATE` after the
 key-frame, the older file is closed, and later messages of that sender go to the newer
 file. If the recording ends earlier, the older file gets no end, unless the sender's
-`leave` shows that it lacks nothing. Messages missing between a
-sender's last in the older file and its first in the newer one count as missing from
-the older.
+`leave` shows that it lacks nothing. Messages missing between a sender's last in the
+older file and its first in the newer one count as missing from the older.
 
 The decision of a file's last tick follows the key-frame, so it is in the next file. The
 key-frame says it, too, and it is noted among the totals of the file before, which can

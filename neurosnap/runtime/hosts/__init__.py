@@ -1,1 +1,1 @@
-"""Swarms on several hosts: networks, connections, services, joined parts."""
+"""Swarms on several hosts: services, and the parts that they serve."""

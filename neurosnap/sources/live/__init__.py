@@ -1,8 +1,8 @@
-"""Sensors that are outside: their readings come when they come, or do not come at all.
+"""Live sensors: readings arrive at any time, or not at all.
 
-The core is pure: a `LatestReadings` holds the latest reading of every sensor, a
-`TickSchedule` says when a tick is due. An `LiveSource` puts both behind a lock, and a
-feeder brings it what arrives: lines of standard input (`ndjson`), messages on a swarm's
-own keys (`zenoh_keys`), topics of an MQTT broker (`mqtt_source`). Back to a broker goes
-what is done, and what a run says of itself (`mqtt_outlet`).
+The core is pure: `LatestReadings` holds the latest reading of every sensor, a
+`TickSchedule` decides when a tick is due. A `LiveSource` puts both behind a lock. A
+feeder passes it what arrives: lines of standard input (`stdin_source`), messages on a
+swarm's own keys (`zenoh_source`), or topics of an MQTT broker
+(`neurosnap.sources.mqtt`), which also publishes actions and the run's status.
 """

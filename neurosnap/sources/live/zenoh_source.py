@@ -5,10 +5,9 @@ Below ``neurosnap/<swarm>/``, the id that the run began with, without any attach
 - ``reading/<sensor>``: what one sensor reads: ``true``, ``false``, ``on``, ``off``,
   ``1``, ``0`` or ``null`` (it does not know), in capitals or not; or
   ``{"on": true, "at": 1690000000.0}``.
-- ``reading``: one object as `neurosnap.sources.live.json_reading` has it: a whole
-reading, which
-  gets a tick of its own, or a single one, for sensors whose names cannot stand in a key
-  (Zenoh keeps ``*``, ``$``, ``?`` and ``#`` to itself).
+- ``reading``: one object as in `neurosnap.sources.live.json_reading`: a whole reading,
+  which gets a tick of its own; or a single one, for sensors whose names cannot stand in
+  a key (Zenoh keeps ``*``, ``$``, ``?`` and ``#`` to itself).
 
 While the swarm is busy up to `WAITING` whole readings wait; then what comes is dropped
 and counted. Nothing here can hold a program back: a callback that blocks would stop
