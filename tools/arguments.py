@@ -4,16 +4,16 @@ import argparse
 
 import typer
 
-from neurosnap.apps.cli import shared
+from neurosnap.apps.cli import sizes
 
 
 def in_bytes(text: str) -> int:
-    """Return a size in bytes; see `neurosnap.apps.cli.shared.in_bytes`.
+    """Return a size in bytes; see `neurosnap.apps.cli.sizes.in_bytes`.
 
     Raises:
         argparse.ArgumentTypeError: It is none.
     """
     try:
-        return shared.in_bytes(text)
+        return sizes.in_bytes(text)
     except typer.BadParameter as error:
         raise argparse.ArgumentTypeError(error.message) from error

@@ -13,6 +13,7 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, 
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )
+from neurosnap.protocol.option import option
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import LARGEST_KEYFRAME
@@ -28,16 +29,154 @@ _BYTES_A_PAIR: dict[SnapshotKind, int] = {"empirical": 8, "discounted": 13}
 """What a snapshot keeps of two sensors, by its kind."""
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for the names, and all that is not pairs
 
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
-Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, le=1)]
-Seed: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
-Threshold: TypeAlias = Annotated[float, msgspec.Meta(gt=0, le=0.25)]
-Decay: TypeAlias = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+Ticks: TypeAlias = Annotated[
+    int,
+    option(
+        "How many observations to take, at most.",
+        default="300; of a CSV file, all; from outside, until Ctrl-C",
+        ge=1,
+    ),
+]
+Seed: TypeAlias = Annotated[
+    int,
+    option(
+        "Seed of all random numbers: the world's start, its fields and the random"
+        " actions. The same seed gives the same run of a world.",
+        ge=0,
+        le=2**63 - 1,
+    ),
+]
+Agent: TypeAlias = Annotated[
+    AgentKind,
+    option(
+        "Who chooses the actions. A walker acts at random, an excited agent moves"
+        " towards a place, a planner plans its way to what `target` names.",
+        flag="agent",
+    ),
+]
+Explore: TypeAlias = Annotated[
+    float,
+    option(
+        "Share of actions that are random all the same, from 0 to 1. A walker's all are.",
+        ge=0,
+        le=1,
+    ),
+]
+SnapshotOption: TypeAlias = Annotated[
+    SnapshotKind,
+    option(
+        "How to learn. Empirical: count, and forget nothing. Discounted: forget slowly,"
+        " so that habits may change.",
+        flag="snapshot",
+    ),
+]
+Threshold: TypeAlias = Annotated[
+    float,
+    option(
+        "How rare the exceptions to an implication must be, as a share of all ticks:"
+        " above 0, up to 0.25. Greater: more implications, and more wrong ones.",
+        default=f"{EmpiricalSnapshot.THRESHOLD:g};"
+        f" discounted, {DiscountedSnapshot.THRESHOLD:g}",
+        gt=0,
+        le=0.25,
+    ),
+]
+Decay: TypeAlias = Annotated[
+    float,
+    option(
+        "Of a discounted snapshot: how much of the past is kept at each tick, from 0 to"
+        " below 1.",
+        default=f"{DiscountedSnapshot.DECAY:g}",
+        ge=0,
+        lt=1,
+    ),
+]
+Cells: TypeAlias = Annotated[
+    CellKind,
+    option(
+        "Where the cells are. Process: each is a process of its own. Worker: a few"
+        " processes share them; the fastest for many sensors. Inline: all in this"
+        " process, without a network; the easiest to debug.",
+        flag="cells",
+    ),
+]
+Workers: TypeAlias = Annotated[
+    int, option("With cells in workers: how many processes share them.", ge=1)
+]
+Wiring: TypeAlias = Annotated[
+    WiringKind,
+    option(
+        "Which implications are connections between cells. Hasse: only those that do"
+        " not follow from others (fewer messages). Derived: all (fewer hops)."
+    ),
+]
+Deadline: TypeAlias = Annotated[
+    float,
+    option(
+        "How long the cells may take to answer before they are asked again.",
+        unit="SECONDS",
+        gt=0,
+    ),
+]
+KeyframeEvery: TypeAlias = Annotated[
+    int,
+    option(
+        "How often to record all that was learned, for a replay or a restart to begin"
+        " there. Fewer ticks: a larger recording, and a faster start from within it.",
+        unit="TICKS",
+        ge=1,
+    ),
+]
+Split: TypeAlias = Annotated[
+    int,
+    option(
+        "Begin another file once one has this many bytes; on the command line 256MiB is"
+        " understood, too. 0: record in one file.",
+        unit="SIZE",
+        ge=0,
+    ),
+]
+Keep: TypeAlias = Annotated[
+    int,
+    option(
+        "With `split`: keep this many of the newest files and delete the others. 0: keep"
+        " all.",
+        unit="FILES",
+        ge=0,
+    ),
+]
+Sync: TypeAlias = Annotated[
+    float,
+    option(
+        "How often to force the recording to the disk, against a power cut. 0: only at"
+        " the end.",
+        unit="SECONDS",
+        default="1 for readings from outside, else 0",
+        ge=0,
+    ),
+]
+Anomalies: TypeAlias = Annotated[
+    bool,
+    option(
+        "Record each observation that contradicts what was learned before it;"
+        " `neurosnap watch` shows them.",
+        flag="anomalies",
+    ),
+]
+Hold: TypeAlias = Annotated[
+    int,
+    option(
+        "After an anomaly, judge this many more ticks by what was learned before it, so"
+        " that a lasting fault is reported as long as it lasts. 0: it is reported when it"
+        " begins, and may be learned as normal then.",
+        unit="TICKS",
+        ge=0,
+    ),
+]
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """The options of one run."""
+    """The options of one run; what each means is said where its type is declared."""
 
     source: str
     """A Gymnasium environment's id, or the path of a CSV file of readings."""
@@ -45,45 +184,27 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What the environment is made with."""
     body: Body
     """What is sensed and done: a cell for every sensor of it."""
-    agent: AgentKind = "walker"
-    """Who decides."""
+    agent: Agent = "walker"
     target: tuple[str, ...] = ()
     """What a planner wants to sense, by name."""
-    explore: Share = EXPLORE
-    """The share of random actions, where an agent has anything better to do."""
-    ticks: Count = 300
-    """Observations the run takes, at most."""
+    explore: Explore = EXPLORE
+    ticks: Ticks = 300
     seed: Seed = 0
-    """Draws the world's start, its fields and the random actions."""
-    snapshot: SnapshotKind = "empirical"
-    """How the weights are learned."""
+    snapshot: SnapshotOption = "empirical"
     threshold: Threshold | None = None
-    """The learning threshold of every pair; None: the snapshot's own default."""
+    """None: the snapshot's own default."""
     decay: Decay | None = None
-    """The decay of a discounted snapshot; None: its own default."""
-    wiring: WiringKind = "hasse"
-    """Which edges carry the pulses."""
-    cells: CellKind = "process"
-    """One OS process a cell over Zenoh, or one for many, or all in this one over
-    memory."""
-    workers: Count = 2
-    """How many processes share the cells, where one has many."""
-    keyframe_every: Count = 1000
-    """Ticks between two whole snapshots in the recording."""
-    split: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """Bytes after which the recording goes on in another file; 0: never."""
-    keep: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """How many of these files are kept, the newest; 0: all."""
-    sync: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    """Seconds after which the recording is on the disk, and survives a power cut; 0:
-    once it has its end."""
-    watch: bool = False
-    """Whether to tell of observations that contradict what is believed."""
-    hold: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """Ticks to go on judging observations by the order that the first of them broke,
-    with `watch`; pays where one exception is enough to give up an implication."""
-    deadline: Seconds = 10.0
-    """Seconds a wave may take before it is given up and sent again."""
+    """None: the snapshot's own default."""
+    wiring: Wiring = "hasse"
+    cells: Cells = "process"
+    workers: Workers = 2
+    keyframe_every: KeyframeEvery = 1000
+    split: Split = 0
+    keep: Keep = 0
+    sync: Sync = 0.0
+    watch: Anomalies = False
+    hold: Hold = 0
+    deadline: Deadline = 10.0
 
     def __post_init__(self) -> None:
         if 0 < self.split < SMALLEST:

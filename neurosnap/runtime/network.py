@@ -1,6 +1,7 @@
 """Where a swarm's hub listens, and who may connect to it."""
 
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 
@@ -8,6 +9,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.credentials import Credentials, holder
 from neurosnap.fabric.security.endpoint import check_endpoint, nearest
 from neurosnap.fabric.security.roles import Role
+from neurosnap.protocol.option import option
 
 
 class Network(msgspec.Struct, frozen=True, kw_only=True):
@@ -17,18 +19,37 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     enter: no port is taken, and nobody else can connect.
     """
 
-    listen: str = ""
-    """Where the hub listens, as Zenoh writes it; empty: on a socket of its own."""
-    connect: str = ""
-    """Where a hub listens that is there already, any Zenoh router; empty: the swarm has
-    one of its own."""
-    tls: str = ""
-    """A folder of keys (`neurosnap keys`): parts prove who they are, and may do no more
-    than that part, or its role, does. Empty: nobody proves anything."""
-    insecure: bool = False
-    """Without keys, go over a network to other machines all the same."""
-    audit: bool = False
-    """Tell of every refused message, too; costs the hub several times as much."""
+    listen: Annotated[
+        str,
+        option(
+            "Where the hub listens for parts and programs from elsewhere, such as"
+            " tcp/127.0.0.1:7447.",
+            unit="ENDPOINT",
+            default="a private socket on this machine",
+        ),
+    ] = ""
+    connect: Annotated[
+        str,
+        option(
+            "Use the hub that listens there (`neurosnap hub`), and start none.",
+            unit="ENDPOINT",
+        ),
+    ] = ""
+    tls: Annotated[
+        str,
+        option(
+            "Encrypt, with the keys in this folder (made by `neurosnap keys DIR`). Each"
+            " part may then do no more than its certificate says.",
+            unit="DIR",
+        ),
+    ] = ""
+    insecure: Annotated[
+        bool,
+        option("Allow other machines to connect without encryption and without keys."),
+    ] = False
+    audit: Annotated[bool, option("Log every message that the hub refuses. Slow.")] = (
+        False
+    )
 
     def check(self, *parts: str) -> None:
         """Refuse what cannot be, before anything is started.

@@ -7,22 +7,45 @@ from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
+from neurosnap.protocol.option import option
+
 RestartKind: TypeAlias = Literal["never", "on-failure", "always"]
 
 
 class Supervision(msgspec.Struct, frozen=True, kw_only=True):
     """What happens when a part dies."""
 
-    restart: RestartKind = "on-failure"
-    """Whether the run goes on. ``on-failure``: when a part was killed, vanished or does
-    not answer, and not when one says why it cannot go on, since it would say the same
-    again. ``always``: then, too."""
-    max_restarts: Annotated[int, msgspec.Meta(ge=0)] = 10
-    """How often within `restart_window`, before the run is given up."""
-    restart_window: Annotated[float, msgspec.Meta(gt=0)] = 600.0
-    """Seconds."""
-    backoff: Annotated[float, msgspec.Meta(ge=0)] = 0.1
-    """Seconds before a restart; twice as many each time no tick was gained."""
+    restart: Annotated[
+        RestartKind,
+        option(
+            "When to start the parts again and go on from the recording. On-failure: when"
+            " one was killed, vanished or hangs, and not when one gave an error, since it"
+            " would give the same again. Always: then, too.",
+        ),
+    ] = "on-failure"
+    max_restarts: Annotated[
+        int,
+        option(
+            "How many restarts there may be within `restart_window` before the run is"
+            " given up.",
+            ge=0,
+        ),
+    ] = 10
+    restart_window: Annotated[
+        float,
+        option(
+            "How long a restart counts towards `max_restarts`.", unit="SECONDS", gt=0
+        ),
+    ] = 600.0
+    backoff: Annotated[
+        float,
+        option(
+            "How long to wait before a restart. Twice as long each time when no tick was"
+            " made in between.",
+            unit="SECONDS",
+            ge=0,
+        ),
+    ] = 0.1
 
 
 class Restarts:

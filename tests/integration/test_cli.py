@@ -222,7 +222,7 @@ def test_a_verb_explains_itself(verb: str) -> None:
 
 def test_help_says_what_happens_without_an_option() -> None:
     said = call("run", "--help").stdout
-    assert "[default: (logs/" in said  # not taken for a style
+    assert "(logs/SOURCE" in said  # its bracket was not taken for a style
     assert "Example: neurosnap run" in said
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG
+from neurosnap.apps.cli.options import FLAG, run_options
 from neurosnap.apps.cli.shared import Json, app, errors, print_json, say, was_given
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.open import Argument
@@ -16,39 +16,8 @@ from neurosnap.sources.open import Argument
 if TYPE_CHECKING:
     from neurosnap.apps.config.prepare import Prepared
 
-FLAGS = {
-    "ticks": "run.ticks",
-    "seed": "run.seed",
-    "agent": "agent.kind",
-    "target": "agent.target",
-    "explore": "agent.explore",
-    "snapshot": "snapshot.kind",
-    "threshold": "snapshot.threshold",
-    "decay": "snapshot.decay",
-    "wiring": "cells.wiring",
-    "cells": "cells.kind",
-    "workers": "cells.workers",
-    "deadline": "cells.deadline",
-    "anomalies": "anomalies.watch",
-    "hold": "anomalies.hold",
-    "out": "recording.path",
-    "record": "recording.record",
-    "split": "recording.split",
-    "keep": "recording.keep",
-    "sync": "recording.sync",
-    "restart": "supervision.restart",
-    "max_restarts": "supervision.max_restarts",
-    "restart_window": "supervision.restart_window",
-    "backoff": "supervision.backoff",
-    "listen": "network.listen",
-    "connect": "network.connect",
-    "tls": "network.tls",
-    "insecure": "network.insecure",
-    "audit": "network.audit",
-}
-"""The keys that the flags of a run stand for."""
-_PATHS = {"out", "tls"}
-_RECORDING = {"out", "split", "keep"}
+_PATHS = {"out", "folder", "tls"}
+_RECORDING = {"out", "folder", "split", "keep"}
 """Flags of no use where nothing is recorded."""
 
 config = typer.Typer(help="Check TOML files that describe a run.", no_args_is_help=True)
@@ -110,7 +79,8 @@ def described(
     before it if they were given, and their defaults do not.
 
     Args:
-        context: The verb's; its parameters are `source`, `given` and some of `FLAGS`.
+        context: The verb's; its parameters are `source`, `given` and some
+            options of a run.
         before: What `--broker` lets go before the file, by dotted keys.
 
     Raises:
@@ -121,7 +91,11 @@ def described(
 
     name = str(context.params["source"])
     file = Path(name) if name.lower().endswith(".toml") else None
-    keys = {flag: key for flag, key in FLAGS.items() if was_given(context, flag)}
+    keys = {
+        flag: each.key
+        for flag, each in run_options().items()
+        if was_given(context, flag)
+    }
     names = {key: flag for flag, key in keys.items()}
     overrides = {key: context.params[flag] for flag, key in keys.items()}
     overrides |= before

@@ -5,34 +5,18 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.agent.policy import EXPLORE
 from neurosnap.apps.cli.config import described
 from neurosnap.apps.cli.options import (
-    CELLS,
-    FLAG,
     NETWORK,
     RECORDING,
-    Agent,
-    Anomalies,
-    Deadline,
-    Decay,
     Described,
-    Explore,
     Given,
-    Hold,
-    Seed,
-    Snapshot,
-    Target,
-    Threshold,
-    Ticks,
-    Wiring,
-    Workers,
+    option,
+    with_run_options,
 )
 from neurosnap.apps.cli.shared import (
     Connect,
-    Insecure,
     Json,
-    Tls,
     app,
     check_swarm,
     errors,
@@ -46,6 +30,10 @@ from neurosnap.protocol.run_options import HostKind
 
 
 @app.command()
+@with_run_options(
+    *("out", "folder", "split", "keep", "sync"),
+    *("restart", "max_restarts", "restart_window", "backoff", "listen", "audit"),
+)
 def coordinate(
     context: typer.Context,
     source: Described,
@@ -58,33 +46,14 @@ def coordinate(
             help="Name of the swarm, the same for all its parts: letters and digits.",
         ),
     ],
-    ticks: Ticks = None,
-    seed: Seed = 0,
-    agent: Agent = "walker",
-    target: Target = None,
-    explore: Explore = EXPLORE,
     given: Given = None,
-    snapshot: Snapshot = "empirical",
-    threshold: Threshold = None,
-    decay: Decay = None,
-    cells: Annotated[
-        HostKind,
-        typer.Option(
-            rich_help_panel=CELLS,
-            help="Process: each cell is a process of its own. Worker: --workers processes"
-            " share them.",
-        ),
-    ] = "process",
-    workers: Workers = 2,
-    wiring: Wiring = "hasse",
-    record: Annotated[
-        bool,
-        typer.Option(
-            metavar=FLAG,
-            rich_help_panel=RECORDING,
-            help="Wait for a recorder (`neurosnap record`) before starting.",
-        ),
-    ] = True,
+    cells: HostKind = option(
+        "cells",
+        "Process: each cell is a process of its own. Worker: a few processes share them.",
+    ),
+    record: bool = option(
+        "record", "Wait for a recorder (`neurosnap record`) before starting."
+    ),
     resume: Annotated[
         Path | None,
         typer.Option(
@@ -93,9 +62,6 @@ def coordinate(
             help="Go on with the run of this recording, after its last whole tick.",
         ),
     ] = None,
-    anomalies: Anomalies = True,
-    hold: Hold = 0,
-    deadline: Deadline = 10.0,
     patience: Annotated[
         float,
         typer.Option(
@@ -104,8 +70,6 @@ def coordinate(
             help="How long to wait until all other parts have connected.",
         ),
     ] = 60.0,
-    tls: Tls = "",
-    insecure: Insecure = False,
     as_json: Json = False,
 ) -> None:
     """Coordinate a run whose other parts are started by hand, here or elsewhere.

@@ -6,13 +6,12 @@ from typing import Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG
+from neurosnap.apps.cli.options import FLAG, option
 from neurosnap.apps.cli.shared import (
     LOST,
     Json,
     Log,
     OptionalTick,
-    Tls,
     app,
     end_by,
     errors,
@@ -132,7 +131,7 @@ def model(
 
 
 @app.command()
-def doctor(tls: Tls = "", as_json: Json = False) -> None:
+def doctor(tls: str = option("tls"), as_json: Json = False) -> None:
     """Check whether this machine can run a swarm, and say how to mend what it lacks."""
     from neurosnap.apps.cli import output
     from neurosnap.apps.doctor import examine

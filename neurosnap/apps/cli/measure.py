@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG
+from neurosnap.apps.cli.options import FLAG, option
 from neurosnap.apps.cli.shared import (
     LOST,
     Json,
@@ -46,13 +46,7 @@ def depth(
             help="How long the chains of implications are, one after another.",
         ),
     ] = "1,2,4,8,16,32,64",
-    wiring: Annotated[
-        WiringKind,
-        typer.Option(
-            help="Which implications are connections between cells: those that do not"
-            " follow from others (hasse), or all (derived)."
-        ),
-    ] = "hasse",
+    wiring: WiringKind = option("wiring"),
     sensors: Annotated[
         str,
         typer.Option(
@@ -64,16 +58,11 @@ def depth(
     waves: Annotated[
         int, typer.Option(help="How many waves to start at each height.")
     ] = 10,
-    cells: Annotated[
-        HostKind,
-        typer.Option(
-            help="Process: each cell is a process of its own. Worker: --workers processes"
-            " share them."
-        ),
-    ] = "process",
-    workers: Annotated[
-        int, typer.Option(help="With --cells worker: how many processes there are.")
-    ] = 2,
+    cells: HostKind = option(
+        "cells",
+        "Process: each cell is a process of its own. Worker: a few processes share them.",
+    ),
+    workers: int = option("workers"),
     edges: Annotated[
         int,
         typer.Option(
@@ -81,7 +70,7 @@ def depth(
             show_default="0: chains",
         ),
     ] = 0,
-    seed: Annotated[int, typer.Option(help="Seed of the random orders.")] = 0,
+    seed: int = option("seed", "Seed of the random orders."),
     out: Annotated[
         Path,
         typer.Option(metavar="DIR", help="The folder for depth.csv and depth.png."),
@@ -164,7 +153,7 @@ def figures(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="The folder for pictures and data.")
     ] = Path("figures"),
-    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    seed: int = option("seed", "Seed of all random numbers."),
     truth: Annotated[
         TruthKind,
         typer.Option(

@@ -1,15 +1,29 @@
-"""Command-line options of a run that several verbs share.
+"""Command-line options of a run, made from the tables that declare them.
 
-In the help they stand in groups, which are named here.
+In the help they stand in panels, which are named here.
 """
 
-from typing import Annotated
+import inspect
+import re
+from collections.abc import Callable
+from functools import cache, wraps
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    NamedTuple,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
+import msgspec
 import typer
 
-from neurosnap.agent.policy import AgentKind
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.apps.cli.sizes import in_bytes
+from neurosnap.apps.config.tables import Config
+from neurosnap.protocol.option import Shown, declared
 
 SOURCE = "Source"
 AGENT = "Agent"
@@ -20,6 +34,18 @@ NETWORK = "Network"
 SUPERVISION = "Supervision"
 FLAG = ""
 """What stands beside a flag that takes no value."""
+
+_PANELS = {
+    "run": SOURCE,
+    "agent": AGENT,
+    "snapshot": LEARNING,
+    "anomalies": LEARNING,
+    "cells": CELLS,
+    "recording": RECORDING,
+    "supervision": SUPERVISION,
+    "network": NETWORK,
+}
+"""The panel of each table of a description, in the order of the help."""
 
 Source = Annotated[
     str,
@@ -37,21 +63,6 @@ Described = Annotated[
         " override that file.",
     ),
 ]
-Ticks = Annotated[
-    int | None,
-    typer.Option(
-        rich_help_panel=SOURCE,
-        help="How many observations to take, at most.",
-        show_default="300; of a CSV file, all; from outside, until Ctrl-C",
-    ),
-]
-Seed = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=SOURCE,
-        help="Seed of all random numbers. The same seed gives the same run of a world.",
-    ),
-]
 Given = Annotated[
     list[str] | None,
     typer.Option(
@@ -61,106 +72,125 @@ Given = Annotated[
         help="Set an argument of the world, such as places=10. May be repeated.",
     ),
 ]
-Agent = Annotated[
-    AgentKind,
-    typer.Option(
-        rich_help_panel=AGENT,
-        help="Who chooses the actions. A walker acts at random, an excited agent moves"
-        " towards a place, a planner plans its way to what --target names.",
-    ),
-]
-Target = Annotated[
-    str | None,
-    typer.Option(
-        rich_help_panel=AGENT,
-        help="For a planner: the sensors to switch on, with a star to switch off"
-        " (below_5,below_4*). For an excited agent: the number of a place.",
-        show_default="for an excited agent, a random place",
-    ),
-]
-Explore = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=AGENT,
-        help="Share of actions that are random all the same, from 0 to 1. A walker's all"
-        " are.",
-    ),
-]
-Snapshot = Annotated[
-    SnapshotKind,
-    typer.Option(
-        rich_help_panel=LEARNING,
-        help="How to learn. Empirical: count, and forget nothing. Discounted: forget"
-        " slowly, so that habits may change.",
-    ),
-]
-Threshold = Annotated[
-    float | None,
-    typer.Option(
-        rich_help_panel=LEARNING,
-        help="How rare the exceptions to an implication must be, as a share of all"
-        " ticks: above 0, up to 0.25. Greater: more implications, and more wrong ones.",
-        show_default=f"{EmpiricalSnapshot.THRESHOLD:g};"
-        f" discounted, {DiscountedSnapshot.THRESHOLD:g}",
-    ),
-]
-Decay = Annotated[
-    float | None,
-    typer.Option(
-        rich_help_panel=LEARNING,
-        help="With --snapshot discounted: how much of the past is kept at each tick,"
-        " from 0 to below 1.",
-        show_default=f"{DiscountedSnapshot.DECAY:g}",
-    ),
-]
-Anomalies = Annotated[
-    bool,
-    typer.Option(
-        metavar=FLAG,
-        rich_help_panel=LEARNING,
-        help="Record each observation that contradicts what was learned before it;"
-        " `neurosnap watch` shows them.",
-    ),
-]
-Hold = Annotated[
-    int,
-    typer.Option(
-        metavar="TICKS",
-        rich_help_panel=LEARNING,
-        help="After an anomaly, judge this many more ticks by what was learned before"
-        " it, so that a lasting fault is reported as long as it lasts. 0: it is reported"
-        " when it begins, and may be learned as normal then.",
-    ),
-]
-Wiring = Annotated[
-    WiringKind,
-    typer.Option(
-        rich_help_panel=CELLS,
-        help="Which implications are connections between cells. Hasse: only those that"
-        " do not follow from others (fewer messages). Derived: all (fewer hops).",
-    ),
-]
-Workers = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=CELLS, help="With --cells worker: how many processes there are."
-    ),
-]
-Deadline = Annotated[
-    float,
-    typer.Option(
-        metavar="SECONDS",
-        rich_help_panel=CELLS,
-        help="How long the cells may take to answer before they are asked again.",
-    ),
-]
-Sync = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SECONDS",
-        rich_help_panel=RECORDING,
-        help="How often to force the recording to the disk, against a power cut. 0: only"
-        " at the end.",
-        show_default="1 for readings from outside, else 0",
-    ),
-]
+
+
+_OPTION = re.compile(r"`([a-z_]+)`")
+"""Another option in a help text, by the name of its field."""
+
+
+class RunOption(NamedTuple):
+    """An option of a run, as its field declares it."""
+
+    key: str
+    """The dotted key in a description, such as ``cells.kind``."""
+    kind: Any
+    """The type of its values, as typer takes it."""
+    default: object
+    shown: Shown
+    panel: str
+
+    def parameter(self, flag: str, text: str = "") -> Any:  # noqa: ANN401 - typer's
+        """Return it as the default value of a verb's parameter.
+
+        Args:
+            flag: The parameter's name.
+            text: The help, where a verb means it otherwise than a run does.
+        """
+        name = _as_flag(flag)
+        is_flag = self.kind is bool
+        return typer.Option(
+            self.default,
+            f"{name}/--no-{name[2:]}" if self.default is True else name,
+            metavar=FLAG if is_flag else self.shown.unit or None,
+            parser=in_bytes if self.shown.unit == "SIZE" else None,
+            rich_help_panel=self.panel,
+            help=text or _OPTION.sub(lambda name: _as_flag(name[1]), self.shown.text),
+            show_default=self.shown.default or True,
+        )
+
+
+@cache
+def run_options() -> dict[str, RunOption]:
+    """Return the options of a run by their names, in the order of the help."""
+    found: dict[str, RunOption] = {}
+    tables = get_type_hints(Config)
+    for table, panel in _PANELS.items():
+        hints = get_type_hints(tables[table], include_extras=True)
+        for field in msgspec.structs.fields(tables[table]):
+            if (one := declared(hints[field.name])) is None:
+                continue
+            kind, shown = _simple(one[0]), one[1]
+            key = f"{table}.{field.name}"
+            option = RunOption(key, kind, field.default, shown, panel)
+            found[shown.flag or field.name] = option
+    return found
+
+
+def option(flag: str, text: str = "") -> Any:  # noqa: ANN401 - typer's
+    """Return the default value of a verb's parameter that is an option of a run.
+
+    Args:
+        flag: The option's name, which is the parameter's too.
+        text: The help, where the verb means it otherwise than a run does.
+    """
+    return run_options()[flag].parameter(flag, text)
+
+
+def with_run_options(
+    *left_out: str,
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a verb the options of a run, but for those that it has itself.
+
+    They stand behind its first two parameters, context and source. The verb itself is
+    called without them: it reads them from its context, by `described`.
+
+    Args:
+        left_out: Names of options that the verb has no use for.
+
+    Raises:
+        KeyError: There is no option of such a name.
+    """
+    for flag in left_out:
+        run_options()[flag]
+
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(verb).parameters
+        made = [
+            inspect.Parameter(
+                flag,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=each.parameter(flag),
+                annotation=each.kind,
+            )
+            for flag, each in run_options().items()
+            if flag not in own and flag not in left_out
+        ]
+        names = {one.name for one in made}
+
+        @wraps(verb)
+        def called(**given: object) -> None:
+            verb(**{name: value for name, value in given.items() if name not in names})
+
+        first, second, *rest = [
+            one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own.values()
+        ]
+        signature = inspect.Signature([first, second, *made, *rest])
+        called.__dict__["__signature__"] = signature
+        called.__annotations__ = {
+            one.name: one.annotation for one in signature.parameters.values()
+        }
+        return called
+
+    return decorate
+
+
+def _as_flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _simple(kind: Any) -> Any:  # noqa: ANN401 - any annotation
+    """Return a type as typer takes it: of a choice of types, text, parsed later."""
+    choices = [one for one in get_args(kind) if one is not NoneType]
+    if get_origin(kind) not in (Union, UnionType) or len(choices) == 1:
+        return kind
+    return str | None

@@ -6,11 +6,9 @@ from typing import Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG, NETWORK
+from neurosnap.apps.cli.options import FLAG, NETWORK, option
 from neurosnap.apps.cli.shared import (
-    Insecure,
     Json,
-    Tls,
     app,
     convert,
     errors,
@@ -36,8 +34,8 @@ def hub(
             " a flood of connections to one endpoint leaves the others free.",
         ),
     ] = None,
-    tls: Tls = "",
-    insecure: Insecure = False,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
     audit: Annotated[
         bool,
         typer.Option(

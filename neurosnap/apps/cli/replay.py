@@ -10,13 +10,11 @@ from typing import Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG, NETWORK
+from neurosnap.apps.cli.options import FLAG, NETWORK, option
 from neurosnap.apps.cli.shared import (
     LOST,
-    Insecure,
     Json,
     Log,
-    Tls,
     app,
     convert,
     end_by,
@@ -100,8 +98,8 @@ def replay(
             show_default="logs/SOURCE-DATE.mcap",
         ),
     ] = None,
-    tls: Tls = "",
-    insecure: Insecure = False,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
     as_json: Json = False,
 ) -> None:
     """Verify a recording, play it back over Zenoh, or go on with its run.

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import CELLS, NETWORK, RECORDING, SUPERVISION, Source
+from neurosnap.apps.cli.options import CELLS, NETWORK, RECORDING, Source, option
 from neurosnap.apps.cli.shared import (
     LOST,
     Connect,
-    Insecure,
     Json,
-    Tls,
     app,
     check_swarm,
     convert,
@@ -43,15 +41,11 @@ Swarm = Annotated[
         metavar="SWARM", help="Name of the swarm, as the coordinator's --swarm has it."
     ),
 ]
-Restart = Annotated[
-    RestartKind,
-    typer.Option(
-        rich_help_panel=SUPERVISION,
-        help="When the swarm has ended: leave (never); wait for the one that goes on in"
-        " its place, if a part had died (on-failure); wait for the next of this name,"
-        " until Ctrl-C (always).",
-    ),
-]
+_RESTART = (
+    "When the swarm has ended: leave (never); wait for the one that goes on in its place,"
+    " if a part had died (on-failure); wait for the next of this name, until Ctrl-C"
+    " (always)."
+)
 Patience = Annotated[
     float,
     typer.Option(
@@ -67,10 +61,10 @@ def world(
     swarm: Swarm,
     source: Source,
     connect: Connect,
-    restart: Restart = "on-failure",
+    restart: RestartKind = option("restart", _RESTART),
     patience: Patience = 60.0,
-    tls: Tls = "",
-    insecure: Insecure = False,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
     as_json: Json = False,
 ) -> None:
     """Provide the observations of a swarm: a part of `neurosnap coordinate`.
@@ -120,10 +114,10 @@ def record(
             show_default="as the coordinator says",
         ),
     ] = None,
-    restart: Restart = "on-failure",
+    restart: RestartKind = option("restart", _RESTART),
     patience: Patience = 60.0,
-    tls: Tls = "",
-    insecure: Insecure = False,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
     as_json: Json = False,
 ) -> None:
     """Record a swarm on this machine: a part of `neurosnap coordinate`."""
@@ -181,10 +175,10 @@ def join(
             " worker.",
         ),
     ] = "",
-    restart: Restart = "on-failure",
+    restart: RestartKind = option("restart", _RESTART),
     patience: Patience = 60.0,
-    tls: Tls = "",
-    insecure: Insecure = False,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
     as_json: Json = False,
 ) -> None:
     """Run some of a swarm's cells, or workers, on this machine."""

@@ -82,29 +82,12 @@ Json = Annotated[
         help="Print the result as one JSON object, on the last line of standard output.",
     ),
 ]
-Tls = Annotated[
-    str,
-    typer.Option(
-        metavar="DIR",
-        rich_help_panel=NETWORK,
-        help="Encrypt, with the keys in this folder (made by `neurosnap keys DIR`).",
-    ),
-]
 Connect = Annotated[
     str,
     typer.Option(
         metavar="ENDPOINT",
         rich_help_panel=NETWORK,
         help="Where the swarm's hub listens, such as tcp/127.0.0.1:7447.",
-    ),
-]
-Insecure = Annotated[
-    bool,
-    typer.Option(
-        "--insecure",
-        metavar=FLAG,
-        rich_help_panel=NETWORK,
-        help="Allow other machines to connect without encryption and without keys.",
     ),
 ]
 OptionalTick = Annotated[
@@ -177,21 +160,6 @@ def ranges(name: str, text: str) -> list[int]:
             raise InvalidValueError(name, "must name each once", text)
         numbers.update(some)
     return sorted(numbers)
-
-
-def in_bytes(size: str | int) -> int:
-    """Return a size in bytes, given as that or in KiB, MiB or GiB.
-
-    Raises:
-        typer.BadParameter: It is something else.
-    """
-    units = {"": 1, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
-    text = str(size)
-    number = text.rstrip("KMGiB")
-    unit = text[len(number) :]
-    if not (number.isascii() and number.isdecimal()) or unit not in units:
-        raise typer.BadParameter(f"must be like 256MiB, got {text!r}")
-    return int(number) * units[unit]
 
 
 def check_swarm(swarm: str) -> None:

@@ -5,10 +5,8 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG, NETWORK
+from neurosnap.apps.cli.options import FLAG, NETWORK, option
 from neurosnap.apps.cli.shared import (
-    Insecure,
-    Tls,
     app,
     convert,
     end_by,
@@ -39,8 +37,8 @@ def watch(
             help="Where the hub of a swarm on another machine listens.",
         ),
     ] = "",
-    tls: Tls = "",
-    insecure: Insecure = False,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
     as_json: Annotated[
         bool,
         typer.Option(

@@ -9,12 +9,20 @@ import inspect
 import itertools
 import textwrap
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_type_hints
 
 import msgspec
-from msgspec.inspect import ListType, StructType, Type, UnionType, VarTupleType
+from msgspec.inspect import (
+    ListType,
+    Metadata,
+    StructType,
+    Type,
+    UnionType,
+    VarTupleType,
+)
 
 from neurosnap.apps.config.tables import Config
+from neurosnap.protocol.option import declared
 
 
 def schema() -> dict[str, Any]:
@@ -25,7 +33,7 @@ def schema() -> dict[str, Any]:
         table["description"] = inspect.getdoc(kind)
         # Unknown keys are refused, whatever a struct does with them elsewhere.
         table["additionalProperties"] = False
-        for name, text in _docstrings(kind):
+        for name, text in (*_docstrings(kind), *_option_texts(kind)):
             table["properties"][name]["description"] = text
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -57,6 +65,8 @@ def _in_toml(value: Any) -> Any:  # noqa: ANN401 - any part of a schema
 def _structs(kind: Type) -> Iterator[type[msgspec.Struct]]:
     """Return the structs that a type is made of."""
     match kind:
+        case Metadata():
+            yield from _structs(kind.type)
         case StructType():
             yield kind.cls
             for field in kind.fields:
@@ -68,6 +78,15 @@ def _structs(kind: Type) -> Iterator[type[msgspec.Struct]]:
             yield from _structs(kind.item_type)
         case _:
             return
+
+
+def _option_texts(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
+    """Return the fields that are options of a run, and the help of each."""
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        if (found := declared(hint)) is not None:
+            _, shown = found
+            default = f" Default: {shown.default}." if shown.default else ""
+            yield name, shown.text + default
 
 
 def _docstrings(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:

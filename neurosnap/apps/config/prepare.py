@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 
 from neurosnap.agent.body import Body
 from neurosnap.apps.config.line_numbers import Keys
@@ -176,7 +176,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
     }
-    if is_live(name) and optional["sync"] is UNSET:
+    if is_live(name) and optional["sync"] is None:
         optional["sync"] = _SYNC
     return RunOptions(
         source=name,
@@ -196,24 +196,24 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         keyframe_every=config.recording.keyframe_every,
         split=config.recording.split,
         keep=config.recording.keep,
-        **{name: value for name, value in optional.items() if value is not UNSET},
+        **{name: value for name, value in optional.items() if value is not None},
     )
 
 
 def _names(target: object) -> tuple[str, ...]:
     """Return a target as names, however it is written."""
-    if target is UNSET:
+    if target is None:
         return ()
     if isinstance(target, tuple):
         return target
     return tuple(name.strip() for name in str(target).split(","))
 
 
-def _at_most(asked: int | UnsetType, length: int | None) -> int | UnsetType:
+def _at_most(asked: int | None, length: int | None) -> int | None:
     """Return how many ticks to run: at most as many as the source has."""
     if length is None:
         return asked
-    return length if asked is UNSET else min(asked, length)
+    return length if asked is None else min(asked, length)
 
 
 def _log(config: Config, folder: Path, source: str) -> Path | None:
@@ -225,9 +225,9 @@ def _log(config: Config, folder: Path, source: str) -> Path | None:
     recording = config.recording
     if not recording.record:
         return None
-    if recording.path is UNSET:
+    if recording.path is None:
         given = recording.folder
-        return new_path(source, LOGS if given is UNSET else folder / given)
+        return new_path(source, LOGS if given is None else folder / given)
     return free_path(folder / recording.path)
 
 

@@ -1,27 +1,34 @@
 """TOML tables that describe a run, one struct per table.
 
 Every default is the one that the run has without a file: it is taken from there, not
-written down again. Whatever has none may be left out, and is `UNSET` then.
+written down again. What has none may be left out, and is None then.
 """
 
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
-from msgspec import UNSET, UnsetType
 
-from neurosnap.agent.policy import AgentKind
 from neurosnap.apps.config.sources import SourceTable, Text
+from neurosnap.protocol.option import option
 from neurosnap.protocol.run_options import (
-    CellKind,
-    Count,
+    Agent,
+    Anomalies,
+    Cells,
+    Deadline,
     Decay,
+    Explore,
+    Hold,
+    Keep,
+    KeyframeEvery,
     RunOptions,
-    Seconds,
     Seed,
-    Share,
-    SnapshotKind,
+    SnapshotOption,
+    Split,
+    Sync,
     Threshold,
-    WiringKind,
+    Ticks,
+    Wiring,
+    Workers,
 )
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.restart_policy import Supervision
@@ -31,30 +38,28 @@ _DEFAULTS: dict[str, Any] = {
 }
 
 Natural: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
-NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class RunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How long it runs, and what is random in it."""
 
-    ticks: Count | UnsetType = UNSET
-    """Observations to take, at most; left out: 300, or all that a file has, or all that
-    come from outside."""
+    ticks: Ticks | None = None
     seed: Seed = _DEFAULTS["seed"]
-    """Draws the world's start, its fields and the random actions."""
 
 
 class AgentTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Who decides."""
 
-    kind: AgentKind = _DEFAULTS["agent"]
-    """A walker acts at random, an excited agent is drawn to a place, a planner plans
-    its way to a target."""
-    target: Natural | Text | tuple[Text, ...] | UnsetType = UNSET
-    """What a planner wants to sense, one name or several; or the number of the place an
-    excited agent is drawn to; left out there: drawn by the seed."""
-    explore: Share = _DEFAULTS["explore"]
-    """The share of random actions, where the agent has anything better to do."""
+    kind: Agent = _DEFAULTS["agent"]
+    target: Annotated[
+        Natural | Text | tuple[Text, ...] | None,
+        option(
+            "For a planner: the sensors to switch on, with a star to switch off"
+            " (below_5,below_4*). For an excited agent: the number of a place.",
+            default="for an excited agent, a random place",
+        ),
+    ] = None
+    explore: Explore = _DEFAULTS["explore"]
 
 
 class SnapshotTable(
@@ -62,25 +67,28 @@ class SnapshotTable(
 ):
     """How the weights are learned."""
 
-    kind: SnapshotKind = _DEFAULTS["snapshot"]
-    """An empirical snapshot counts, a discounted one forgets."""
-    threshold: Threshold | UnsetType = UNSET
-    """The learning threshold of every pair; left out: the snapshot's own default."""
-    decay: Decay | UnsetType = UNSET
-    """The decay of a discounted snapshot; left out: its own default."""
+    kind: SnapshotOption = _DEFAULTS["snapshot"]
+    threshold: Threshold | None = None
+    decay: Decay | None = None
 
 
 class CellsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the cells are, and how they are wired."""
 
-    kind: CellKind = _DEFAULTS["cells"]
-    """One OS process a cell, or one for many, or all in this one."""
-    workers: Count = _DEFAULTS["workers"]
-    """How many processes share the cells, where one has many."""
-    wiring: WiringKind = _DEFAULTS["wiring"]
-    """Which edges carry the pulses."""
-    deadline: Seconds = _DEFAULTS["deadline"]
-    """Seconds a wave may take before it is given up and sent again."""
+    kind: Cells = _DEFAULTS["cells"]
+    workers: Workers = _DEFAULTS["workers"]
+    wiring: Wiring = _DEFAULTS["wiring"]
+    deadline: Deadline = _DEFAULTS["deadline"]
+
+
+class AnomaliesTable(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What is reported of observations against what was learned."""
+
+    # A run that somebody starts reports them; one that a program makes is asked to.
+    watch: Anomalies = True
+    hold: Hold = _DEFAULTS["hold"]
 
 
 class RecordingTable(
@@ -88,35 +96,34 @@ class RecordingTable(
 ):
     """Where the run is recorded."""
 
-    record: bool = True
-    """Whether it is recorded at all."""
-    path: Text | UnsetType = UNSET
-    """The recording; it must not exist yet, so that the file serves for one run."""
-    folder: Text | UnsetType = UNSET
-    """Where every run gets a recording with a new name, unless there is a path; left
-    out: `logs`, where the run is started."""
-    keyframe_every: Count = _DEFAULTS["keyframe_every"]
-    """Ticks between two whole snapshots in the recording."""
-    split: Natural = _DEFAULTS["split"]
-    """Bytes after which the recording goes on in another file; 0: never."""
-    keep: Natural = _DEFAULTS["keep"]
-    """How many of these files are kept, the newest; 0: all."""
-    sync: NotNegative | UnsetType = UNSET
-    """Seconds after which the recording is on the disk, and survives a power cut; 0:
-    once it has its end; left out: 1 for what comes from outside, 0 for what can be done
-    again."""
-
-
-class AnomaliesTable(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
-    """What is told of observations against what was learned."""
-
-    # A run that somebody starts is watched; one that a program makes is asked to be.
-    watch: bool = True
-    """Whether they are told of."""
-    hold: Natural = _DEFAULTS["hold"]
-    """For how many ticks to go on judging by the order that the first of them broke."""
+    path: Annotated[
+        Text | None,
+        option(
+            "Where to record; must not exist yet.",
+            flag="out",
+            unit="FILE.mcap",
+            default="logs/SOURCE-DATE.mcap",
+        ),
+    ] = None
+    folder: Annotated[
+        Text | None,
+        option(
+            "Record in this folder, each run under a new name, where no path is given.",
+            unit="DIR",
+            default="logs",
+        ),
+    ] = None
+    record: Annotated[
+        bool,
+        option(
+            "Record everything. Without a recording nothing can be replayed, and the run"
+            " cannot go on after a failure."
+        ),
+    ] = True
+    keyframe_every: KeyframeEvery = _DEFAULTS["keyframe_every"]
+    split: Split = _DEFAULTS["split"]
+    keep: Keep = _DEFAULTS["keep"]
+    sync: Sync | None = None
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -133,7 +140,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     cells: CellsTable = CellsTable()
     """Where the cells are, and how they are wired."""
     anomalies: AnomaliesTable = AnomaliesTable()
-    """What is told of observations against what was learned."""
+    """What is reported of observations against what was learned."""
     recording: RecordingTable = RecordingTable()
     """Where the run is recorded."""
     supervision: Supervision = Supervision()

@@ -16,6 +16,8 @@ def rule_of(kind: inspect.Type, value: object) -> str | None:
         value: What it is, as TOML has it.
     """
     match kind:
+        case inspect.Metadata():
+            return rule_of(kind.type, value)
         case inspect.BoolType() if isinstance(value, bool):
             return None
         # True is 1 to Python, and not to anybody who writes a file.
@@ -50,6 +52,8 @@ def rule_of(kind: inspect.Type, value: object) -> str | None:
 def name_of(kind: inspect.Type) -> str:
     """Return what something should be, in a few words."""
     match kind:
+        case inspect.Metadata():
+            return name_of(kind.type)
         case inspect.BoolType():
             return "true or false"
         case inspect.IntType():

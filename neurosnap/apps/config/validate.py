@@ -58,6 +58,8 @@ class _Walk(NamedTuple):
 
     def of(self, value: object, kind: inspect.Type, at: Keys) -> Iterator[Problem]:
         match kind:
+            case inspect.Metadata():  # an option's help
+                yield from self.of(value, kind.type, at)
             case inspect.UnionType():
                 yield from self._of_one(value, kind, at)
             case inspect.StructType():
@@ -180,6 +182,8 @@ def _as_a_whole(
 
 def _keys_of(kind: inspect.Type, at: Keys) -> Iterator[Keys]:
     match kind:
+        case inspect.Metadata():
+            yield from _keys_of(kind.type, at)
         case inspect.StructType():
             for field in kind.fields:
                 yield (*at, field.encode_name)

@@ -44,11 +44,16 @@ def test_a_target_is_refused_for_who_goes_nowhere() -> None:
     assert said == "target: must go with a planner or an excited agent, got ('3',)"
 
 
-@pytest.mark.parametrize(("out", "got"), [("", "."), (".", "."), ("folder", "folder")])
-def test_a_recording_is_not_a_folder(out: str, got: str) -> None:
+@pytest.mark.parametrize("out", [".", "folder"])
+def test_a_recording_is_not_a_folder(out: str) -> None:
     said = refused("run", "neurosnap/Path-v0", "--out", out)
     rule = "must name a file that does not exist yet, not a folder"
-    assert said == f"out: {rule}, got '{got}'"
+    assert said == f"out: {rule}, got '{out}'"
+
+
+def test_a_recording_has_a_name() -> None:
+    said = refused("run", "neurosnap/Path-v0", "--out", "")
+    assert said == "out: must have 1 or more characters, got ''"
 
 
 def test_a_source_is_not_a_folder() -> None:

@@ -1,20 +1,19 @@
 """Flags go before a file that describes a run, where they were given."""
 
 from pathlib import Path
-from typing import Annotated
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli.broker import brokered
-from neurosnap.apps.cli.config import FLAGS, described
+from neurosnap.apps.cli.config import described
+from neurosnap.apps.cli.options import Given, run_options, with_run_options
 from neurosnap.apps.config.prepare import Prepared
 from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.run_options import SnapshotKind
 from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.open_live import mqtt_options
 
@@ -41,19 +40,9 @@ def made(*arguments: object) -> Prepared:
     found: list[Prepared] = []
 
     @app.command()
+    @with_run_options()
     def verb(
-        context: typer.Context,
-        source: str,
-        ticks: int | None = None,
-        given: Annotated[list[str] | None, typer.Option("--set")] = None,
-        snapshot: SnapshotKind = "empirical",
-        threshold: float | None = None,
-        out: Path | None = None,
-        record: bool = True,
-        listen: str = "",
-        tls: str = "",
-        max_restarts: int = 10,
-        broker: str = "",
+        context: typer.Context, source: str, given: Given = None, broker: str = ""
     ) -> None:
         with brokered(broker, source) as before:
             found.append(described(context, before))
@@ -74,9 +63,31 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_every_flag_stands_for_a_key() -> None:
-    assert set(FLAGS.values()) <= set(map(dotted, known_keys(Config)))
-    assert len(set(FLAGS.values())) == len(FLAGS)
+def test_every_key_but_the_source_has_one_flag() -> None:
+    keys = [dotted(key) for key in known_keys(Config) if len(key) == 2]
+    wanted = [key for key in keys if not key.startswith("source.")]
+    assert sorted(option.key for option in run_options().values()) == sorted(wanted)
+
+
+def test_a_verb_has_all_options_but_those_left_out_and_its_own() -> None:
+    app = typer.Typer()
+
+    @app.command()
+    @with_run_options("tls", "seed")
+    def verb(context: typer.Context, source: str, ticks: int = 5) -> None:
+        """Do nothing."""
+
+    command = typer.main.get_command(app)
+    names = {str(param.name) for param in command.params}
+    typers = {"install_completion", "show_completion"}
+    assert names - typers == {"source"} | set(run_options()) - {"tls", "seed"}
+    (ticks,) = (param for param in command.params if param.name == "ticks")
+    assert ticks.default == 5
+
+
+def test_an_option_that_does_not_exist_is_not_left_out() -> None:
+    with pytest.raises(KeyError, match="speed"):
+        with_run_options("speed")
 
 
 def test_defaults_of_flags_do_not_go_before_the_file(file: Path) -> None:
