@@ -20,7 +20,7 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.errors import NothingBegunError, PartDiedError, SwarmError
+from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -31,8 +31,6 @@ from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Restarts, Supervision
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open_live import is_live
-
-_LONGEST = 30.0  # seconds
 
 
 class Restart(msgspec.Struct, frozen=True):
@@ -89,11 +87,11 @@ async def run_with_restarts(
             is readable.
         NeurosnapError: As from `run`.
     """
-    lives = RestartFiles(log)
-    lives.check_free()
+    files = RestartFiles(log)
+    files.check_free()
     swarm = swarm or new_swarm_id()
     allowed = Restarts(supervision)
-    restarts, delay, reached = 0, supervision.backoff, 0
+    restarts = reached = 0
     vanished: list[str] = []
     cannot_repeat = way_in is None and is_live(options.source)
     redone = asyncio.Event()  # set once this incarnation is past its resume point
@@ -107,9 +105,9 @@ async def run_with_restarts(
 
     try:
         while True:
-            told = stop.is_set()  # before this life began
+            was_stopped = stop.is_set()  # before this incarnation began
             try:
-                async with _late(stop, redone, lives, past) as heeded:
+                async with _stop_once_redone(stop, redone, files, past) as heeded:
                     outcome = await run(
                         options,
                         log,
@@ -129,18 +127,15 @@ async def run_with_restarts(
             except SwarmError as error:
                 # If `stop` is set while a part dies, another incarnation runs and ends
                 # in order: this recording may lack last messages of other parts.
-                if told or not _mends(supervision, error):
+                if was_stopped or not allowed.allow(error):
                     raise
-                if not allowed.allow():
-                    raise
-                found = await asyncio.to_thread(lives.furthest, options)
-                kept = len(lives.kept)
-                if reached > (0 if past is None else past.tick) and not lives.recorded:
+                found = await asyncio.to_thread(files.furthest, options)
+                kept = len(files.kept)
+                if reached > (0 if past is None else past.tick) and not files.recorded:
                     vanished.append(str(log))
                 # Not on a thread, which would go on beside `keep_furthest` once this
                 # is cancelled.
-                gained, past = lives.go_on(found, past)
-                delay = supervision.backoff if gained else min(2 * delay, _LONGEST)
+                gained, past = files.go_on(found, past)
                 restarts += 1
                 tick = 0 if past is None else past.tick
                 on_restart(
@@ -149,26 +144,26 @@ async def run_with_restarts(
                         tick=tick,
                         lost=max(0, reached - tick),
                         outside=cannot_repeat,
-                        kept=tuple(map(str, lives.kept[kept:])),
+                        kept=tuple(map(str, files.kept[kept:])),
                     )
                 )
                 reached = tick
                 redone.clear()
-                await wait_at_most(stop, delay)
+                await wait_at_most(stop, allowed.delay(gained=gained))
             else:
-                lives.settle()
+                files.settle()
                 return _in_all(
-                    outcome, restarts, [*lives.unread, *lives.kept], vanished
+                    outcome, restarts, [*files.unread, *files.kept], vanished
                 )
     finally:
-        lives.keep_furthest()
+        files.keep_furthest()
 
 
 @asynccontextmanager
-async def _late(
+async def _stop_once_redone(
     stop: asyncio.Event,
     redone: asyncio.Event,
-    lives: RestartFiles,
+    files: RestartFiles,
     past: ResumePoint | None,
 ) -> AsyncIterator[asyncio.Event]:
     """Yield an event that is set after `stop`, once the interrupted tick is redone.
@@ -182,7 +177,7 @@ async def _late(
 
     async def follow() -> None:
         await stop.wait()
-        if not redone.is_set() and await asyncio.to_thread(lives.have_left, tick):
+        if not redone.is_set() and await asyncio.to_thread(files.have_left, tick):
             await redone.wait()
         heeded.set()
 
@@ -207,10 +202,3 @@ def _in_all(
         completeness=balance,
         kept=tuple(map(str, kept)),
     )
-
-
-def _mends(supervision: Supervision, error: SwarmError) -> bool:
-    """Return whether the policy restarts a run after this error."""
-    if supervision.restart == "on-failure":
-        return isinstance(error, PartDiedError)
-    return supervision.restart == "always"

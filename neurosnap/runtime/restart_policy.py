@@ -7,7 +7,10 @@ from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
+from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.protocol.option import option
+
+_LONGEST = 30.0  # seconds
 
 RestartKind: TypeAlias = Literal["never", "on-failure", "always"]
 
@@ -49,27 +52,43 @@ class Supervision(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Restarts:
-    """Counts restarts by what there may be: so many within so many seconds.
+    """Decides whether a run goes on after an error, and after which delay.
 
     Args:
-        supervision: Says how many.
+        supervision: The policy.
         clock: Seconds that only grow.
     """
 
     def __init__(
         self, supervision: Supervision, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._most = supervision.max_restarts
-        self._window = supervision.restart_window
+        self._policy = supervision
         self._clock = clock
         self._recent: deque[float] = deque()
+        self._delay = supervision.backoff
 
-    def allow(self) -> bool:
-        """Return whether there may be one more now, and count it if so."""
+    def allow(self, error: SwarmError) -> bool:
+        """Return whether there is a restart after this error, and count it if so."""
+        if self._policy.restart == "never":
+            return False
+        if self._policy.restart == "on-failure" and not isinstance(
+            error, PartDiedError
+        ):
+            return False
         now = self._clock()
-        while self._recent and now - self._recent[0] >= self._window:
+        while self._recent and now - self._recent[0] >= self._policy.restart_window:
             self._recent.popleft()
-        if len(self._recent) >= self._most:
+        if len(self._recent) >= self._policy.max_restarts:
             return False
         self._recent.append(now)
         return True
+
+    def delay(self, *, gained: bool) -> float:
+        """Return the seconds to wait before a restart.
+
+        Args:
+            gained: Whether the run made a tick since the restart before.
+        """
+        longer = min(2 * self._delay, _LONGEST)
+        self._delay = self._policy.backoff if gained else longer
+        return self._delay

@@ -18,6 +18,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from neurosnap.apps.anomaly_text import few
 from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
 
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from neurosnap.apps.figures.run import FigureResults
     from neurosnap.depth.measure import Line
     from neurosnap.depth.probe import Measured
-    from neurosnap.protocol.anomaly_messages import Told
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.recording.replay.verify import Verdict
     from neurosnap.runtime.registry import Note, Part
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from neurosnap.runtime.run import Outcome
 
 _MOST = 24  # implications shown; all of them are in `neurosnap graph`
-_NAMES = 8  # names in one line about an anomaly; all of them are in `watch --json`
 
 
 @contextmanager
@@ -126,32 +125,6 @@ def restart(console: Console, event: Restart) -> None:
         )
 
 
-def anomaly(told: Told) -> str:
-    """Return an anomaly as one line that names a few of what it is about."""
-    long = f", since tick {told.since}" if told.since < told.tick else ""
-    exact = "" if told.exact else " (at least)"
-    likely = _few(told.culprits) or "nobody"
-    others = [name for name in told.candidates if name not in told.culprits]
-    perhaps = f" or {_few(others)}" if others else ""
-    links = [
-        f"{link.implication} ({link.support:g} for, {link.against:g} against,"
-        f" since tick {link.since})"
-        for link in told.broken
-    ]
-    broken = _few(links, "; ", told.more)
-    return visible(
-        f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
-        f" breaks {broken}"
-    )
-
-
-def _few(names: Sequence[str], comma: str = ", ", more: int = 0) -> str:
-    """Return the first names, and how many others there are, `more` among them."""
-    more += max(0, len(names) - _NAMES)
-    rest = f" and {more} more" if more else ""
-    return comma.join(names[:_NAMES]) + rest
-
-
 def swarms(console: Console, notes: Sequence[Note]) -> None:
     """List the swarms that run."""
     if not notes:
@@ -223,7 +196,7 @@ def outcome(
         lost = [f"{count} of {who}" for who, count in balance.missing.items()]
         console.print(
             f"[red]the recording lacks {sum(balance.missing.values())} messages[/red]:"
-            f" {escape(_few(lost))}",
+            f" {escape(few(lost))}",
             soft_wrap=True,
         )
     for path in () if balance is None else balance.vanished:

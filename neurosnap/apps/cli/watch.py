@@ -52,7 +52,7 @@ def watch(
 
     Of a recording all are shown; of a swarm, those that come, until Ctrl-C.
     """
-    from neurosnap.apps.cli.output import anomaly
+    from neurosnap.apps.anomaly_text import anomaly_line
     from neurosnap.protocol.anomaly_messages import Told
     from neurosnap.recording.read.split_files import open_whole
     from neurosnap.runtime import registry
@@ -63,7 +63,7 @@ def watch(
         if as_json:
             print_json(told)
         else:
-            typer.echo(anomaly(told))
+            typer.echo(anomaly_line(told))
 
     with errors():
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):

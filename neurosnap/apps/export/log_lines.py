@@ -3,7 +3,7 @@
 from typing import Any, TypeAlias
 
 from neurosnap import wire
-from neurosnap.apps.cli.output import anomaly
+from neurosnap.apps.anomaly_text import anomaly_line
 from neurosnap.apps.export.foxglove_scene import stamp
 from neurosnap.protocol.anomaly_messages import told
 
@@ -31,7 +31,7 @@ def line_of(message: wire.Message, sensors: tuple[str, ...], time: int) -> Line 
             return _line(time, _INFO, who, "left")
         case wire.Anomaly():
             return _line(
-                time, _WARNING, message.sender, anomaly(told(message, sensors))
+                time, _WARNING, message.sender, anomaly_line(told(message, sensors))
             )
         case _:
             return None

@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from neurosnap.agent.body import Body
+from neurosnap.apps.anomaly_text import anomaly_line
 from neurosnap.apps.cli import output
 from neurosnap.protocol.anomaly_messages import Link, Told
 from neurosnap.protocol.coordinator import Totals
@@ -56,7 +57,7 @@ def many(name: str, count: int) -> tuple[str, ...]:
 
 def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
     links = tuple(Link(f"{name} -> x", 1, 0, 1) for name in many("s", 30))
-    line = output.anomaly(
+    line = anomaly_line(
         Told(
             tick=7,
             since=7,
@@ -76,8 +77,8 @@ def test_a_name_cannot_turn_the_text_around() -> None:
     name = "door\u202eno"  # as an older recording may have it, or a stranger's
     link = Link(f"{name} -> x", 1, 0, 1)
     one = Told(7, 7, (name,), (name,), True, (link,), 0)
-    assert "\u202e" not in output.anomaly(one)
-    assert "door\\u202eno may be wrong" in output.anomaly(one)
+    assert "\u202e" not in anomaly_line(one)
+    assert "door\\u202eno may be wrong" in anomaly_line(one)
     shown = told(implications=[(name, "x")])
     assert "  door\\u202eno → x" in shown
 
