@@ -221,7 +221,7 @@ class PulseBatch(_Message, frozen=True, tag="burst"):
     to: Natural
     """The worker it is for."""
     part: Natural
-    """How many bursts of this wave the one sent the other before this one."""
+    """How many batches of this wave the one sent the other before this one."""
     sources: bytes
     """The literals that fired, as `numbers`, one a pulse."""
     targets: bytes

@@ -49,15 +49,15 @@ class Excited:
     """
 
     def __init__(self, body: Body, seed: int, explore: float = EXPLORE) -> None:
-        self._repertoire = Actions(body)
+        self._actions = Actions(body)
         self._better, self._not_worse = drives(body)
         self._explore = checked_share(explore)
-        self._draws = RandomNumbers(seed)
+        self._random = RandomNumbers(seed)
 
     def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Ask for the consequences of every action."""
         del tick
-        return self._repertoire.signals(state)
+        return self._actions.signals(state)
 
     def decide(
         self,
@@ -75,11 +75,11 @@ class Excited:
         del state
         bound = guaranteed(answers)
         action, why = choose(
-            self._repertoire.admissible(answers),
+            self._actions.admissible(answers),
             bound[:, self._better],
             bound[:, self._not_worse],
             self._explore,
-            self._draws.at(tick),
+            self._random.at(tick),
         )
         return int(action), _WHY[int(why)]
 

@@ -49,11 +49,11 @@ class Planner:
         seed: int,
         explore: float = EXPLORE,
     ) -> None:
-        self._repertoire = Actions(body)
+        self._actions = Actions(body)
         self._sensorium = Sensorium(body.sensors)
         self._target = target_literals(body, target)
         self._explore = checked_share(explore)
-        self._draws = RandomNumbers(seed)
+        self._random = RandomNumbers(seed)
         self._position = body.position
         self._goals = self._position.copy()
         self._goals[list(self._target)] = True
@@ -61,7 +61,7 @@ class Planner:
     def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Ask for the consequences of every action, and of the target."""
         del tick
-        return [*self._repertoire.signals(state), self._target]
+        return [*self._actions.signals(state), self._target]
 
     def decide(
         self,
@@ -78,8 +78,8 @@ class Planner:
                 on; then the closure of the target.
         """
         *closures, above = answers
-        draws = self._draws.at(tick)
-        possible = self._repertoire.admissible(closures)
+        draws = self._random.at(tick)
+        possible = self._actions.admissible(closures)
         if draws[1] < self._explore:
             return pick(possible.nonzero()[0], draws[0]), "at random, to explore"
         wanted = subgoals(state & self._position, above) & self._goals

@@ -21,7 +21,7 @@ class Walker:
 
     def __init__(self, choices: int, seed: int) -> None:
         self._choices = np.arange(choices)
-        self._draws = RandomNumbers(seed)
+        self._random = RandomNumbers(seed)
 
     def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Return the signals of the planning waves to send before the decision.
@@ -40,7 +40,7 @@ class Walker:
         if len(on) == 0:
             return []
         # A number of its own: what is asked must not change what is done.
-        return [(pick(on, self._draws.at(tick)[1]),)]
+        return [(pick(on, self._random.at(tick)[1]),)]
 
     def decide(
         self,
@@ -58,4 +58,4 @@ class Walker:
         del state, answers
         if not self._choices.size:
             return -1, "the source takes no actions"
-        return pick(self._choices, self._draws.at(tick)[0]), "random walk"
+        return pick(self._choices, self._random.at(tick)[0]), "random walk"

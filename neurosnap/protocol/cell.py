@@ -1,11 +1,11 @@
 """A cell: one sensor that computes with its neighbours by pulses.
 
-`Cell` is a pure transition: a burst of messages in, messages out, no clock, no network.
+`Cell` is a pure transition: a batch of messages in, messages out, no clock, no network.
 Its invariants:
 
 - A literal fires at most once a wave, on the first pulse for it or because it belongs
   to the wave's signal; firing sends one pulse along every out-edge of the literal.
-- Whatever credit comes in goes out again in the same burst, in pulses and in a report.
+- Whatever credit comes in goes out again in the same batch, in pulses and in a report.
 - Nothing of a wave is done before its fence has been seen: the last wave announced to
   every cell, itself or one before (and, in a state wave, before the reading of its
   tick). The coordinator sends wirings before the fence, so what fires is always the
@@ -66,7 +66,7 @@ class _Wave:
         self.asked = False  # the signal's own literals have fired
         self.fired: set[int] = set()
         self.part = 0
-        # The next report, gathered over a burst.
+        # The next report, gathered over a batch.
         self.literals: list[int] = []
         self.hops: list[int] = []
         self.credit: list[int] = []
@@ -98,7 +98,7 @@ class Cell:
         """Take in `batch` and return what the cell sends for it, in order.
 
         Pulses come before the report of their wave, because neighbours are waiting for
-        them. Cost: proportional to the burst and to the out-edges of what fires.
+        them. Cost: proportional to the batch and to the out-edges of what fires.
         """
         out: list[wire.Message] = []
         touched: dict[int, _Wave] = {}  # waves that owe a report
@@ -359,7 +359,7 @@ class Cell:
             missed = f"must build on epoch {self._epoch}, got {wiring.after}"
             out.append(wire.Fault(self._who, f"wiring: {missed}"))
             return
-        # Literals that fired earlier in this burst are reported with the old epoch.
+        # Literals that fired earlier in this batch are reported with the old epoch.
         self._report(touched, out)
         own, complement = 2 * self.cell, 2 * self.cell + 1
         for literal, add, drop in (

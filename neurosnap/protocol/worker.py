@@ -4,10 +4,10 @@
 the invariants are those of `neurosnap.protocol.cell`, with a few differences in how.
 
 - Pulses between its own cells go from array to array. Those to another worker's leave
-  in one message a burst, and all its cells report in one.
+  in one message a batch, and all its cells report in one.
 - Every wave is announced to every worker, so nothing of a wave is done before its
   announcement, nor, in a state wave, before the reading of its tick.
-- Of the pulses in a burst, the one with the fewest hops makes a literal fire.
+- Of the pulses in a batch, the one with the fewest hops makes a literal fire.
 - Wirings come in frames. One that was lost keeps all its cells silent until they are
   wired anew.
 """
@@ -59,11 +59,11 @@ class _Wave:
         self.number = number
         self.start: wire.WaveStart | None = None  # until its signal has fired
         self.reached: Ints | None = None  # hops of what fired; None until it is open
-        self.seen: set[tuple[int, int]] = set()  # (worker, part) of bursts that came
+        self.seen: set[tuple[int, int]] = set()  # (worker, part) of batches that came
         self.waiting: list[Pulses] = []
         self.held = 0  # pulses that came and wait
         self.part = 0  # of the next report
-        self.parts: dict[int, int] = {}  # of the next burst to each worker
+        self.parts: dict[int, int] = {}  # of the next batch to each worker
 
 
 class Worker:
@@ -88,13 +88,13 @@ class Worker:
         self._settled_below = 1
         self._announced = 0  # the last wave that was
         self._held = 0  # pulses that came and wait, in all waves
-        self._remembered = 0  # bursts, in all waves
+        self._remembered = 0  # batches, in all waves
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
         """Take in `batch` and return what the worker sends for it, in order.
 
         All that came of a wave is worked on at once. Its pulses come before its report,
-        because others are waiting for them. Cost: proportional to the burst, to the
+        because others are waiting for them. Cost: proportional to the batch, to the
         cells for each wave in it, and to the out-edges of what fires.
         """
         out: list[wire.Message] = []

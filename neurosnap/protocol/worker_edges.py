@@ -69,7 +69,7 @@ class WorkerEdges:
         self._net = None
 
     def pulses(self, batch: wire.PulseBatch) -> Pulses:
-        """Return the pulses in a burst.
+        """Return the pulses in a batch.
 
         Raises:
             MessageError: They cannot be right: they are for another worker or from none

@@ -24,7 +24,11 @@ from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.cell_process import run_cell
 from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.participant import take_part
-from neurosnap.runtime.parts.status_publisher import OUTLET, publish_status, publishes
+from neurosnap.runtime.parts.status_publisher import (
+    STATUS_PUBLISHER,
+    publish_status,
+    publishes,
+)
 from neurosnap.runtime.parts.worker_process import run_worker
 from neurosnap.runtime.parts.world_process import (
     WayIn,
@@ -141,7 +145,7 @@ class _Inline:
             work = self._host(number)
             group.create_task(self._play(who, work), name=who)
         if publishes(self._options):
-            group.create_task(self._tell(), name=OUTLET)
+            group.create_task(self._tell(), name=STATUS_PUBLISHER)
         world = group.create_task(self._play("world", self._world), name="world")
         world.add_done_callback(lambda _: ending.set())
         stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
@@ -188,7 +192,7 @@ class _Inline:
             await run_world(self.source, body, fabric, self._leave, past=self._past)
 
     async def _tell(self) -> None:
-        async with self._hub.fabric(OUTLET) as fabric:
+        async with self._hub.fabric(STATUS_PUBLISHER) as fabric:
             await publish_status(self._options, fabric, self._leave)
 
     async def _record(

@@ -28,12 +28,12 @@ from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.hub_process import HubJob
 from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.parts.recorder_process import RecorderJob
-from neurosnap.runtime.parts.status_publisher import OUTLET
+from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.registry import noted
 from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
 
-_SERVICES = 5  # hub, recorder, coordinator, world, outlet
+_SERVICES = 5  # hub, recorder, coordinator, world, status publisher
 _GRACE = 10.0  # seconds a part may take to end
 _LAST_WRITE = 2.0  # seconds a recorder may take to end without the hub
 # Additional seconds while a part still starts: it may compile, and cannot react then.
@@ -230,7 +230,7 @@ class _Launch:
                 return coordinator, None, recorder
         if plan.status is not None:
             # Before the first tick: what it misses, it never publishes.
-            status = await start(plan.status, self._connection(OUTLET))
+            status = await start(plan.status, self._connection(STATUS_PUBLISHER))
             await self._supervisor.wait(stop, status.ready, status.ended)
         if plan.world is not None and "world" not in plan.elsewhere:
             world = await start(plan.world, self._connection("world"))
@@ -272,7 +272,7 @@ class _Launch:
         late = await end(["coordinator"], self._plan.patience + more)
         grace = _GRACE + 0.02 * len(self._hosts) + more
         late += await end(["world", *self._hosts], grace)
-        late += await end(["recorder", OUTLET], 2 * _GRACE)
+        late += await end(["recorder", STATUS_PUBLISHER], 2 * _GRACE)
         late += await end(["hub"], _GRACE)
         return late
 
@@ -283,7 +283,7 @@ def _parts_here(plan: Plan) -> set[str]:
         "hub": not plan.network.connect,
         "recorder": plan.log is not None,
         "coordinator": True,
-        OUTLET: plan.status is not None,
+        STATUS_PUBLISHER: plan.status is not None,
         "world": plan.world is not None,
     }
     services = {who for who, is_there in there.items() if is_there}

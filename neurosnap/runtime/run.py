@@ -104,11 +104,11 @@ async def run(
         lost = inline.lost
     else:
         vacant = tuple(sorted(elsewhere))
-        brief = RunDescription(options=options, past=past, vacant=vacant)
+        description = RunDescription(options=options, past=past, vacant=vacant)
         plan = Plan(
             cells=len(options.sensors),
             workers=options.sharing,
-            coordinator=partial(CoordinatorJob, brief, patience),
+            coordinator=partial(CoordinatorJob, description, patience),
             world=WorldJob(options, past, way_in),
             status=StatusJob(options) if publishes(options) else None,
             log=log,

@@ -16,7 +16,7 @@ from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
-from neurosnap.sources.live.tick_schedule import TickSchedule, pace_of
+from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.system.distribution import must_have
@@ -60,13 +60,13 @@ class LiveArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             rule = f"must be names with commas between them, or a JSON list ({error})"
             raise InvalidValueError("sensors", rule, self.sensors) from error
 
-    def pace(self) -> TickSchedule:
+    def schedule(self) -> TickSchedule:
         """Return when a tick is due.
 
         Raises:
             InvalidValueError: The intervals do not go together.
         """
-        return pace_of(self.interval, self.min_interval, self.max_interval)
+        return new_schedule(self.interval, self.min_interval, self.max_interval)
 
 
 def is_live(spec: str) -> bool:
@@ -136,14 +136,14 @@ def open_live(
     if not given.sensors:
         rule = "must be named for such a source (--set sensors=a,b,c)"
         raise InvalidValueError("sensors", rule, given.sensors)
-    board = LatestReadings(given.names(), stale_after=given.stale_after)
-    pace = given.pace()
+    latest = LatestReadings(given.names(), stale_after=given.stale_after)
+    schedule = given.schedule()
     feeder: Feeder
     if spec == STDIN:
         feeder = StdinFeeder(head=given.head.encode() if given.head else None)
     else:
         feeder = _Nobody() if hub is None else ZenohFeeder(hub)
-    return LiveSource(board, pace, feeder=feeder, journal=journal, most=most)
+    return LiveSource(latest, schedule, feeder=feeder, journal=journal, most=most)
 
 
 def lost_by(spec: str, said: Statistics) -> int:

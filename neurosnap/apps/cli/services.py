@@ -32,7 +32,7 @@ from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import RestartKind
 
 if TYPE_CHECKING:
-    from neurosnap.runtime.hosts.remote_parts import Share
+    from neurosnap.runtime.hosts.remote_parts import ChooseParts
     from neurosnap.runtime.hosts.service import Served
 
 Swarm = Annotated[
@@ -75,8 +75,8 @@ def world(
 
     with errors():
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        share = remote_parts.world(source)
-        served = _serve("world", swarm, share, network, restart, patience)
+        choose = remote_parts.world(source)
+        served = _serve("world", swarm, choose, network, restart, patience)
         if as_json:
             print_json({"swarm": swarm, "source": source, "served": _names(served)})
 
@@ -135,8 +135,8 @@ def record(
         if out is not None:
             new_log(swarm, out)  # refused now, and not once the swarm is there
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        share = remote_parts.recorder(next_log, resume, sync)
-        served = _serve("recorder", swarm, share, network, restart, patience)
+        choose = remote_parts.recorder(next_log, resume, sync)
+        served = _serve("recorder", swarm, choose, network, restart, patience)
         balances = [
             msgspec.json.decode(one.results["recorder"], type=Completeness)
             for one in served
@@ -190,10 +190,10 @@ def join(
             raise InvalidValueError("join", rule, cells or "neither")
         kind, text = ("cells", cells) if cells else ("workers", workers)
         numbers = ranges(kind, text)
-        share = remote_parts.cells(numbers) if cells else remote_parts.workers(numbers)
+        choose = remote_parts.cells(numbers) if cells else remote_parts.workers(numbers)
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
         named = f"{len(numbers)} {kind}"
-        served = _serve(named, swarm, share, network, restart, patience)
+        served = _serve(named, swarm, choose, network, restart, patience)
         if as_json:
             print_json({"swarm": swarm, kind: numbers, "served": _names(served)})
 
@@ -201,7 +201,7 @@ def join(
 def _serve(
     what: str,
     swarm: str,
-    share: "Share",
+    choose: "ChooseParts",
     network: Network,
     restart: RestartKind,
     patience: float,
@@ -220,7 +220,7 @@ def _serve(
     async def work(stop: asyncio.Event) -> None:
         screen.print(f"{what} for swarm {swarm}", markup=False)
         await serve(
-            share,
+            choose,
             network,
             swarm,
             stop,

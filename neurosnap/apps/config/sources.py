@@ -73,7 +73,7 @@ class _LiveTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Without `interval`: seconds between two ticks at most."""
 
     def __post_init__(self) -> None:
-        msgspec.convert(self._arguments(), LiveArguments).pace()
+        msgspec.convert(self._arguments(), LiveArguments).schedule()
 
     def _arguments(self) -> dict[str, Argument]:
         given = msgspec.structs.asdict(self)

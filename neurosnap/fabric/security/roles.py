@@ -86,7 +86,7 @@ RIGHTS: dict[Role, Rights] = {
     "sensor": Rights(publishes=(READING,), told=True),
 }
 
-BRIEF = "brief"
+DESCRIPTION = "brief"
 """What a coordinator answers to whoever wants to take part in its run."""
 
 PLACE = "place"
@@ -162,8 +162,8 @@ def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
     alive = (f"alive/{who}",) if rights.announces else ()
     places = (f"{PLACE}/{who}/*/*",) if rights.announces else ()
     everybody = ("alive/**", f"{PLACE}/**") if rights.watches else ()
-    answers = (BRIEF,) if rights.briefs else ()
-    asks = (BRIEF,) if rights.asks else ()
+    answers = (DESCRIPTION,) if rights.briefs else ()
+    asks = (DESCRIPTION,) if rights.asks else ()
     for message, flow, keys in (
         ("put", "ingress", publishes),
         ("declare_subscriber", "egress", publishes if rights.told else ()),

@@ -33,7 +33,7 @@ from neurosnap.fabric.protocol import (
 )
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import check_endpoint
-from neurosnap.fabric.security.roles import BRIEF, FLUSHED, PLACE
+from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED, PLACE
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
 from neurosnap.fabric.zenoh.polled import Poll
 from neurosnap.fabric.zenoh.session import connecting
@@ -237,7 +237,7 @@ class ZenohFabric:
 
         return await self._off_loop(look)
 
-    async def brief(self, content: bytes) -> None:
+    async def describe_run(self, content: bytes) -> None:
         """Answer queries for the run's description with `content`. For coordinators.
 
         Raises:
@@ -245,8 +245,8 @@ class ZenohFabric:
         """
         if len(content) >= LARGEST:
             rule = f"must fit into a message of {LARGEST:,} bytes"
-            raise InvalidValueError("brief", rule, len(content))
-        key = f"{self._prefix}{BRIEF}"
+            raise InvalidValueError("description", rule, len(content))
+        key = f"{self._prefix}{DESCRIPTION}"
 
         def answer(query: zenoh.Query) -> None:
             query.reply(key, content)
@@ -259,7 +259,9 @@ class ZenohFabric:
         """Return what the coordinator says the run is; None: it has gone."""
 
         def get() -> bytes | None:
-            for reply in self._session.get(f"{self._prefix}{BRIEF}", timeout=_ANSWER):
+            for reply in self._session.get(
+                f"{self._prefix}{DESCRIPTION}", timeout=_ANSWER
+            ):
                 if reply.ok is not None:
                     return reply.ok.payload.to_bytes()
             return None

@@ -1,6 +1,7 @@
 """Parts that can join a swarm from another host, made from its description.
 
-Each is made from the coordinator's brief, and from what its own host alone can know.
+Each is made from the coordinator's description of the run, and from what its own host
+alone can know.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,28 +34,28 @@ class RemotePart(NamedTuple):
     """It ends by itself, once it has heard the others' last words."""
 
 
-Share: TypeAlias = Callable[[str, RunDescription], Sequence[RemotePart]]
+ChooseParts: TypeAlias = Callable[[str, RunDescription], Sequence[RemotePart]]
 """Returns the parts a host starts in the swarm of a name; raises `InvalidValueError`
 where the run is not one for it. May block."""
 
 
-def cells(numbers: Sequence[int]) -> Share:
-    """Return the share of some cells, a process each."""
+def cells(numbers: Sequence[int]) -> ChooseParts:
+    """Return what chooses some cells, a process each."""
     return lambda _, __: [RemotePart(f"cell/{n}", CellJob(n)) for n in numbers]
 
 
-def workers(numbers: Sequence[int]) -> Share:
-    """Return the share of some workers, with all the cells that are theirs."""
+def workers(numbers: Sequence[int]) -> ChooseParts:
+    """Return what chooses some workers, with all the cells that are theirs."""
 
-    def share(_: str, brief: RunDescription) -> list[RemotePart]:
-        sizes = len(brief.options.sensors), brief.options.sharing
+    def choose(_: str, description: RunDescription) -> list[RemotePart]:
+        sizes = len(description.options.sensors), description.options.sharing
         return [RemotePart(f"worker/{n}", WorkerJob(n, *sizes)) for n in numbers]
 
-    return share
+    return choose
 
 
-def world(source: str) -> Share:
-    """Return the share of a world.
+def world(source: str) -> ChooseParts:
+    """Return what chooses a world.
 
     Args:
         source: What to open on this host. Only its arguments and its seed are taken
@@ -62,8 +63,8 @@ def world(source: str) -> Share:
             module to import, or a file to read.
     """
 
-    def share(_: str, brief: RunDescription) -> list[RemotePart]:
-        options = brief.options
+    def choose(_: str, description: RunDescription) -> list[RemotePart]:
+        options = description.options
         if Path(source).name != Path(options.source).name:
             rule = f"must be what the coordinator runs, {options.source}"
             raise InvalidValueError("source", rule, source)
@@ -73,17 +74,17 @@ def world(source: str) -> Share:
             rule = "must have the sensors and actions that the coordinator knows of"
             raise InvalidValueError("source", rule, source)
         own = msgspec.structs.replace(options, source=source)
-        return [RemotePart("world", WorldJob(own, brief.past))]
+        return [RemotePart("world", WorldJob(own, description.past))]
 
-    return share
+    return choose
 
 
 def recorder(
     new_log: Callable[[], Path],
     resumed: Path | None = None,
     sync: float | None = None,
-) -> Share:
-    """Return the share of a recorder.
+) -> ChooseParts:
+    """Return what chooses a recorder.
 
     Args:
         new_log: Returns where to record a swarm; asked once for each.
@@ -92,17 +93,17 @@ def recorder(
         sync: As in `RunOptions.sync`; None: as the coordinator says.
     """
 
-    def share(swarm: str, brief: RunDescription) -> list[RemotePart]:
-        past = _taken_over(resumed, brief.past)
-        heard = ("coordinator", "world", *brief.options.host_names())
-        options = brief.options
+    def choose(swarm: str, description: RunDescription) -> list[RemotePart]:
+        past = _taken_over(resumed, description.past)
+        heard = ("coordinator", "world", *description.options.host_names())
+        options = description.options
         if sync is not None:
             options = msgspec.structs.replace(options, sync=sync)
         metadata = {**describe(options), "swarm": swarm}
         job = RecorderJob(str(new_log()), metadata, past, heard)
         return [RemotePart("recorder", job, lingers=True)]
 
-    return share
+    return choose
 
 
 def _taken_over(resumed: Path | None, past: ResumePoint | None) -> ResumePoint | None:

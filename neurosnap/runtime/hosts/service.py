@@ -1,8 +1,8 @@
 """Serves parts of a swarm from any host that reaches the hub.
 
-A service waits for a coordinator of its swarm's id, is briefed, starts its parts and
-ends them once that coordinator has gone. It need not be started in any order, and a
-swarm that goes on after a death finds its services waiting.
+A service waits for a coordinator of its swarm's id, gets the description of the run,
+starts its parts and ends them once that coordinator has gone. It need not be started in
+any order, and a swarm that goes on after a death finds its services waiting.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from neurosnap.errors import (
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.runtime.connections import Connections
-from neurosnap.runtime.hosts.remote_parts import RemotePart, Share
+from neurosnap.runtime.hosts.remote_parts import ChooseParts, RemotePart
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.parts.run_description import read_description
@@ -46,7 +46,7 @@ class Served(msgspec.Struct, frozen=True):
 
 
 async def serve(
-    share: Share,
+    choose: ChooseParts,
     network: Network,
     swarm: str,
     stop: asyncio.Event,
@@ -58,7 +58,7 @@ async def serve(
     """Be some parts of a swarm, a process each. No process outlives the call.
 
     Args:
-        share: Which parts.
+        choose: Which parts.
         network: Where the hub is; `Network.connect` names it.
         swarm: The swarm's id.
         stop: Ends it; a swarm that goes on without these parts fails.
@@ -81,7 +81,7 @@ async def serve(
         raise InvalidValueError("connect", rule, network.connect)
     network.check("watcher")
     connections = Connections(network, located=True)
-    host = _Host(share, connections, stop)
+    host = _Host(choose, connections, stop)
     wait = None if restart == "always" else patience
     trouble = ""
     async with connections.discovery(swarm, stop) as discovery:
@@ -114,17 +114,17 @@ def _nobody(swarm: str, patience: float, trouble: str) -> str:
 
 
 class _Host:
-    """Starts a share of one swarm after the other."""
+    """Starts parts of one swarm after the other."""
 
     def __init__(
-        self, share: Share, connections: Connections, stop: asyncio.Event
+        self, choose: ChooseParts, connections: Connections, stop: asyncio.Event
     ) -> None:
-        self._share = share
+        self._choose = choose
         self._connections = connections
         self._stop = stop
 
     async def take_part(self, seen: FoundSwarm) -> Served:
-        """Be the share of one swarm until it is over, or the service is to stop.
+        """Run the parts in one swarm until it is over, or the service is to stop.
 
         Raises:
             NeurosnapError: A part failed, or cannot be of this swarm.
@@ -135,39 +135,40 @@ class _Host:
             content = await fabric.ask()
             if content is None:
                 return Served(seen.name, "its coordinator vanished", {})
-            brief = read_description(content)
-            duties = await asyncio.to_thread(self._share, seen.name, brief)
-            names = [duty.who for duty in duties]
-            brief.check_vacant(names)
+            description = read_description(content)
+            parts = await asyncio.to_thread(self._choose, seen.name, description)
+            names = [part.who for part in parts]
+            description.check_vacant(names)
             for who in sorted(await fabric.present() & set(names)):
                 raise SwarmError(
                     f"{who}: must be there once, is in {seen.name} already"
                 )
             connections = [
-                self._connections.to(who, seen.name, brief.first(who)) for who in names
+                self._connections.to(who, seen.name, description.first(who))
+                for who in names
             ]
-            results = await self._run(duties, connections, seen.gone)
+            results = await self._run(parts, connections, seen.gone)
             trouble = "" if self._stop.is_set() else await ending.trouble()
         return Served(seen.name, trouble, results)
 
     async def _run(
         self,
-        duties: Sequence[RemotePart],
+        parts: Sequence[RemotePart],
         connections: Sequence[PartConnection],
         gone: asyncio.Event,
     ) -> dict[str, bytes]:
         """Run the parts until `gone`; return what they brought home."""
-        grace = _GRACE + 0.02 * len(duties)
-        allow_files(len(duties))
+        grace = _GRACE + 0.02 * len(parts)
+        allow_files(len(parts))
         async with Supervisor() as supervisor:
-            children = await _start(supervisor, duties, connections)
+            children = await _start(supervisor, parts, connections)
             await wait_any(supervisor.failed, self._stop, gone)
-            for duty, child in zip(duties, children, strict=False):
-                if duty.lingers and gone.is_set():
+            for part, child in zip(parts, children, strict=False):
+                if part.lingers and gone.is_set():
                     with contextlib.suppress(TimeoutError):
                         async with asyncio.timeout(grace):
                             await wait_any(supervisor.failed, self._stop, child.ended)
-            names = [duty.who for duty in duties]
+            names = [part.who for part in parts]
             if isinstance(supervisor.error, PartDiedError):
                 # Whoever left in order now would be blamed for what the dead one did.
                 await supervisor.kill(names)
@@ -186,14 +187,14 @@ class _Host:
 
 async def _start(
     supervisor: Supervisor,
-    duties: Sequence[RemotePart],
+    parts: Sequence[RemotePart],
     connections: Sequence[PartConnection],
 ) -> list[Child]:
-    """Start a share's parts; return those with a line of their own.
+    """Start the parts; return those with a line of their own.
 
-    The many that some shares have are cells, which have nothing to bring home.
+    Where there are many, they are cells, which have nothing to bring home.
     """
-    jobs = [duty.job for duty in duties]
+    jobs = [part.job for part in parts]
     given = list(zip(jobs, connections, strict=True))
     if len(given) > 1:
         await supervisor.start_many(given)

@@ -58,7 +58,7 @@ def answer_within(options: RunOptions) -> float | None:
 class CoordinatorJob(msgspec.Struct, frozen=True):
     """The coordinator: learns, conducts and decides."""
 
-    brief: RunDescription
+    description: RunDescription
     """What the run is."""
     patience: float | None
     """Seconds the parts may take to come up; None: as many as that takes on a small
@@ -73,15 +73,15 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
             SwarmError: The swarm has a coordinator already, or parts of an earlier one
                 that do not leave; and as from `run_coordinator`.
         """
-        brief, options = self.brief, self.brief.options
-        core = coordinator_for(options, brief.past)
+        description, options = self.description, self.description.options
+        core = coordinator_for(options, description.past)
         patience = self.patience
         if patience is None:
             patience = 60.0 + 0.05 * len(self.parts)
         swarm = part.connection.swarm
         async with part.connection.fabric(swift=True) as fabric:
-            await _wait_alone(fabric, swarm, brief.vacant, part.stop)
-            await fabric.brief(brief.to_bytes())
+            await _wait_alone(fabric, swarm, description.vacant, part.stop)
+            await fabric.describe_run(description.to_bytes())
             part.reporter.ready()
             seconds = await take_part(
                 fabric,

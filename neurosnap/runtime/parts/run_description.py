@@ -54,7 +54,7 @@ def read_description(content: bytes) -> RunDescription:
     """Return what a coordinator told.
 
     Raises:
-        SwarmError: It is no brief.
+        SwarmError: It is no description of a run.
     """
     try:
         return msgspec.json.decode(content, type=RunDescription)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
-OUTLET = "watcher/outlet"
+STATUS_PUBLISHER = "watcher/outlet"
 """Its name: it has no last word, and nobody waits for it."""
 _AHEAD = 16  # observations that may wait for their state
 
@@ -136,8 +136,8 @@ async def publish_status(
     await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
     on_ready()
     over = asyncio.Event()
-    hearing = asyncio.create_task(fabric.serve(stop), name="outlet/hear")
-    telling = asyncio.create_task(publisher.serve(over), name="outlet/tell")
+    hearing = asyncio.create_task(fabric.serve(stop), name="status/hear")
+    telling = asyncio.create_task(publisher.serve(over), name="status/publish")
     try:
         await asyncio.wait((hearing, telling), return_when=asyncio.FIRST_COMPLETED)
         # Also where nothing can be heard any more: the broker is told that it is over.

@@ -1,6 +1,6 @@
 r"""The JSON object in which programs send readings, on every way in.
 
-A single reading, which takes its place on the board::
+A single reading, which replaces the latest of its sensor::
 
     {"sensor": "door", "on": true, "at": 1690000000.0}
 

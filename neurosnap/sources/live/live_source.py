@@ -6,14 +6,15 @@ the data between them is bounded: a single reading replaces its sensor's previou
 and at most `WAITING` whole readings are queued, plus those a feeder had read by then.
 
 Whole readings come first: each is a tick of its own, in the order they came, and the
-pace is not asked. Only when none waits does the pace decide when the board is shown.
+schedule is not asked. Only when none waits does the schedule decide when the latest
+readings are a tick.
 
 With a journal each row (the readings of one tick) is written as soon as it is certain
-to get a tick: a whole reading when it arrives, the board when it becomes a tick. After
-a restart the same rows are given again (`go_on`). While no tick is waited for
-(`keep_changes`), the clock does not turn the board into rows, but each change of it
-becomes one, within the limits of the schedule and of `WAITING`: so a restart hides no
-more changes than a busy swarm does.
+to get a tick: a whole reading when it arrives, the latest readings when they become a
+tick. After a restart the same rows are given again (`go_on`). While no tick is waited
+for (`keep_changes`), the clock does not turn the latest readings into rows, but each
+change of them becomes one, within the limits of the schedule and of `WAITING`: so a
+restart hides no more changes than a busy swarm does.
 """
 
 import logging
@@ -76,11 +77,11 @@ class Feeder(Protocol):
 
 
 class LiveSource:
-    """A live `Source` over a board and a pace.
+    """A live `Source` over the latest readings and a schedule.
 
     Args:
-        board: Holds the latest readings; nobody else may touch it from now on.
-        pace: Says when a tick is due; likewise.
+        latest: Holds the latest readings; nobody else may touch it from now on.
+        schedule: Says when a tick is due; likewise.
         feeder: Is started with the first tick and stopped by `close`; None: whoever has
             the source hands readings in.
         actions: The names of the atomic actions, one of which is taken at each step.
@@ -97,8 +98,8 @@ class LiveSource:
 
     def __init__(
         self,
-        board: LatestReadings,
-        pace: TickSchedule,
+        latest: LatestReadings,
+        schedule: TickSchedule,
         *,
         feeder: Feeder | None = None,
         actions: Sequence[str] = (),
@@ -109,8 +110,8 @@ class LiveSource:
         wall: Callable[[], float] = time.time,
         condition: threading.Condition | None = None,
     ) -> None:
-        self.sensors: tuple[str, ...] = board.sensors
-        self.orders: tuple[int, ...] = (0,) * len(board.sensors)
+        self.sensors: tuple[str, ...] = latest.sensors
+        self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)
         self.begins: bool = False
         self.known: Bits | None = None
@@ -119,14 +120,14 @@ class LiveSource:
         """It goes on with a run that had its first tick before."""
         self.given = 0
         """The tick of the row that was given last."""
-        self._board = board
-        self._pace = pace
+        self._latest = latest
+        self._schedule = schedule
         self._feeder = feeder
         self._actuate = actuate
         self._clock = clock
         self._wall = wall
         self._condition = threading.Condition() if condition is None else condition
-        self._number = {name: k for k, name in enumerate(board.sensors)}
+        self._number = {name: k for k, name in enumerate(latest.sensors)}
         self._most = most
         self._rows = 0 if journal is None else journal.last  # rows there are, in all
         self._fresh = True  # nobody has listened before the next row
@@ -134,7 +135,7 @@ class LiveSource:
         self._shown: Shown | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `let_go`
         self._away = False
-        self._unshown: Bits = np.zeros(len(board.sensors), np.bool_)
+        self._unshown: Bits = np.zeros(len(latest.sensors), np.bool_)
         self._stamps = ClockMapping(clock(), wall())
         # Serializes `start` and `stop`: no start after a stop, no stop during a start.
         self._feeding = threading.Lock()
@@ -231,12 +232,12 @@ class LiveSource:
             self._away = False
 
     def _keep_change(self, now: float) -> float | None:
-        """Write the board down if it has changed and is due.
+        """Write the latest readings down if they have changed and are due.
 
         Returns:
-            Seconds until it is due; 0: it was written. None: there is no change.
+            Seconds until they are due; 0: they were written. None: there is no change.
         """
-        seen = self._board.observation(now)
+        seen = self._latest.observation(now)
         patience = self._patience(seen, now)
         self._sensitive = True
         is_same = self._shown is not None and self._shown.is_same(seen)
@@ -248,7 +249,7 @@ class LiveSource:
             except NeurosnapError as error:
                 self._error = error
             self._unshown[:] = False
-            self._pace.given(now)
+            self._schedule.given(now)
         return patience
 
     def close(self) -> None:
@@ -299,7 +300,7 @@ class LiveSource:
                 number = self._number.get(sensor)
                 if number is None:
                     self._refusals.refuse_sensor(sensor)
-                elif self._board.put(number, on, as_of, now):
+                elif self._latest.put(number, on, as_of, now):
                     self._taken += 1
                     self._coalesced += int(self._unshown[number])
                     self._unshown[number] = True
@@ -309,7 +310,7 @@ class LiveSource:
                 self._keep_change(now)
 
     def _changed(self) -> None:
-        """Wake the waiting thread, once per burst of changes."""
+        """Wake the waiting thread, once per batch of changes."""
         if self._sensitive:
             self._sensitive = False
             self._condition.notify_all()
@@ -329,7 +330,7 @@ class LiveSource:
             readings: One a sensor; None: unknown. A reading without any known one is
                 taken in and gets no tick.
             at: When they were read, as for `put`. Staleness and lateness do not matter
-                for its own tick, only for what is left on the board.
+                for its own tick, only for what is left as the latest.
             spare: It is not dropped: the feeder waits for room before it reads more.
 
         Raises:
@@ -344,7 +345,7 @@ class LiveSource:
             if self.is_full or self._closed:
                 return
             now = self._clock()
-            taken = self._board.put_all(on, known, self._as_of(at, now), now)
+            taken = self._latest.put_all(on, known, self._as_of(at, now), now)
             self._taken += int(np.count_nonzero(taken))
             self._coalesced += int(np.count_nonzero(taken & self._unshown))
             self._unshown &= ~taken  # a whole reading is shown by a tick of its own
@@ -385,9 +386,9 @@ class LiveSource:
         """
         with self._condition:
             if on:
-                self._board.begin(self._clock())
+                self._latest.begin(self._clock())
             else:
-                self._board.deafen()
+                self._latest.deafen()
             self._condition.notify_all()
 
     def end(self) -> None:
@@ -412,11 +413,11 @@ class LiveSource:
                 ticks=self._ticks,
                 taken=self._taken,
                 coalesced=self._coalesced,
-                late=self._board.late,
-                ahead=self._board.ahead,
+                late=self._latest.late,
+                ahead=self._latest.ahead,
                 refused=self._refusals.count,
                 dropped=self._dropped,
-                skipped=self._pace.skipped,
+                skipped=self._schedule.skipped,
                 missing=self._missing,
             )
 
@@ -427,7 +428,7 @@ class LiveSource:
             shown = self._next()
             if shown is None:
                 return None
-            self._pace.given(self._clock())
+            self._schedule.given(self._clock())
             self._ticks += 1
             self.given += 1
             self._condition.notify_all()  # there is room for one more
@@ -462,8 +463,8 @@ class LiveSource:
     def _start(self) -> None:
         with self._condition:
             now = self._clock()
-            self._board.begin(now)
-            self._pace.begin(now)
+            self._latest.begin(now)
+            self._schedule.begin(now)
         with self._feeding:
             self._started = True
             if self._feeder is not None and not self._closed:
@@ -478,7 +479,7 @@ class LiveSource:
             if self._error is not None:
                 raise self._error
             now = self._clock()
-            seen = self._board.observation(now)
+            seen = self._latest.observation(now)
             patience = self._patience(seen, now)
             if patience == 0:
                 self._unshown[:] = False
@@ -490,7 +491,7 @@ class LiveSource:
 
     def _wait(self, now: float, patience: float | None) -> None:
         """Wait until what is known may change, `patience` seconds at most."""
-        turn = self._board.next_change(now)
+        turn = self._latest.next_change(now)
         until = _LONGEST if turn is None else min(_LONGEST, turn - now)
         self._condition.wait(until if patience is None else min(until, patience))
 
@@ -502,9 +503,9 @@ class LiveSource:
             return None
         if self._ended:
             return 0.0 if changed else None
-        patience = self._pace.wait(now, changed)
+        patience = self._schedule.wait(now, changed)
         # A change that would not bring the tick forward need not wake the waiter.
-        self._sensitive = patience != self._pace.wait(now, True)
+        self._sensitive = patience != self._schedule.wait(now, True)
         return patience
 
     def _as_of(self, at: float | None, now: float) -> float:

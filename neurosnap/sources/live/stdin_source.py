@@ -2,9 +2,9 @@
 
 A whole reading is never skipped: what was read is handed in at once, and while too many
 wait for their tick nothing more is read: the pipe holds back whoever writes. Single
-readings go to the board, and the pace decides when it is shown. A line that is no
-reading is told of with its number, and the run goes on; the end of the input ends it in
-order.
+readings become the latest ones, and the schedule decides when these are a tick. A line
+that is no reading is told of with its number, and the run goes on; the end of the input
+ends it in order.
 """
 
 import os

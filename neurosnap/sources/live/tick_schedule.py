@@ -38,7 +38,7 @@ class Clocked:
 
     A tick that is late, since the swarm was busy or nothing was known, is given as soon
     as it can be. Further ones that were due meanwhile are skipped and counted, not
-    caught up on: they would all show the same board. The next is due when it would have
+    caught up on: they would all show the same. The next is due when it would have
     been anyway, so lateness does not add up.
 
     Args:
@@ -120,10 +120,10 @@ class OnChange:
         self._last = now
 
 
-def pace_of(
+def new_schedule(
     interval: float | None, min_interval: float, max_interval: float | None
 ) -> TickSchedule:
-    """Return the pace that a table or arguments describe.
+    """Return the schedule that a table or arguments describe.
 
     Args:
         interval: Seconds from tick to tick; None: a tick as soon as something changes.

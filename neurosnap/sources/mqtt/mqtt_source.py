@@ -52,7 +52,7 @@ def mqtt_source(
             ],
             seen_within=[sensor.seen_within for sensor in options.sensors],
         ),
-        options.tick.pace(),
+        options.tick.schedule(),
         feeder=feeder,
         actions=options.action_names,
         actuate=feeder.actuate,

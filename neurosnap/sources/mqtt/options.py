@@ -13,7 +13,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.tick_schedule import TickSchedule, pace_of
+from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
 
 ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
 OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
@@ -221,13 +221,13 @@ class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """On change: seconds between two ticks at most; None: as many as it takes."""
 
     def __post_init__(self) -> None:
-        self.pace()
+        self.schedule()
 
-    def pace(self) -> TickSchedule:
+    def schedule(self) -> TickSchedule:
         """Return when a tick is due."""
         # Every recording has the default written out: it is as good as not given.
         given = self.interval is None or self.min_interval != _LEAST
-        return pace_of(
+        return new_schedule(
             self.interval, self.min_interval if given else 0.0, self.max_interval
         )
 

@@ -8,7 +8,7 @@ import zenoh
 from neurosnap import wire
 from neurosnap.fabric.security.roles import (
     ALL,
-    BRIEF,
+    DESCRIPTION,
     FLUSHED,
     PLACE,
     READING,
@@ -285,7 +285,7 @@ def test_a_sensor_is_told_of_who_listens_to_readings_and_to_nothing_else() -> No
 
 
 def test_what_is_no_message_of_ours_has_keys_of_its_own() -> None:
-    assert {READING, PLACE, BRIEF, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
+    assert {READING, PLACE, DESCRIPTION, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -296,10 +296,10 @@ def test_one_role_tells_what_the_run_is_and_one_may_ask(role: str) -> None:
         ("query", "egress"),
         ("reply", "ingress"),
     ):
-        assert allows(role, message, flow, BRIEF) == tells
+        assert allows(role, message, flow, DESCRIPTION) == tells
         assert not allows(role, message, flow, "**")
-    assert allows(role, "query", "ingress", BRIEF) == asks
-    assert allows(role, "reply", "egress", BRIEF) == asks
+    assert allows(role, "query", "ingress", DESCRIPTION) == asks
+    assert allows(role, "reply", "egress", DESCRIPTION) == asks
 
 
 @pytest.mark.parametrize("role", ROLES)

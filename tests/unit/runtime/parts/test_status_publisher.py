@@ -9,7 +9,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.status_publisher import OUTLET, publish_status
+from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER, publish_status
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
 from neurosnap.sources.open_live import MQTT
 from tests.patience import PATIENCE
@@ -51,7 +51,10 @@ async def run_with(
         "neurosnap.sources.mqtt.publisher.MqttPublisher", lambda *_, **__: broker
     )
     stop = asyncio.Event()
-    async with MemoryHub().fabric(OUTLET) as fabric, asyncio.timeout(PATIENCE):
+    async with (
+        MemoryHub().fabric(STATUS_PUBLISHER) as fabric,
+        asyncio.timeout(PATIENCE),
+    ):
 
         def on_ready() -> None:
             if failure is not None:

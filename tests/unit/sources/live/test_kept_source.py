@@ -27,7 +27,7 @@ class Kept:
 
     def source(
         self,
-        pace: TickSchedule | None = None,
+        schedule: TickSchedule | None = None,
         time: FakeTime | None = None,
         *,
         most: int | None = None,
@@ -36,7 +36,7 @@ class Kept:
         time = FakeTime() if time is None else time
         source = LiveSource(
             LatestReadings(NAMES),
-            OnChange() if pace is None else pace,
+            OnChange() if schedule is None else schedule,
             actions=() if done is None else ("rest", "ring"),
             actuate=None if done is None else done.append,
             journal=Journal(self.folder, NAMES),

@@ -1,4 +1,4 @@
-"""The board against a list of everything that ever came."""
+"""The latest against a list of everything that ever came."""
 
 from dataclasses import dataclass
 
@@ -73,22 +73,22 @@ def test_a_board_shows_what_the_list_of_all_readings_says(
     began: float,
     wait: float,
 ) -> None:
-    board = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
-    board.begin(began)
+    latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
+    latest.begin(began)
     came: list[Came] = []
     now = began
     for sensor, on, offset, step in comings:
         now += step
         one = Came(sensor, on, now + offset, now)
         came.append(one)
-        taken = board.put(sensor, on, one.at, now)
+        taken = latest.put(sensor, on, one.at, now)
         assert taken is not is_late(came, one)
     now += wait
-    bits, known = board.observation(now)
+    bits, known = latest.observation(now)
     said = [expected(came, k, now, stale[k], seen[k], began) for k in range(len(NAMES))]
     assert list(zip(bits.tolist(), known.tolist(), strict=True)) == said
-    assert board.late == sum(is_late(came, c) for c in came)
-    assert board.ahead == sum(c.at > c.now + TOLERANCE for c in came)
+    assert latest.late == sum(is_late(came, c) for c in came)
+    assert latest.ahead == sum(c.at > c.now + TOLERANCE for c in came)
 
 
 @given(COMINGS, SPANS, SPANS)
@@ -97,19 +97,19 @@ def test_nothing_changes_before_the_next_change_and_something_may_then(
     stale: list[float | None],
     seen: list[float | None],
 ) -> None:
-    board = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
-    board.begin(0.0)
+    latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
+    latest.begin(0.0)
     now = 0.0
     for sensor, on, offset, step in comings:
         now += step
-        board.put(sensor, on, now + offset, now)
-    shown = np.array(board.observation(now))
-    turn = board.next_change(now)
+        latest.put(sensor, on, now + offset, now)
+    shown = np.array(latest.observation(now))
+    turn = latest.next_change(now)
     assert turn is None or turn > now
     # Spans and times are small: by then all has changed that is going to.
     end = now + 20 if turn is None else turn
     for moment in np.arange(now, end, 0.5):
-        assert np.array_equal(np.array(board.observation(float(moment))), shown)
+        assert np.array_equal(np.array(latest.observation(float(moment))), shown)
 
 
 @given(
@@ -145,47 +145,47 @@ def test_all_at_once_is_as_one_after_the_other(
             for k, reading in enumerate(readings)
         ]
         assert once.put_all(bits, some, now + offset, now).tolist() == taken
-        for board in (once, singly):
-            board.put(sensor, on, now + other, now)
-        shown = [np.array(board.observation(now)) for board in (once, singly)]
+        for latest in (once, singly):
+            latest.put(sensor, on, now + other, now)
+        shown = [np.array(latest.observation(now)) for latest in (once, singly)]
         assert np.array_equal(shown[0], shown[1])
         assert once.next_change(now) == singly.next_change(now)
     assert (once.late, once.ahead) == (singly.late, singly.ahead)
 
 
 def test_a_reading_is_believed_until_it_is_as_old_as_it_may_be() -> None:
-    board = LatestReadings(["door"], stale_after=10)
-    board.put(0, True, 5.0, 5.0)
-    assert board.next_change(5.0) == 15.0
-    assert np.array(board.observation(14.999)).tolist() == [[True], [True]]
-    assert np.array(board.observation(15.0)).tolist() == [[False], [False]]
-    assert board.next_change(15.0) is None
+    latest = LatestReadings(["door"], stale_after=10)
+    latest.put(0, True, 5.0, 5.0)
+    assert latest.next_change(5.0) == 15.0
+    assert np.array(latest.observation(14.999)).tolist() == [[True], [True]]
+    assert np.array(latest.observation(15.0)).tolist() == [[False], [False]]
+    assert latest.next_change(15.0) is None
 
 
 def test_a_clock_that_is_ahead_does_not_silence_those_that_are_right() -> None:
-    board = LatestReadings(["door"], stale_after=10)
-    assert board.put(0, True, 3600.0, 1.0)
-    assert board.put(0, False, 2.0, 2.0)
-    assert np.array(board.observation(2.0)).tolist() == [[False], [True]]
-    assert np.array(board.observation(12.0)).tolist() == [[False], [False]]
-    assert (board.late, board.ahead) == (0, 1)
+    latest = LatestReadings(["door"], stale_after=10)
+    assert latest.put(0, True, 3600.0, 1.0)
+    assert latest.put(0, False, 2.0, 2.0)
+    assert np.array(latest.observation(2.0)).tolist() == [[False], [True]]
+    assert np.array(latest.observation(12.0)).tolist() == [[False], [False]]
+    assert (latest.late, latest.ahead) == (0, 1)
 
 
 def test_silence_means_off_once_it_was_listened_to_long_enough() -> None:
-    board = LatestReadings(["phone"], seen_within=30)
-    board.begin(100.0)
-    assert np.array(board.observation(129.0)).tolist() == [[False], [False]]
-    assert board.next_change(100.0) == 130.0
-    assert np.array(board.observation(130.0)).tolist() == [[False], [True]]
-    board.put(0, None, 140.0, 140.0)
-    assert np.array(board.observation(169.0)).tolist() == [[True], [True]]
-    assert np.array(board.observation(170.0)).tolist() == [[False], [True]]
+    latest = LatestReadings(["phone"], seen_within=30)
+    latest.begin(100.0)
+    assert np.array(latest.observation(129.0)).tolist() == [[False], [False]]
+    assert latest.next_change(100.0) == 130.0
+    assert np.array(latest.observation(130.0)).tolist() == [[False], [True]]
+    latest.put(0, None, 140.0, 140.0)
+    assert np.array(latest.observation(169.0)).tolist() == [[True], [True]]
+    assert np.array(latest.observation(170.0)).tolist() == [[False], [True]]
 
 
 def test_before_anybody_listens_silence_says_nothing() -> None:
-    board = LatestReadings(["phone", "door"], seen_within=[30, None])
-    assert board.observation(1e9)[1].tolist() == [False, False]
-    assert board.next_change(0.0) is None
+    latest = LatestReadings(["phone", "door"], seen_within=[30, None])
+    assert latest.observation(1e9)[1].tolist() == [False, False]
+    assert latest.next_change(0.0) is None
 
 
 @pytest.mark.parametrize("name", ["stale_after", "seen_within"])

@@ -25,11 +25,11 @@ Put = tuple[int, int, bool | None]
 
 
 def source_of(
-    time: FakeTime, pace: TickSchedule, stale_after: float | None = None
+    time: FakeTime, schedule: TickSchedule, stale_after: float | None = None
 ) -> LiveSource:
     return LiveSource(
         LatestReadings(NAMES, stale_after=stale_after),
-        pace,
+        schedule,
         clock=time.clock,
         wall=lambda: EPOCH + time.now,
         condition=time,
@@ -87,8 +87,8 @@ def test_on_change_every_moment_is_judged_by_all_readings_so_far(
     most: int | None,
 ) -> None:
     time = FakeTime()
-    pace = OnChange(float(least), None if most is None else float(most))
-    ticks = run(source_of(time, pace, stale), time, puts, busy)
+    schedule = OnChange(float(least), None if most is None else float(most))
+    ticks = run(source_of(time, schedule, stale), time, puts, busy)
 
     expected: list[tuple[float, Shown]] = []
     free = 0.0
@@ -109,8 +109,8 @@ def test_on_change_every_moment_is_judged_by_all_readings_so_far(
 def test_by_the_clock_a_late_tick_comes_at_once_and_hides_those_before_it(
     puts: list[Put], busy: list[int], stale: float | None, interval: int
 ) -> None:
-    time, pace = FakeTime(), Clocked(float(interval))
-    ticks = run(source_of(time, pace, stale), time, puts, busy)
+    time, schedule = FakeTime(), Clocked(float(interval))
+    ticks = run(source_of(time, schedule, stale), time, puts, busy)
 
     expected: list[tuple[float, Shown]] = []
     free, due, skipped = 0.0, 0.0, 0
@@ -122,7 +122,7 @@ def test_by_the_clock_a_late_tick_comes_at_once_and_hides_those_before_it(
             while (due := due + interval) <= moment:
                 skipped += 1
     assert ticks == expected
-    assert pace.skipped == skipped
+    assert schedule.skipped == skipped
 
 
 @given(PUTS, BUSY)
@@ -172,7 +172,7 @@ def test_what_a_whole_reading_replaces_was_not_shown() -> None:
     source.put("motion", False)
     assert source.first() is not None  # the whole one
     source.put("motion", True)
-    source.give([True, True], at=EPOCH - 10.0)  # late: the board keeps its own
+    source.give([True, True], at=EPOCH - 10.0)  # late: the latest keeps its own
     assert source.step(-1) is not None
     assert source.step(-1) is not None
     source.put("motion", False)
@@ -189,7 +189,7 @@ def test_what_comes_while_nobody_looks_is_bounded_and_the_rest_is_counted() -> N
     assert first is not None
     assert first.tolist() == [True, True]
     rest = [source.step(-1) for _ in range(WAITING + 1)]
-    # Of the seven that had to go the board shows the last.
+    # Of the seven that had to go the latest shows the last.
     assert [bits is None for bits in rest] == [False] * WAITING + [True]
     assert source.statistics().dropped == 7
 

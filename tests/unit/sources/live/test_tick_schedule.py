@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.live.tick_schedule import Clocked, OnChange, pace_of
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange, new_schedule
 
 
 @given(
@@ -18,18 +18,18 @@ from neurosnap.sources.live.tick_schedule import Clocked, OnChange, pace_of
 def test_a_late_tick_is_given_at_once_and_those_it_hid_are_skipped(
     interval: int, began: int, busy: list[int]
 ) -> None:
-    pace = Clocked(float(interval))
-    pace.begin(float(began))
+    schedule = Clocked(float(interval))
+    schedule.begin(float(began))
     now, skipped, last = began, 0, began - 1
     for span in busy:
         # The first moment of the grid that no tick has been given for.
         due = began + interval * math.ceil((last + 1 - began) / interval)
-        wait = pace.wait(float(now), changed=False)
+        wait = schedule.wait(float(now), changed=False)
         assert wait == max(0, due - now)
         now = max(now, due)
-        pace.given(float(now))
+        schedule.given(float(now))
         skipped += sum((t - began) % interval == 0 for t in range(due + 1, now + 1))
-        assert pace.skipped == skipped
+        assert schedule.skipped == skipped
         last = now
         now += span
 
@@ -38,16 +38,16 @@ def test_a_late_tick_is_given_at_once_and_those_it_hid_are_skipped(
 def test_whatever_the_numbers_a_tick_given_is_not_due_again(
     interval: float, began: float, waits: list[float]
 ) -> None:
-    pace = Clocked(interval)
-    pace.begin(began)
+    schedule = Clocked(interval)
+    schedule.begin(began)
     now = began
     for more in waits:
-        wait = pace.wait(now, changed=True)
+        wait = schedule.wait(now, changed=True)
         assert wait is not None
         now += more
-        if pace.wait(now, changed=True) == 0:
-            pace.given(now)
-            after = pace.wait(now, changed=True)
+        if schedule.wait(now, changed=True) == 0:
+            schedule.given(now)
+            after = schedule.wait(now, changed=True)
             assert after is not None
             # As exact as the sum of a large and a small number can be.
             assert 0 <= after <= interval + 4 * math.ulp(now)
@@ -57,29 +57,29 @@ def test_whatever_the_numbers_a_tick_given_is_not_due_again(
 @pytest.mark.parametrize("interval", [0.1, 0.3, 1 / 3])
 def test_no_moment_of_the_grid_is_given_twice_or_skipped(interval: float) -> None:
     # Most of these products are not where the division says they are.
-    pace = Clocked(interval)
-    pace.begin(0.0)
+    schedule = Clocked(interval)
+    schedule.begin(0.0)
     for number in range(1000):
         now = number * interval
-        assert pace.wait(now, changed=False) == 0
-        pace.given(now)
-        after = pace.wait(now, changed=False)
+        assert schedule.wait(now, changed=False) == 0
+        schedule.given(now)
+        after = schedule.wait(now, changed=False)
         assert after == pytest.approx(interval)
         late = Clocked(interval)
         late.begin(0.0)
         late.given(now)
         assert late.wait(now, changed=False) == pytest.approx(interval)
         assert late.skipped == number
-    assert pace.skipped == 0
+    assert schedule.skipped == 0
 
 
 def test_a_tick_nobody_asked_for_changes_nothing() -> None:
-    pace = Clocked(10.0)
-    pace.begin(0.0)
-    pace.given(0.0)
-    pace.given(4.0)
-    assert pace.wait(4.0, changed=False) == 6.0
-    assert pace.skipped == 0
+    schedule = Clocked(10.0)
+    schedule.begin(0.0)
+    schedule.given(0.0)
+    schedule.given(4.0)
+    assert schedule.wait(4.0, changed=False) == 6.0
+    assert schedule.skipped == 0
 
 
 @given(
@@ -92,28 +92,28 @@ def test_a_change_shows_as_soon_as_it_may_and_no_change_when_it_must(
 ) -> None:
     if most is not None and most < least:
         least, most = most, least or 1
-    pace = OnChange(float(least), None if most is None else float(most))
-    pace.begin(0.0)
+    schedule = OnChange(float(least), None if most is None else float(most))
+    schedule.begin(0.0)
     now, last = 0, None
     for span, changed in moments:
         now += span
         due = (changed and (last is None or now >= last + least)) or (
             last is not None and most is not None and now >= last + most
         )
-        assert (pace.wait(float(now), changed) == 0) == due
+        assert (schedule.wait(float(now), changed) == 0) == due
         if due:
-            pace.given(float(now))
+            schedule.given(float(now))
             last = now
 
 
 def test_the_wait_is_over_when_it_says() -> None:
-    pace = OnChange(2.0, 5.0)
-    pace.begin(0.0)
-    assert pace.wait(0.0, changed=False) is None
-    assert pace.wait(7.0, changed=True) == 0.0
-    pace.given(7.0)
-    assert pace.wait(8.0, changed=True) == 1.0
-    assert pace.wait(8.0, changed=False) == 4.0
+    schedule = OnChange(2.0, 5.0)
+    schedule.begin(0.0)
+    assert schedule.wait(0.0, changed=False) is None
+    assert schedule.wait(7.0, changed=True) == 0.0
+    schedule.given(7.0)
+    assert schedule.wait(8.0, changed=True) == 1.0
+    assert schedule.wait(8.0, changed=False) == 4.0
     assert OnChange().wait(1.0, changed=False) is None
 
 
@@ -137,11 +137,11 @@ def test_the_longest_interval_must_fit_the_shortest(least: float, most: float) -
 
 
 def test_a_pace_is_by_the_clock_or_on_change() -> None:
-    clocked = pace_of(2.0, 0.0, None)
+    clocked = new_schedule(2.0, 0.0, None)
     clocked.begin(0.0)
     clocked.given(0.0)
     assert clocked.wait(0.5, changed=True) == 1.5
-    on_change = pace_of(None, 1.0, 3.0)
+    on_change = new_schedule(None, 1.0, 3.0)
     on_change.given(0.0)
     assert on_change.wait(0.5, changed=True) == 0.5
     assert on_change.wait(0.5, changed=False) == 2.5
@@ -151,4 +151,4 @@ def test_a_pace_is_by_the_clock_or_on_change() -> None:
 def test_a_pace_is_not_both(least: float, most: float | None) -> None:
     rule = r"^interval: must not come with min_interval or max_interval, got 2.0$"
     with pytest.raises(InvalidValueError, match=rule):
-        pace_of(2.0, least, most)
+        new_schedule(2.0, least, most)
