@@ -4,18 +4,19 @@ Beside the source, where Numba puts it by itself, it would outlive an uninstall,
 installation that the user cannot write to would have no place for it.
 """
 
+import functools
 import logging
 import os
+import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
-
-import numba
+from typing import Any, Generic, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _logger = logging.getLogger(__name__)
+_lock = threading.RLock()
 
 
 def njit(*, nogil: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -26,17 +27,55 @@ def njit(*, nogil: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """
 
     def compiled(function: Callable[P, R]) -> Callable[P, R]:
-        config: Any = numba.config
-        before = config.CACHE_DIR
-        # Not for others in this process: only while Numba chooses the place.
-        config.CACHE_DIR = before or _folder()
-        try:
-            made: Callable[P, R] = numba.njit(cache=True, nogil=nogil)(function)
-        finally:
-            config.CACHE_DIR = before
-        return made
+        return _Kernel(function, nogil)
 
     return compiled
+
+
+class _Kernel(Generic[P, R]):
+    """A function that Numba compiles; Numba itself is imported at the first call.
+
+    To import it takes a third of a second and 60 MB, which most of a swarm's processes
+    and most verbs never need.
+    """
+
+    def __init__(self, function: Callable[P, R], nogil: bool) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+        self._nogil = nogil
+        self._dispatcher: Callable[P, R] | None = None
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        return (self._dispatcher or self.dispatcher())(*args, **kwargs)
+
+    def dispatcher(self) -> Callable[P, R]:
+        """Return what Numba makes of the function; it compiles at the first call."""
+        with _lock:
+            if self._dispatcher is None:
+                numba = _numba()
+                before = numba.config.CACHE_DIR
+                # Not for others in this process: only while Numba chooses the place.
+                numba.config.CACHE_DIR = before or _folder()
+                try:
+                    make = numba.njit(cache=True, nogil=self._nogil)
+                    self._dispatcher = make(self._function)
+                finally:
+                    numba.config.CACHE_DIR = before
+            return self._dispatcher
+
+
+@functools.cache
+def _numba() -> Any:  # noqa: ANN401 - it has no types
+    """Import Numba, and let its functions call ours."""
+    import numba
+    from numba.extending import typeof_impl
+
+    @typeof_impl.register(_Kernel)
+    def _(kernel: _Kernel[..., object], _context: object) -> object:
+        made: Any = kernel.dispatcher()
+        return numba.types.Dispatcher(made)
+
+    return numba
 
 
 def _folder() -> str:

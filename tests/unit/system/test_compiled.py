@@ -70,3 +70,19 @@ def test_without_a_cache_folder_numba_chooses(tmp_path: Path, program: Path) -> 
     (tmp_path / "cache").write_text("a file")
     assert start(program, XDG_CACHE_HOME=str(tmp_path / "cache")) == ""
     assert compiled(program.parent)
+
+
+@pytest.mark.slow
+def test_a_compiler_that_is_not_needed_is_not_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "lazy.py"
+    path.write_text(
+        "import sys\n"
+        "from neurosnap.system.compiled import njit\n"
+        "import neurosnap.apps.cli\n"
+        "once = njit()(lambda number: number + 1)\n"
+        "twice = njit()(lambda number: once(once(number)))\n"
+        "print('numba' in sys.modules, twice(3), 'numba' in sys.modules)\n"
+    )
+    (tmp_path / "neurosnap").mkdir()
+    said = start(path, XDG_CACHE_HOME=str(tmp_path))
+    assert said == "False 5 True\n"
