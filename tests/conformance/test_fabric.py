@@ -24,7 +24,7 @@ from neurosnap.fabric.location import Place
 from neurosnap.fabric.protocol import Fabric, PlaceHandler
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
 SMALL = wire.KeyFrame(1, b"")

@@ -12,7 +12,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from neurosnap.recording.replay.verify import verify
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 from tests.unit.apps.viewer.pages import IN_BROWSER, derived, looked_at, states
 from tests.unit.apps.viewer.verbs import address_of, verb
 from tools.browser import wait_shown

@@ -19,7 +19,6 @@ from neurosnap.poc.dual.median import dual_graph, poc_of_median_graph
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import Element, PocSet
-from tests.drawing import examples
 from tests.property.theory_oracles import Model, Vertex, face_counts
 from tests.property.theory_strategies import (
     Drawn,
@@ -29,6 +28,7 @@ from tests.property.theory_strategies import (
     poc_sets,
     relations,
 )
+from tests.support.hypothesis_settings import examples
 
 
 def order_of(p: PocSet) -> Model:

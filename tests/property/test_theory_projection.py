@@ -12,7 +12,6 @@ from neurosnap.poc.dual.convex import ConvexSet
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
-from tests.drawing import examples
 from tests.property import oracles
 from tests.property.theory_oracles import Model, Vertex, Vertices, subsets
 from tests.property.theory_strategies import (
@@ -23,6 +22,7 @@ from tests.property.theory_strategies import (
     poc_sets,
     sets_of,
 )
+from tests.support.hypothesis_settings import examples
 
 
 def listed(convex: ConvexSet) -> Vertices:

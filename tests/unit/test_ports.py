@@ -4,9 +4,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.ports import free_port
+from tests.support.ports import free_port
 
-ASK = "from tests.ports import free_port; print([free_port() for _ in range(50)])"
+ASK = (
+    "from tests.support.ports import free_port; print([free_port() for _ in range(50)])"
+)
 
 
 def test_two_processes_are_given_different_ports() -> None:

@@ -31,7 +31,7 @@ from neurosnap.recording.write.rotation import LATE, Split, SplitWriter, split_o
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe as facts_of
-from tests.course import course
+from tests.support.course import course
 from tests.unit.runtime.scripted import Scripted
 
 TICKS = 60

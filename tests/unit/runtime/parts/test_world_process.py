@@ -20,7 +20,7 @@ from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import describe
 from neurosnap.sensorium import pack
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 from tests.unit.runtime.scripted import Live, Scripted
 
 PLAIN = Body(own=("s0", "s1"))
