@@ -27,8 +27,8 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe
 from tests.support.patience import PATIENCE
-from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded, told
-from tests.unit.apps.viewer.verbs import address_of, verb
+from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded, told
+from tests.support.view_commands import address_of, verb
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from neurosnap.apps.viewer.server import Address, serving
 from neurosnap.apps.viewer.session import ViewSession
 from tests.integration.test_view import get, status_of
 from tests.support.patience import PATIENCE
-from tests.unit.apps.viewer.films import path_run, recorded
+from tests.support.recorded_runs import path_run, recorded
 
 pytestmark = pytest.mark.slow
 

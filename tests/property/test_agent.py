@@ -15,11 +15,11 @@ from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
-from tests.property import agent_oracles as agents
-from tests.property import oracles
-from tests.property.agent_oracles import Fields, Moves, as_array, edges_of, known
-from tests.property.strategies import as_set, graphs, subsets
+from tests.support import agent_oracles as agents
+from tests.support import oracles
+from tests.support.agent_oracles import Fields, Moves, as_array, edges_of, known
 from tests.support.hypothesis_settings import examples
+from tests.support.strategies import as_set, graphs, subsets
 
 KINDS: list[AgentKind] = ["walker", "excited", "planner"]
 TICKS = range(1, 40)  # enough for three choices as good to come up

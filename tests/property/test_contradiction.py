@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from neurosnap.poc.order.contradiction import contradiction
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.vertex_cover import smallest_cover
-from tests.property.oracles import Edges, below_or_equal, coherent
-from tests.property.strategies import graphs
+from tests.support.oracles import Edges, below_or_equal, coherent
+from tests.support.strategies import graphs
 
 
 @st.composite

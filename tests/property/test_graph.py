@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph, WiringKind
-from tests.property import oracles
-from tests.property.oracles import Edges
-from tests.property.strategies import as_set, graphs, subsets
+from tests.support import oracles
+from tests.support.oracles import Edges
+from tests.support.strategies import as_set, graphs, subsets
 
 KINDS: list[WiringKind] = ["hasse", "derived"]
 

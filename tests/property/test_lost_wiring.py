@@ -12,7 +12,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from tests.property.simulated import THRESHOLD, Swarm
+from tests.support.simulated import THRESHOLD, Swarm
 
 pytestmark = pytest.mark.slow
 

@@ -14,9 +14,9 @@ from neurosnap.poc.order.generated_order import order_of
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.wave_control import WaveControl
-from tests.property import oracles
-from tests.property.oracles import Edges
-from tests.property.strategies import Bits, runs
+from tests.support import oracles
+from tests.support.oracles import Edges
+from tests.support.strategies import Bits, runs
 
 KINDS: list[WiringKind] = ["hasse", "derived"]
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.pocset import PocSet
-from tests.property import oracles
-from tests.property.oracles import Edges, Weights
-from tests.property.strategies import as_set, observations, thresholds
+from tests.support import oracles
+from tests.support.oracles import Edges, Weights
+from tests.support.strategies import as_set, observations, thresholds
 
 Matrix: TypeAlias = NDArray[np.float64]
 Reading: TypeAlias = tuple[list[bool], list[bool]]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from tests.property import oracles
-from tests.property.oracles import Edges
-from tests.property.strategies import Bits, as_set, runs, thresholds
+from tests.support import oracles
+from tests.support.oracles import Edges
+from tests.support.strategies import Bits, as_set, runs, thresholds
 
 Matrix: TypeAlias = NDArray[np.float64]
 

@@ -19,8 +19,9 @@ from neurosnap.poc.dual.median import dual_graph, poc_of_median_graph
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import Element, PocSet
-from tests.property.theory_oracles import Model, Vertex, face_counts
-from tests.property.theory_strategies import (
+from tests.support.hypothesis_settings import examples
+from tests.support.theory_oracles import Model, Vertex, face_counts
+from tests.support.theory_strategies import (
     Drawn,
     array,
     fields,
@@ -28,7 +29,6 @@ from tests.property.theory_strategies import (
     poc_sets,
     relations,
 )
-from tests.support.hypothesis_settings import examples
 
 
 def order_of(p: PocSet) -> Model:

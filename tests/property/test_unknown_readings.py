@@ -12,8 +12,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import unpack
-from tests.property import oracles
-from tests.property.simulated import THRESHOLD, Swarm
+from tests.support import oracles
+from tests.support.simulated import THRESHOLD, Swarm
 
 pytestmark = pytest.mark.slow
 

@@ -18,7 +18,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import complete, pack, unpack
-from tests.property import oracles
+from tests.support import oracles
 
 SENSORS = 3
 M = TypeVar("M")

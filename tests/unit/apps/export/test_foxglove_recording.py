@@ -30,9 +30,9 @@ from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import Sensorium, unpack
-from tests.property.strategies import graphs
-from tests.unit.apps.export.runs import TICKS, recorded
-from tests.unit.apps.export.viewers import CAMERA, KEYS, PATH, refusals, steps
+from tests.support.export_runs import TICKS, recorded
+from tests.support.foxglove_rules import CAMERA, KEYS, PATH, refusals, steps
+from tests.support.strategies import graphs
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from neurosnap.recording.read.stretches import last_tick
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource
-from tests.unit.apps.export.runs import NAMES, TICKS, recorded, rows
+from tests.support.export_runs import NAMES, TICKS, recorded, rows
 
 FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml", "foxglove", "layout")
 

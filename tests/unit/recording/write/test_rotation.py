@@ -32,7 +32,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe as facts_of
 from tests.support.course import course
-from tests.unit.runtime.scripted import Scripted
+from tests.support.scripted_sources import Scripted
 
 TICKS = 60
 EVERY = 10

@@ -21,7 +21,7 @@ from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import describe
 from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
-from tests.unit.runtime.scripted import Live, Scripted
+from tests.support.scripted_sources import Live, Scripted
 
 PLAIN = Body(own=("s0", "s1"))
 ACTING = Body.full(["s0", "s1"], ["go", "stay"])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.poc.order.graph import PocGraph
-from tests.property.oracles import Edges, holds, reach, stars
+from tests.support.oracles import Edges, holds, reach, stars
 
 Moves = Sequence[Sequence[int]]
 Fields = Sequence[Sequence[bool]]

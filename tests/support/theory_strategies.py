@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.pocset import PocSet
-from tests.property.oracles import Weights, proper_pairs
-from tests.property.strategies import graphs
-from tests.property.theory_oracles import Model, Vertex, included
+from tests.support.oracles import Weights, proper_pairs
+from tests.support.strategies import graphs
+from tests.support.theory_oracles import Model, Vertex, included
 
 
 @dataclass(frozen=True)
