@@ -16,7 +16,7 @@ def test_two_processes_are_given_different_ports() -> None:
     assert len(ours) == 50
     done = subprocess.run(
         [sys.executable, "-c", ASK],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         capture_output=True,
         text=True,
         check=True,
