@@ -8,9 +8,8 @@ computed from the raw edges by the plain loops below.
 import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from fractions import Fraction
-from typing import NamedTuple, TypeAlias, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pytest
@@ -22,13 +21,13 @@ from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import to_words
-from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.wave import Wave
 from neurosnap.protocol.wave_control import WaveControl
-from neurosnap.protocol.worker import Worker
-from neurosnap.sensorium import pack, unpack
+from neurosnap.sensorium import pack
+from tests.support.edges import edges_of
+from tests.support.simulated_swarm import SimulatedSwarm, repeatable
+from tests.support.swarm_parts import Host, hosting, keys_of
 
 pytestmark = pytest.mark.slow
 
@@ -40,16 +39,6 @@ RUNS = 100
 
 Pairs = set[tuple[int, int]]
 Neighbours = dict[int, list[int]]
-
-
-@contextmanager
-def repeatable(seed: int) -> Iterator[None]:
-    """Say which seed it was if the case fails."""
-    try:
-        yield
-    except BaseException as error:
-        error.add_note(f"seed {seed} repeats it")
-        raise
 
 
 # What must come out -------------------------------------------------------------------
@@ -120,22 +109,6 @@ def random_pairs(chance: random.Random, sensors: int) -> Pairs:
 
 
 # A conductor and its cells, without a loop ------------------------------------------
-
-Host: TypeAlias = Cell | Worker
-
-
-def hosting(sensors: int, workers: int) -> dict[str, Host]:
-    """Return the parts that cells are, or are hosted by, by name."""
-    if not workers:
-        return {f"cell/{number}": Cell(number) for number in range(sensors)}
-    hosted = shares(sensors, workers)
-    return {f"worker/{number}": Worker(number, hosted) for number in range(workers)}
-
-
-def keys_of(host: Host) -> tuple[str, ...]:
-    if isinstance(host, Cell):
-        return wire.cell_keys(host.cell)
-    return wire.worker_keys(host.worker)
 
 
 class Network:
@@ -386,7 +359,7 @@ def one_lost(
     if not lost:
         return None
     wave = network.conductor._flying[number]
-    wired = neighbours({(int(a), int(b)) for a, b in np.argwhere(edges)})
+    wired = neighbours(edges_of(edges))
     silent = wave.silent(signal, lambda literal: wired.get(literal, []))
     return lost[0], wave, silent, wired, signal
 
@@ -424,7 +397,7 @@ def test_the_cell_whose_report_was_lost_is_named() -> None:
 # The whole coordinator ----------------------------------------------------------------
 
 
-class Run(NamedTuple):
+class Course(NamedTuple):
     """What a run of a coordinator came to, apart from numbers of waves and hops."""
 
     states: list[list[bool]]
@@ -433,84 +406,16 @@ class Run(NamedTuple):
     decisions: list[tuple[int, int]]
 
 
-class Simulation:
-    """A coordinator, its cells and a scripted world on one hub, and no loop."""
-
-    def __init__(
-        self,
-        core: Coordinator,
-        rows: list[list[bool]],
-        hub: MemoryHub,
-        deaf: Callable[[str, wire.Message], bool] = lambda _who, _message: False,
-        workers: int = 0,
-    ) -> None:
-        self.core = core
-        self.rows = rows
-        self.hub = hub
-        self.said: list[wire.Message] = []
-        self.rewired: set[int] = set()
-        self.repeats = 0
-        self._deaf = deaf
-        self._world = hub.fabric("world")
-        self._world.listen(("decide",), self._decided)
-        self._end = hub.fabric("coordinator")
-        self._end.listen(wire.COORDINATOR_KEYS, self._hear)
-        for who, host in hosting(len(rows[0]), workers).items():
-            self._join(who, host)
-
-    def _join(self, who: str, host: Host) -> None:
-        end = self.hub.fabric(who)
-
-        def handle(deliveries: list[wire.Delivery]) -> None:
-            for delivery in deliveries:
-                message = wire.decode(delivery.key, delivery.payload)
-                if not self._deaf(end.who, message):
-                    for answer in host.receive([message]):
-                        end.publish(answer)
-
-        end.listen(keys_of(host), handle)
-
-    def _decided(self, deliveries: list[wire.Delivery]) -> None:
-        for delivery in deliveries:
-            decision = wire.decode(delivery.key, delivery.payload)
-            assert isinstance(decision, wire.Decision)
-            bits = self.rows[decision.tick]
-            self._world.publish(wire.Observation(decision.tick + 1, pack(bits)))
-
-    def _hear(self, deliveries: list[wire.Delivery]) -> None:
-        for delivery in deliveries:
-            message = wire.decode(delivery.key, delivery.payload)
-            if not self._deaf("coordinator", message):
-                self._say(self.core.receive(message))
-
-    def _say(self, messages: list[wire.Message]) -> None:
-        for message in messages:
-            if isinstance(message, wire.Wiring | wire.WorkerWiring) and message.after:
-                self.rewired.add(self.core.tick)
-            self.said.append(message)
-            self._end.publish(message)
-
-    def run(self, on_silence: Callable[[], None] = lambda: None) -> Run:
-        """Run to the end; whenever all is silent before that, wave by wave is late."""
-        self._say(self.core.begin())
-        self.hub.run(1_000_000)
-        while not self.core.finished:
-            assert self.core.in_flight, "silent for ever"
-            on_silence()
-            for number in self.core.in_flight:
-                self.repeats += 1
-                self._say(self.core.overdue(number))
-            self.hub.run(1_000_000)
-        states = [m for m in self.said if isinstance(m, wire.State)]
-        reached = [m for m in self.said if isinstance(m, wire.Reached)]
-        decisions = [m for m in self.said if isinstance(m, wire.Decision)]
-        literals = 2 * len(self.rows[0])
-        return Run(
-            [unpack(state.literals, literals).tolist() for state in states],
-            [state.incoherent for state in states],
-            [(one.signal, one.literals) for one in reached],
-            [(decision.tick, decision.action) for decision in decisions],
-        )
+def course_of(swarm: SimulatedSwarm) -> Course:
+    states = [m for m in swarm.said if isinstance(m, wire.State)]
+    reached = [m for m in swarm.said if isinstance(m, wire.Reached)]
+    decisions = [m for m in swarm.said if isinstance(m, wire.Decision)]
+    return Course(
+        swarm.states(),
+        [state.incoherent for state in states],
+        [(one.signal, one.literals) for one in reached],
+        [(decision.tick, decision.action) for decision in decisions],
+    )
 
 
 def random_rows(chance: random.Random) -> list[list[bool]]:
@@ -532,7 +437,7 @@ def new_snapshot(chance: random.Random, sensors: int) -> Snapshot:
 
 def simulate(
     seed: int, rows: list[list[bool]], wiring: WiringKind, schedule: int, workers: int
-) -> tuple[Simulation, Run]:
+) -> tuple[SimulatedSwarm, Course]:
     """Run one case undisturbed, apart from order and duplicates."""
     core = Coordinator(
         new_snapshot(random.Random(seed), len(rows[0])),
@@ -542,8 +447,9 @@ def simulate(
         workers=workers,
     )
     hub = MemoryHub(schedule, Faults(duplicate=0.1))
-    simulation = Simulation(core, rows, hub, workers=workers)
-    return simulation, simulation.run()
+    swarm = SimulatedSwarm(core, rows, hub, workers)
+    swarm.run()
+    return swarm, course_of(swarm)
 
 
 def expected_states(seed: int, rows: list[list[bool]]) -> list[list[bool]]:
@@ -573,7 +479,7 @@ def test_a_run_is_what_the_snapshot_says_whatever_order_messages_come_in() -> No
 
 def recovered(
     seed: int, rows: list[list[bool]], workers: int
-) -> tuple[Simulation, Run]:
+) -> tuple[SimulatedSwarm, Course]:
     """Run one case with messages lost on every way that a late wave mends."""
     chance = random.Random(seed)
     drop = chance.choice([0.01, 0.05])
@@ -606,8 +512,9 @@ def recovered(
             cut.add(who)
         return True
 
-    simulation = Simulation(core, rows, hub, deaf, workers)
-    return simulation, simulation.run(on_silence=cut.clear)
+    swarm = SimulatedSwarm(core, rows, hub, workers, deaf)
+    swarm.run(on_silence=cut.clear)
+    return swarm, course_of(swarm)
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -618,11 +525,11 @@ def test_a_run_that_loses_messages_comes_to_the_same(shared: bool) -> None:
             rows = random_rows(random.Random(seed))
             workers = 2 + seed % (len(rows[0]) - 1) if shared else 0
             _, run = simulate(seed, rows, "hasse", seed, workers=0)
-            simulation, again = recovered(seed, rows, workers)
+            swarm, again = recovered(seed, rows, workers)
             assert again.states == run.states
             assert again.incoherent == run.incoherent
             assert again.decisions == run.decisions
             # Planning waves of one tick may settle in any order.
             assert sorted(again.reached) == sorted(run.reached)
-            repeats += simulation.repeats
+            repeats += swarm.repeats
     assert repeats > RUNS

@@ -1,6 +1,5 @@
 """The coordinator's core, with cells at hand that answer at once and in order."""
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -12,13 +11,12 @@ from neurosnap import wire
 from neurosnap.agent.policy import Policy
 from neurosnap.agent.random_walk import Walker
 from neurosnap.errors import WaveLostError
-from neurosnap.fabric.in_memory import matches
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import complete, pack, unpack
 from tests.support import oracles
+from tests.support.answering_swarm import AnsweringSwarm
 
 SENSORS = 3
 M = TypeVar("M")
@@ -81,44 +79,19 @@ def above(rows: Sequence[str], *questions: tuple[int, ...]) -> list[list[bool]]:
     return [graph.up(question).tolist() for question in questions]
 
 
-Mischief = Callable[[wire.Message], bool]
-
-
-class Swarm:
-    """A coordinator and its cells; everybody answers at once."""
+class Swarm(AnsweringSwarm):
+    """A coordinator and three cells; readings are a text."""
 
     def __init__(
-        self, coordinator: Coordinator, lost: Mischief = lambda _: False
+        self, core: Coordinator, lost: Callable[[wire.Message], bool] = lambda _: False
     ) -> None:
-        self.coordinator = coordinator
-        self.cells = [Cell(number) for number in range(SENSORS)]
-        self.lost = lost
-        self.heard: list[wire.Message] = []  # what the coordinator was given
-
-    def say(self, messages: Sequence[wire.Message]) -> list[wire.Message]:
-        """Deliver until nobody has more to say; return the coordinator's part."""
-        said: list[wire.Message] = []
-        queue = deque(messages)
-        while queue:
-            message = queue.popleft()
-            if message.sender == "coordinator":
-                said.append(message)
-            if self.lost(message):
-                continue
-            for cell in self.cells:
-                keys = wire.cell_keys(cell.cell)
-                if any(matches(key, message.key) for key in keys):
-                    queue += cell.receive([message])
-            if isinstance(message, wire.Observation | wire.CellReport):
-                self.heard.append(message)
-                queue += self.coordinator.receive(message)
-        return said
+        super().__init__(core, SENSORS, lost=lost)
 
     def observe(self, tick: int, text: str) -> list[wire.Message]:
         return self.say([observed(tick, text)])
 
     def run(self, rows: Sequence[str]) -> list[wire.Message]:
-        said = self.say(self.coordinator.begin())
+        said = self.say(self.core.begin())
         for tick, row in enumerate(rows, 1):
             said += self.observe(tick, row)
         return said
@@ -176,7 +149,7 @@ def test_the_last_tick_ends_the_run_with_a_whole_snapshot() -> None:
     frame = said[-1]
     assert isinstance(frame, wire.KeyFrame)
     assert frame.tick == len(ROWS)
-    assert swarm.coordinator.finished
+    assert swarm.core.finished
     restored = EmpiricalSnapshot.from_bytes(frame.snapshot)
     assert restored.clock == len(ROWS)
     assert swarm.observe(len(ROWS) + 1, "000") == []
@@ -190,19 +163,19 @@ def test_whole_snapshots_go_out_every_so_many_ticks() -> None:
 def test_a_run_can_go_on() -> None:
     swarm = Swarm(new(Asks(), ticks=3))
     swarm.run(ROWS[:3])
-    swarm.coordinator.go_on(5)
-    opening = swarm.say(swarm.coordinator.begin())
+    swarm.core.go_on(5)
+    opening = swarm.say(swarm.core.begin())
     assert opening[-1] == wire.Decision(3, 3, "as asked")
     swarm.observe(4, ROWS[3])
     said = swarm.observe(5, ROWS[4])
     assert isinstance(said[-1], wire.KeyFrame)
-    assert swarm.coordinator.tick == 5
+    assert swarm.core.tick == 5
 
 
 def test_totals_add_up() -> None:
     swarm = Swarm(new())
     said = swarm.run(ROWS)
-    totals = swarm.coordinator.totals
+    totals = swarm.core.totals
     states, reached = only(wire.State, said), only(wire.Reached, said)
     waves: list[wire.State | wire.Reached] = [*states, *reached]
     assert totals.ticks == len(states) == len(ROWS)
@@ -275,9 +248,9 @@ def test_what_is_unknown_is_not_learned_from() -> None:
     for row in ROWS[:4]:
         snapshot.learn(bits(row))
     snapshot.learn(bits("1?0"), np.array([True, False, True]))
-    assert swarm.coordinator.snapshot.clock == 5
+    assert swarm.core.snapshot.clock == 5
     for a, b in oracles.proper_pairs(2 * SENSORS):
-        assert swarm.coordinator.snapshot.weight(a, b) == snapshot.weight(a, b)
+        assert swarm.core.snapshot.weight(a, b) == snapshot.weight(a, b)
 
 
 def test_a_partial_observation_that_contradicts_what_was_learned_says_so() -> None:
@@ -321,7 +294,7 @@ def test_a_late_wave_is_repeated_with_what_is_known() -> None:
     swarm.lost = lambda m: isinstance(m, wire.CellReport)
     swarm.say([partly(5, "?10")])
     swarm.lost = lambda _: False
-    said = swarm.say(swarm.coordinator.overdue(swarm.coordinator.in_flight[0]))
+    said = swarm.say(swarm.core.overdue(swarm.core.in_flight[0]))
     start = only(wire.WaveStart, said)[0]
     assert (start.kind, start.signal, start.credit) == ("state", (2, 5), 1)
     assert only(wire.State, said)
@@ -372,9 +345,9 @@ def test_an_observation_out_of_turn_is_a_fault_and_changes_nothing(tick: int) ->
     swarm.run(ROWS[:2])
     other.run(ROWS[:2])
     fault = wire.Fault("coordinator", f"observe: must be tick 3, once, got tick {tick}")
-    assert swarm.coordinator.receive(observed(tick, "111")) == [fault]
-    assert swarm.coordinator.receive(fault) == []  # as it comes back to it
-    assert swarm.coordinator.totals.faults == 1
+    assert swarm.core.receive(observed(tick, "111")) == [fault]
+    assert swarm.core.receive(fault) == []  # as it comes back to it
+    assert swarm.core.totals.faults == 1
     assert swarm.observe(3, ROWS[2]) == other.observe(3, ROWS[2])
 
 
@@ -450,9 +423,9 @@ def test_an_overdue_wave_is_sent_again_with_whole_wirings() -> None:
     swarm.run(ROWS[:4])
     swarm.lost = lambda m: isinstance(m, wire.CellReport) and m.cell == 1
     swarm.observe(5, ROWS[4])
-    assert swarm.coordinator.in_flight == (5,)
+    assert swarm.core.in_flight == (5,)
     swarm.lost = lambda _: False
-    said = swarm.say(swarm.coordinator.overdue(5))
+    said = swarm.say(swarm.core.overdue(5))
     wirings = only(wire.Wiring, said)
     assert all(wiring.after == 0 for wiring in wirings)
     edges = {
@@ -486,9 +459,9 @@ def test_an_overdue_planning_wave_still_answers_its_question() -> None:
     swarm.lost = loses
     swarm.observe(5, "000")
     assert len(policy.answers) == before
-    (late,) = swarm.coordinator.in_flight
+    (late,) = swarm.core.in_flight
     swarm.lost = lambda _: False
-    said = swarm.say(swarm.coordinator.overdue(late))
+    said = swarm.say(swarm.core.overdue(late))
     (reached,) = only(wire.Reached, said)
     assert (reached.wave, reached.signal) == (late + 2, (0,))
     answers = [answer.tolist() for answer in policy.answers[-1]]
@@ -501,14 +474,14 @@ def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
         lost=lambda m: isinstance(m, wire.CellReport) and m.cell == 2,
     )
     swarm.run(ROWS[:1])
-    assert swarm.coordinator.in_flight == (1,)
-    assert only(wire.State, swarm.say(swarm.coordinator.overdue(1))) == []
+    assert swarm.core.in_flight == (1,)
+    assert only(wire.State, swarm.say(swarm.core.overdue(1))) == []
     expected = (
         r"^wave 2 \(tick 1\): must settle within its deadline, got 2 tries;"
         r" missing credit 0\.\d+, silent cells: cell/2$"
     )
     with pytest.raises(WaveLostError, match=expected):
-        swarm.coordinator.overdue(2)
+        swarm.core.overdue(2)
 
 
 # The end ------------------------------------------------------------------------------
@@ -517,26 +490,26 @@ def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
 def test_asked_to_stop_between_ticks_it_ends_at_once() -> None:
     swarm = Swarm(new())
     swarm.run(ROWS[:2])
-    (frame,) = swarm.coordinator.stop()
+    (frame,) = swarm.core.stop()
     assert isinstance(frame, wire.KeyFrame)
     assert frame.tick == 2
-    assert swarm.coordinator.finished
+    assert swarm.core.finished
     assert swarm.observe(3, ROWS[2]) == []
 
 
 def test_asked_to_stop_within_a_tick_it_ends_the_tick_first() -> None:
     swarm = Swarm(new(Asks()))
     swarm.run(ROWS[:2])
-    starts = swarm.coordinator.receive(observed(3, ROWS[2]))
-    assert swarm.coordinator.stop() == []
-    assert not swarm.coordinator.finished
-    for cell in swarm.cells:
-        cell.receive([observed(3, ROWS[2])])
+    starts = swarm.core.receive(observed(3, ROWS[2]))
+    assert swarm.core.stop() == []
+    assert not swarm.core.finished
+    for host in swarm.hosts:
+        host.receive([observed(3, ROWS[2])])
     said = swarm.say(starts)
     assert [m.tick for m in only(wire.State, said)] == [3]
     assert only(wire.Decision, said) == []
     assert [m.tick for m in only(wire.KeyFrame, said)] == [3]
-    assert swarm.coordinator.finished
+    assert swarm.core.finished
 
 
 def test_asked_to_stop_before_the_first_tick_it_leaves_nothing() -> None:
@@ -549,5 +522,5 @@ def test_asked_to_stop_before_the_first_tick_it_leaves_nothing() -> None:
 def test_asked_to_stop_twice_it_ends_once() -> None:
     swarm = Swarm(new())
     swarm.run(ROWS[:2])
-    assert len(swarm.coordinator.stop()) == 1
-    assert swarm.coordinator.stop() == []
+    assert len(swarm.core.stop()) == 1
+    assert swarm.core.stop() == []

@@ -27,6 +27,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.participant import decoded
 from neurosnap.sensorium import pack
 from tests.support.refusals import refusal
+from tests.support.wave_messages import packed
 from tools.fuzz import __main__ as fuzz
 from tools.fuzz import altered_bytes
 from tools.fuzz.messages import altered
@@ -290,10 +291,6 @@ def test_a_report_that_is_too_large_is_refused(report: wire.CellReport) -> None:
     assert (wave.hops, wave.pulses) == ({}, 0)
     wave.report(settled([0]))
     assert wave.is_settled
-
-
-def packed(*numbers: int) -> bytes:
-    return struct.pack(f"<{len(numbers)}i", *numbers)
 
 
 def tally(literals: bytes, hops: bytes, **more: int) -> wire.WorkerReport:
