@@ -166,11 +166,6 @@ def driven(body: Body, edges: Edges, state: set[int]) -> tuple[str, set[int]]:
     return "nothing", able
 
 
-def edges_of(graph: PocGraph) -> Edges:
-    """The edges of a graph as a set."""
-    return {(int(a), int(b)) for a, b in np.argwhere(graph.edges)}
-
-
 def as_array(literals: set[int], sensors: int) -> NDArray[np.bool_]:
     """A set of literals as the code under test wants it."""
     on = np.zeros(2 * sensors, np.bool_)

@@ -4,6 +4,9 @@ from fractions import Fraction
 
 from neurosnap import wire
 
+LARGEST = 2**31 - 1
+"""The largest number that a message may hold."""
+
 
 def start(
     wave: int = 1, *signal: int, credit: int = 0, below: int = 1

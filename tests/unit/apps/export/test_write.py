@@ -34,11 +34,6 @@ FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml", "foxglove", "layout")
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(tmp_path_factory.mktemp("run") / "log.mcap")
-
-
-@pytest.fixture(scope="module")
 def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("known")
     return recorded(folder / "log.mcap", unknown=False, acts=False)
