@@ -17,9 +17,9 @@ import pytest
 import pytest_asyncio
 from hypothesis import settings
 
-from tests.drawing import QUICK
+from tests.support.hypothesis_settings import QUICK
 
-pytest_plugins = ["tests.no_skips", "pytester"]
+pytest_plugins = ["tests.support.no_skips", "pytester"]
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("dev", deadline=None)

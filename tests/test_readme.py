@@ -15,7 +15,7 @@ import typer
 
 import world
 from neurosnap.apps.cli import app
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"

@@ -14,83 +14,15 @@ from gymnasium.utils.env_checker import check_env
 
 import world
 from neurosnap.errors import InvalidValueError
+from tests.support.worlds import (
+    IDS,
+    NAMED,
+    SHAPES,
+    make,
+    rollout,
+    started,
+)
 from world.implications import implications, inclusions
-from world.places import World
-from world.target import Target
-
-KINDS = ("Path", "Cycle", "Grid", "RandomFields", "PuncturedGrid", "Rail")
-IDS = [f"neurosnap/{name}-v0" for name in KINDS]
-
-# id, arguments, sensors, actions, places
-SHAPES: list[tuple[str, dict[str, Any], int, int, int]] = [
-    ("neurosnap/Path-v0", {}, 20, 2, 21),
-    ("neurosnap/Path-v0", {"places": 2}, 1, 2, 2),
-    ("neurosnap/Path-v0", {"places": 60}, 59, 2, 60),
-    ("neurosnap/Cycle-v0", {}, 20, 2, 20),
-    ("neurosnap/Cycle-v0", {"places": 4}, 4, 2, 4),
-    ("neurosnap/Grid-v0", {}, 20, 4, 121),
-    ("neurosnap/Grid-v0", {"width": 3, "height": 5}, 6, 4, 15),
-    ("neurosnap/RandomFields-v0", {}, 20, 2, 21),
-    ("neurosnap/RandomFields-v0", {"places": 3, "sensors": 30}, 30, 2, 3),
-    ("neurosnap/PuncturedGrid-v0", {}, 20, 4, 120),
-    ("neurosnap/PuncturedGrid-v0", {"width": 3, "height": 3}, 4, 4, 8),
-    ("neurosnap/PuncturedGrid-v0", {"width": 5, "height": 4, "hole": (3, 1)}, 7, 4, 19),
-    ("neurosnap/Rail-v0", {}, 24, 3, 24),
-    ("neurosnap/Rail-v0", {"wait": False}, 24, 2, 24),
-    ("neurosnap/Rail-v0", {"places": 30}, 30, 3, 30),
-    ("neurosnap/Path-v0", {"wait": True}, 20, 3, 21),
-    ("neurosnap/Cycle-v0", {"wait": True, "places": 7}, 7, 3, 7),
-    ("neurosnap/Grid-v0", {"wait": True}, 20, 5, 121),
-    ("neurosnap/RandomFields-v0", {"wait": True}, 20, 3, 21),
-    ("neurosnap/PuncturedGrid-v0", {"wait": True}, 20, 5, 120),
-]
-
-NAMED = [(name, arguments) for name, arguments, *_ in SHAPES]
-
-# A target at the place with the highest number, at the lowest, and drawn; sizes too.
-TARGETS: list[tuple[str, dict[str, Any]]] = [
-    *((name, {"target": 0}) for name in IDS),
-    *((name, {"target": "drawn"}) for name in IDS),
-    ("neurosnap/Path-v0", {"target": 4, "places": 5, "wait": False}),
-    ("neurosnap/Cycle-v0", {"target": 5, "places": 6, "wait": False}),
-    ("neurosnap/Grid-v0", {"target": 14, "width": 3, "height": 5}),
-    ("neurosnap/RandomFields-v0", {"target": "drawn", "places": 3, "sensors": 30}),
-    ("neurosnap/PuncturedGrid-v0", {"target": 7, "width": 3, "height": 3}),
-    ("neurosnap/Rail-v0", {"target": 23}),
-]
-
-
-def aimed(name: str, **arguments: Any) -> Target:
-    env = gymnasium.make(name, **arguments)
-    while not isinstance(env, Target):
-        assert isinstance(env, gymnasium.Wrapper)
-        env = env.env
-    return env
-
-
-def make(name: str, **arguments: Any) -> World:
-    env = gymnasium.make(name, **arguments).unwrapped
-    assert isinstance(env, World)
-    return env
-
-
-def started(name: str, seed: int = 7, **arguments: Any) -> World:
-    env = make(name, **arguments)
-    env.reset(seed=seed)
-    return env
-
-
-def rollout(
-    env: World | Target, seed: int, steps: int = 200
-) -> tuple[np.ndarray[Any, Any], list[int]]:
-    actions = np.random.default_rng(seed).integers(len(env.moves), size=steps)
-    observation, info = env.reset(seed=seed)
-    observations, places = [observation], [info["place"]]
-    for action in actions:
-        observation, _, _, _, info = env.step(action)
-        observations.append(observation)
-        places.append(info["place"])
-    return np.array(observations), places
 
 
 @pytest.mark.parametrize(("name", "arguments"), NAMED)
@@ -425,92 +357,3 @@ def test_actions_are_named_in_the_order_of_their_numbers() -> None:
         named = make(f"neurosnap/{kind}-v0").actions
         assert named == ("up", "down", "left", "right")
     assert make("neurosnap/Rail-v0").actions == ("forward", "back", "wait")
-
-
-@pytest.mark.parametrize(("name", "arguments"), TARGETS)
-def test_gymnasium_complains_of_a_target_only_that_it_is_a_wrapper(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    with warnings.catch_warnings(record=True) as seen:
-        warnings.simplefilter("always")
-        check_env(aimed(name, **arguments))
-    (warning,) = seen
-    assert "is different from the unwrapped version" in str(warning.message)
-
-
-@pytest.mark.parametrize(("name", "arguments"), TARGETS)
-def test_same_seed_and_actions_give_the_same_with_a_target_too(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    first = aimed(name, **arguments)
-    observations, places = rollout(first, seed=3)
-    again = aimed(name, **arguments)
-    rollout(again, seed=4)
-    observations_again, places_again = rollout(again, seed=3)
-    np.testing.assert_array_equal(observations, observations_again)
-    assert observations.dtype == np.int8
-    assert places == places_again
-    assert first.target == again.target
-
-
-@pytest.mark.parametrize(("name", "arguments"), TARGETS)
-def test_a_target_leaves_the_world_as_it_is(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = aimed(name, **arguments)
-    bare = make(name, **{"wait": True, **arguments, "target": None})
-    assert bare.actions == env.actions
-    expected, places = rollout(bare, seed=8)
-    observations, places_again = rollout(env, seed=8)
-    assert places_again == places
-    np.testing.assert_array_equal(observations[:, :-2], expected)
-    np.testing.assert_array_equal(env.fields, bare.fields)
-    np.testing.assert_array_equal(env.moves, bare.moves)
-    assert env.implications == bare.implications
-
-
-@pytest.mark.parametrize(("name", "arguments"), TARGETS)
-def test_what_a_target_says_of_itself_is_reached_through_all_wrappers(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = gymnasium.make(name, **arguments)
-    env.reset(seed=2)
-    world = env.unwrapped
-    assert isinstance(world, World)
-    count = len(world.sensors)
-    assert env.observation_space == MultiBinary(count + 2)
-    assert env.action_space == Discrete(len(world.actions))
-    assert env.get_wrapper_attr("sensors") == (*world.sensors, "better", "worse")
-    assert env.get_wrapper_attr("orders") == (0,) * count + (1, 1)
-    assert env.get_wrapper_attr("actions") == world.actions
-    assert env.get_wrapper_attr("moves") is world.moves
-    assert env.get_wrapper_attr("fields") is world.fields
-    places = world.moves.shape[1]
-    assert env.get_wrapper_attr("distances").shape == (places,)
-    assert 0 <= env.get_wrapper_attr("target") < places
-
-
-@pytest.mark.parametrize(("name", "arguments"), TARGETS)
-def test_a_world_with_a_target_is_made_again_from_its_spec(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = gymnasium.make(name, **arguments)
-    assert env.spec is not None
-    again = gymnasium.make(env.spec)
-    assert str(again) == str(env)
-    for one in (env, again):
-        one.reset(seed=6)
-    assert again.get_wrapper_attr("target") == env.get_wrapper_attr("target")
-
-
-def test_a_target_put_around_a_made_world_is_in_its_spec() -> None:
-    spec = Target(gymnasium.make("neurosnap/Path-v0", places=6), 4).spec
-    assert spec is not None
-    assert gymnasium.make(spec).get_wrapper_attr("target") == 4
-
-
-def test_a_world_without_a_target_is_bare_and_with_one_waits() -> None:
-    for name in IDS:
-        assert not gymnasium.make(name).has_wrapper_attr("distances")
-        assert aimed(name, target=1).actions[-1] == "wait"
-        assert "wait" not in aimed(name, target=1, wait=False).actions

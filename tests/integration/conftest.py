@@ -7,10 +7,10 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import expect
 
-from tests import preloaded
-from tests.patience import PATIENCE
-from tests.unit.apps.viewer import pages
-from tests.unit.apps.viewer.films import csv_run, path_run, planner_run, recorded
+from tests.support import browser_pages as pages
+from tests.support import preloaded
+from tests.support.patience import PATIENCE
+from tests.support.recorded_runs import csv_run, path_run, planner_run, recorded
 from tools.browser import started
 
 

@@ -23,7 +23,7 @@ from neurosnap.apps.cli import app
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from neurosnap.apps.cli import app
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 
 def call(*arguments: object) -> Result:

@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.journal import journal_of
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 

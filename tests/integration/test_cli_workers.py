@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 

@@ -36,9 +36,9 @@ from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.runtime.supervisor import Child, Supervisor
 from neurosnap.sources.open import Argument, open_source
-from tests.course import course
-from tests.patience import PATIENCE
-from tests.ports import free_port
+from tests.support.course import course
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 from tools.soak.__main__ import SERVICES, soak, soak_outside
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]

@@ -15,7 +15,7 @@ from neurosnap.apps.figures.experiments.learning_error import TruthKind
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.apps.figures.run import FIGURES, run_figures
 from neurosnap.errors import InvalidValueError
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 LEARNING = ("learning-empirical", "learning-discounted", "learning-compared")
 pytestmark = pytest.mark.slow

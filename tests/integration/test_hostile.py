@@ -26,7 +26,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime import inline, launch
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 

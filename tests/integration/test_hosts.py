@@ -16,10 +16,10 @@ import pytest
 
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
-from tests.patience import PATIENCE
-from tests.ports import free_port
-from tests.programs import find, needs
 from tests.support.commands import Command
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
+from tests.support.programs import find, needs
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

@@ -18,9 +18,9 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.child_process import END
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal import Row, journal_of, read_journal
-from tests.mosquitto import Mosquitto, needs_mosquitto, peer, started
-from tests.patience import PATIENCE
 from tests.support.commands import Command
+from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
+from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
 

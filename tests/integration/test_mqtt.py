@@ -51,7 +51,14 @@ from neurosnap.sources.mqtt.options import (
     MqttTick,
 )
 from neurosnap.sources.mqtt.publisher import MqttPublisher
-from tests.mosquitto import HOST, Mosquitto, heard, needs_mosquitto, peer, started
+from tests.support.mosquitto import (
+    HOST,
+    Mosquitto,
+    heard,
+    needs_mosquitto,
+    peer,
+    started,
+)
 
 SECRET = "correct-horse"
 AT_ONCE = MqttTick(min_interval=0)

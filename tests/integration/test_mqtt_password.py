@@ -14,7 +14,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import unpack
-from tests.mosquitto import (
+from tests.support.mosquitto import (
     HOST,
     Mosquitto,
     needs_mosquitto,

@@ -17,7 +17,7 @@ from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
-from tests.mosquitto import (
+from tests.support.mosquitto import (
     HOST,
     Mosquitto,
     heard,

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
 from neurosnap.recording.replay.verify import verify
-from tests.ports import free_port
+from tests.support.ports import free_port
 
 pytestmark = pytest.mark.zenoh
 

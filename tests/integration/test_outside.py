@@ -38,8 +38,8 @@ from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder
 from neurosnap.sources.open_live import open_live
-from tests.patience import PATIENCE
-from tests.ports import free_port
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 
 pytestmark = pytest.mark.slow
 

@@ -14,13 +14,13 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.verify import Replay
 from neurosnap.sensorium import unpack
-from tests.unit.apps.viewer.films import (
+from tests.support.browser_pages import IN_BROWSER, go_to, opened
+from tests.support.recorded_runs import (
     TICKS,
     large_run,
     recorded,
     told,
 )
-from tests.unit.apps.viewer.pages import IN_BROWSER, go_to, opened
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER

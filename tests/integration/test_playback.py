@@ -23,7 +23,7 @@ from neurosnap.recording.replay.playback import Played, play, play_on
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

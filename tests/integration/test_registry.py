@@ -20,8 +20,8 @@ from neurosnap.apps.cli import app
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import registry
-from tests.patience import PATIENCE
 from tests.support.commands import Command
+from tests.support.patience import PATIENCE
 
 
 @pytest.fixture(autouse=True)

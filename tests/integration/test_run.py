@@ -42,7 +42,7 @@ from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sensorium import complete, unpack
 from neurosnap.sources.open import open_source
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 

@@ -48,8 +48,8 @@ from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import describe
 from neurosnap.sources.open import open_source
-from tests.patience import PATIENCE
-from tests.ports import free_port
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

@@ -25,10 +25,10 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import Argument, open_source
-from tests.course import course
-from tests.patience import PATIENCE
-from tests.ports import free_port
 from tests.support.commands import Command
+from tests.support.course import course
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

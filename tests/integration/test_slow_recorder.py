@@ -18,7 +18,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import Outcome, run
-from tests.course import course
+from tests.support.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

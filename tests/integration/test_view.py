@@ -26,9 +26,9 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe
-from tests.patience import PATIENCE
-from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded, told
-from tests.unit.apps.viewer.verbs import address_of, verb
+from tests.support.patience import PATIENCE
+from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded, told
+from tests.support.view_commands import address_of, verb
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.apps.viewer.films import TICKS
-from tests.unit.apps.viewer.pages import IN_BROWSER, opened
+from tests.support.browser_pages import IN_BROWSER, opened
+from tests.support.recorded_runs import TICKS
 from tools.browser import SIZE, Scheme, wait_shown
 from tools.screenshots import shoot
 

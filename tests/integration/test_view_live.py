@@ -12,9 +12,9 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
-from tests.unit.apps.viewer import pages
-from tests.unit.apps.viewer.films import TICKS, in_chunks, path_run, recorded
-from tests.unit.apps.viewer.pages import IN_BROWSER, derived, looked_at, opened, states
+from tests.support import browser_pages as pages
+from tests.support.browser_pages import IN_BROWSER, derived, looked_at, opened, states
+from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded
 from tools.browser import started, wait_shown
 
 pytestmark = IN_BROWSER

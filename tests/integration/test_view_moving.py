@@ -12,17 +12,17 @@ from playwright.async_api import expect
 
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
-from tests.unit.apps.viewer.films import (
-    TICKS,
-    in_chunks,
-)
-from tests.unit.apps.viewer.pages import (
+from tests.support.browser_pages import (
     IN_BROWSER,
     derived,
     go_to,
     opened,
     shown_tick,
     states,
+)
+from tests.support.recorded_runs import (
+    TICKS,
+    in_chunks,
 )
 from tools.browser import wait_shown, wait_until
 

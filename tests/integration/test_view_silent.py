@@ -11,8 +11,8 @@ from neurosnap.apps.viewer import connection
 from neurosnap.apps.viewer.server import Address, serving
 from neurosnap.apps.viewer.session import ViewSession
 from tests.integration.test_view import get, status_of
-from tests.patience import PATIENCE
-from tests.unit.apps.viewer.films import path_run, recorded
+from tests.support.patience import PATIENCE
+from tests.support.recorded_runs import path_run, recorded
 
 pytestmark = pytest.mark.slow
 

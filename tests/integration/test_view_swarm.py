@@ -12,9 +12,9 @@ import pytest
 from playwright.async_api import Page, expect
 
 from neurosnap.recording.replay.verify import verify
-from tests.patience import PATIENCE
-from tests.unit.apps.viewer.pages import IN_BROWSER, derived, looked_at, states
-from tests.unit.apps.viewer.verbs import address_of, verb
+from tests.support.browser_pages import IN_BROWSER, derived, looked_at, states
+from tests.support.patience import PATIENCE
+from tests.support.view_commands import address_of, verb
 from tools.browser import wait_shown
 
 pytestmark = [pytest.mark.zenoh, *IN_BROWSER]

@@ -14,11 +14,11 @@ from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
-from tests.unit.apps.viewer.films import (
+from tests.support.browser_pages import IN_BROWSER, derived, go_to, opened, states
+from tests.support.recorded_runs import (
     TICKS,
     unread_run,
 )
-from tests.unit.apps.viewer.pages import IN_BROWSER, derived, go_to, opened, states
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER

@@ -11,14 +11,14 @@ from playwright.async_api import Page, expect
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from tests.unit.apps.viewer.films import TICKS, in_chunks, without_states
-from tests.unit.apps.viewer.pages import (
+from tests.support.browser_pages import (
     IN_BROWSER,
     go_to,
     looked_at,
     opened,
     shown_tick,
 )
+from tests.support.recorded_runs import TICKS, in_chunks, without_states
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.unit.apps.viewer.verbs import verb
+from tests.support.view_commands import verb
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 

@@ -15,11 +15,12 @@ from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
-from tests.drawing import examples
-from tests.property import agent_oracles as agents
-from tests.property import oracles
-from tests.property.agent_oracles import Fields, Moves, as_array, edges_of, known
-from tests.property.strategies import as_set, graphs, subsets
+from tests.support import agent_oracles as agents
+from tests.support import oracles
+from tests.support.agent_oracles import Fields, Moves, as_array, known
+from tests.support.edges import edges_of
+from tests.support.hypothesis_settings import examples
+from tests.support.strategies import as_set, graphs, subsets
 
 KINDS: list[AgentKind] = ["walker", "excited", "planner"]
 TICKS = range(1, 40)  # enough for three choices as good to come up
@@ -51,7 +52,7 @@ def beliefs(draw: st.DrawFn, body: Body) -> tuple[PocGraph, set[int]]:
         count,
         [
             (2 * place[a // 2] + a % 2, 2 * place[b // 2] + b % 2)
-            for a, b in edges_of(small)
+            for a, b in edges_of(small.edges)
         ],
     )
     return graph, as_set(graph.coherent_projection(draw(subsets(graph))))
@@ -73,7 +74,7 @@ class TestAnyBelief:
     ) -> None:
         body = data.draw(bodies())
         graph, state = data.draw(beliefs(body))
-        edges = edges_of(graph)
+        edges = edges_of(graph.edges)
         repertoire = Actions(body)
         signals = repertoire.signals(as_array(state, graph.sensors))
         expected = [agents.signal(body, taken, state) for taken in agents.choices(body)]
@@ -97,7 +98,7 @@ class TestAnyBelief:
             senses_actions=True,
         )
         graph, state = data.draw(beliefs(body))
-        order = oracles.below_or_equal(len(graph), edges_of(graph))
+        order = oracles.below_or_equal(len(graph), edges_of(graph.edges))
         vertices = {
             number
             for number, taken in enumerate(agents.choices(body))
@@ -113,7 +114,7 @@ class TestAnyBelief:
         self, data: st.DataObject
     ) -> None:
         graph = data.draw(graphs())
-        edges = edges_of(graph)
+        edges = edges_of(graph.edges)
         state = graph.coherent_projection(data.draw(subsets(graph)))
         target = data.draw(subsets(graph))
         plan = subgoals(state, graph.up(target))
@@ -138,7 +139,7 @@ class TestAnyBelief:
             for side in [data.draw(sides)]
             if side is not None
         } or {data.draw(st.integers(0, 2 * len(body.own) - 1))}
-        best = agents.planned(body, edges_of(graph), state, target)
+        best = agents.planned(body, edges_of(graph.edges), state, target)
         policy = Planner(body, sorted(target), data.draw(st.integers(0, 9)), 0.0)
         taken = {action for action, _ in decided(policy, graph, state)}
         assert taken <= best
@@ -151,7 +152,7 @@ class TestAnyBelief:
     ) -> None:
         body = data.draw(bodies("better", "worse"))
         graph, state = data.draw(beliefs(body))
-        why, options = agents.driven(body, edges_of(graph), state)
+        why, options = agents.driven(body, edges_of(graph.edges), state)
         policy = Excited(body, data.draw(st.integers(0, 9)), 0.0)
         found = decided(policy, graph, state)
         taken = {action for action, _ in found}

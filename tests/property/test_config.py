@@ -30,7 +30,7 @@ from neurosnap.apps.config.tables import (
 from neurosnap.apps.config.validate import problems
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import Supervision
-from tests.property.config_documents import Document, documents
+from tests.support.config_documents import Document, documents
 
 VALID = Draft202012Validator(schema())
 WRONG = date(1979, 5, 27)  # no key takes a date

@@ -3,16 +3,15 @@
 from itertools import combinations, pairwise
 
 import networkx as nx
-import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from neurosnap.poc.order.contradiction import contradiction
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.vertex_cover import smallest_cover
-from tests.property.oracles import Edges, below_or_equal, coherent
-from tests.property.strategies import graphs
+from tests.support.edges import edges_of
+from tests.support.oracles import Edges, below_or_equal, coherent
+from tests.support.strategies import graphs
 
 
 @st.composite
@@ -29,10 +28,6 @@ def readings(
     )
     seen = [2 * s + bit for s, bit in enumerate(read) if bit is not None]
     return graph, seen, draw(doubts)
-
-
-def edges_of(wiring: NDArray[np.bool_]) -> Edges:
-    return {(int(a), int(b)) for a, b in np.argwhere(wiring)}
 
 
 def order_of(graph: PocGraph) -> Edges:

@@ -4,24 +4,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph, WiringKind
-from tests.property import oracles
-from tests.property.oracles import Edges
-from tests.property.strategies import as_set, graphs, subsets
+from tests.support import oracles
+from tests.support.edges import edges_of
+from tests.support.strategies import as_set, graphs, subsets
 
 KINDS: list[WiringKind] = ["hasse", "derived"]
 
 
-def pairs(edges: NDArray[np.bool_]) -> Edges:
-    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
-
-
 @given(graphs(), st.data())
 def test_sets_above_and_below(graph: PocGraph, data: st.DataObject) -> None:
-    edges, chosen = pairs(graph.edges), data.draw(subsets(graph))
+    edges, chosen = edges_of(graph.edges), data.draw(subsets(graph))
     order = oracles.below_or_equal(len(graph), edges)
     assert as_set(graph.up(chosen)) == {b for a, b in order if a in chosen}
     assert as_set(graph.down(chosen)) == {a for a, b in order if b in chosen}
@@ -34,7 +29,7 @@ def test_sets_above_and_below(graph: PocGraph, data: st.DataObject) -> None:
 
 @given(graphs(), st.data())
 def test_coherence_and_its_projection(graph: PocGraph, data: st.DataObject) -> None:
-    edges, chosen = pairs(graph.edges), data.draw(subsets(graph))
+    edges, chosen = edges_of(graph.edges), data.draw(subsets(graph))
     order = oracles.below_or_equal(len(graph), edges)
     projection = graph.coherent_projection(chosen)
     assert as_set(projection) == oracles.projected(edges, chosen)
@@ -50,7 +45,7 @@ def test_coherence_and_its_projection(graph: PocGraph, data: st.DataObject) -> N
 def test_propagation_takes_paths_from_and_no_path_against(
     graph: PocGraph, data: st.DataObject
 ) -> None:
-    edges = pairs(graph.edges)
+    edges = edges_of(graph.edges)
     load = as_set(graph.coherent_projection(data.draw(subsets(graph))))
     signal = data.draw(subsets(graph))
     against = oracles.stars(signal)
@@ -63,7 +58,7 @@ def test_propagation_takes_paths_from_and_no_path_against(
 
 @given(graphs())
 def test_classes_and_representatives(graph: PocGraph) -> None:
-    order = oracles.below_or_equal(len(graph), pairs(graph.edges))
+    order = oracles.below_or_equal(len(graph), edges_of(graph.edges))
     classes = {
         tuple(b for b in range(len(graph)) if {(a, b), (b, a)} <= order)
         for a in range(len(graph))
@@ -77,7 +72,7 @@ def test_classes_and_representatives(graph: PocGraph) -> None:
 
 @given(graphs())
 def test_heights_are_the_longest_chains(graph: PocGraph) -> None:
-    order = oracles.below_or_equal(len(graph), pairs(graph.edges))
+    order = oracles.below_or_equal(len(graph), edges_of(graph.edges))
     heights = [oracles.chain(order, a) for a in range(len(graph))]
     assert graph.heights().tolist() == heights
     assert graph.height() == max(heights, default=0)
@@ -88,8 +83,8 @@ def test_heights_are_the_longest_chains(graph: PocGraph) -> None:
 def test_a_wiring_leads_where_the_graph_leads(
     graph: PocGraph, kind: WiringKind
 ) -> None:
-    n, edges = len(graph), pairs(graph.edges)
-    wires = pairs(graph.wiring(kind))
+    n, edges = len(graph), edges_of(graph.edges)
+    wires = edges_of(graph.wiring(kind))
     head = graph.representative.tolist()
     assert oracles.below_or_equal(n, wires) == oracles.below_or_equal(n, edges)
     assert wires == {(b ^ 1, a ^ 1) for a, b in wires}
@@ -116,7 +111,7 @@ def test_a_wiring_leads_where_the_graph_leads(
 def test_depth_counts_hops_and_stays_within_height_and_two(
     graph: PocGraph, kind: WiringKind, data: st.DataObject
 ) -> None:
-    wires, signal = pairs(graph.wiring(kind)), data.draw(subsets(graph))
+    wires, signal = edges_of(graph.wiring(kind)), data.draw(subsets(graph))
     assert graph.depth(signal, kind) == oracles.hops(wires, signal)
     assert graph.depth(signal, kind) <= graph.height() + 2
     for a in range(len(graph)):
@@ -150,7 +145,7 @@ def test_a_literal_equivalent_to_its_complement_is_refused(
             PocGraph.from_implications(sensors, given_pairs)
     else:
         graph = PocGraph.from_implications(sensors, given_pairs)
-        assert pairs(graph.edges) == {(a, b) for a, b in edges if a != b}
+        assert edges_of(graph.edges) == {(a, b) for a, b in edges if a != b}
         assert (PocGraph(graph.edges).edges == graph.edges).all()
 
 

@@ -5,30 +5,19 @@ in process, which knows nothing of cells.
 """
 
 import random
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import pytest
 
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from tests.property.simulated import THRESHOLD, Swarm
+from tests.support.simulated_swarm import THRESHOLD, counting_swarm, repeatable
 
 pytestmark = pytest.mark.slow
 
 CASES = 100
 Rows = list[list[bool]]
 Name = tuple[str, int]
-
-
-@contextmanager
-def repeatable(seed: int) -> Iterator[None]:
-    """Say which seed it was if the case fails."""
-    try:
-        yield
-    except BaseException as error:
-        error.add_note(f"seed {seed} repeats it")
-        raise
 
 
 def wirings(messages: list[wire.Message]) -> list[Name]:
@@ -62,14 +51,14 @@ def lose_one(seed: int, *, shared: bool, frame: int = 1 << 16) -> bool:
     chance = random.Random(seed)
     rows = random_rows(chance)
     workers = chance.randint(1, len(rows[0])) if shared else 0
-    undisturbed = Swarm(rows, seed, workers, frame)
+    undisturbed = counting_swarm(rows, seed, workers, frame)
     undisturbed.run()
     assert undisturbed.states() == expected(rows)
     assert undisturbed.repeats == 0
     sent = wirings(undisturbed.said)
     if not sent:
         return False
-    swarm = Swarm(rows, seed, workers, frame, without(chance.choice(sent)))
+    swarm = counting_swarm(rows, seed, workers, frame, without(chance.choice(sent)))
     swarm.run()
     assert swarm.states() == expected(rows)
     assert swarm.core.totals.ticks == len(rows)
@@ -98,18 +87,18 @@ def lose_two(seed: int) -> bool:
     chance = random.Random(seed)
     rows = random_rows(chance)
     workers = chance.randint(1, len(rows[0]))
-    undisturbed = Swarm(rows, seed, workers, frame=1)
+    undisturbed = counting_swarm(rows, seed, workers, frame=1)
     undisturbed.run()
     sent = wirings(undisturbed.said)
     lost = sent and [chance.choice(sent)]
-    once = Swarm(rows, seed, workers, 1, without(*lost))
+    once = counting_swarm(rows, seed, workers, 1, without(*lost))
     once.run()
     mending = [name for name in wirings(once.said) if name not in sent]
     if not mending:
         return False
     # The last for a worker: after one before, the next would tell it of a gap.
     lost = [*lost, chance.choice(list(dict(mending).items()))]
-    twice = Swarm(rows, seed, workers, 1, without(*lost))
+    twice = counting_swarm(rows, seed, workers, 1, without(*lost))
     twice.run()
     assert twice.states() == expected(rows)
     return twice.repeats > once.repeats

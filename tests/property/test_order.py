@@ -14,9 +14,10 @@ from neurosnap.poc.order.generated_order import order_of
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.wave_control import WaveControl
-from tests.property import oracles
-from tests.property.oracles import Edges
-from tests.property.strategies import Bits, runs
+from tests.support import oracles
+from tests.support.edges import edge_matrix, edges_of
+from tests.support.oracles import Edges
+from tests.support.strategies import Bits, runs
 
 KINDS: list[WiringKind] = ["hasse", "derived"]
 
@@ -41,15 +42,11 @@ def flips(draw: st.DrawFn, most: int = 5) -> tuple[int, list[Edges]]:
 
 
 def packed(sensors: int, edges: Edges) -> Words:
-    plain = np.zeros((2 * sensors, 2 * sensors), np.bool_)
-    for a, b in edges:
-        plain[a, b] = True
-    return to_words(plain)
+    return to_words(edge_matrix(2 * sensors, edges))
 
 
 def pairs(words: Words) -> Edges:
-    total = len(words)
-    return {(int(a), int(b)) for a, b in np.argwhere(from_words(words, total))}
+    return edges_of(from_words(words, len(words)))
 
 
 def heads_of(n: int, order: Edges) -> list[int]:
@@ -158,7 +155,7 @@ def test_cells_follow_what_is_learned(
     for bits in seen:
         if snapshot.learn(bits):
             cells.hear(conductor.rewire(snapshot.poc_graph().wires(kind)))
-        edges = {(int(a), int(b)) for a, b in np.argwhere(snapshot.poc_graph().edges)}
+        edges = edges_of(snapshot.poc_graph().edges)
         assert cells.edges == wiring_of(2 * sensors, edges, kind)
 
 
@@ -196,7 +193,7 @@ def test_words_do_not_show_in_a_learned_order_with_classes(
         member = literals[~heads]
         wires[head[member], member] = wires[member, head[member]] = True
         assert (graph.hasse() == wires).all()
-        assert told.edges == {(int(a), int(b)) for a, b in np.argwhere(wires)}
+        assert told.edges == edges_of(wires)
         height = np.zeros(2 * sensors, int)
         for _ in range(sensors):
             height = np.where(within, height + 1, 0).max(axis=1)

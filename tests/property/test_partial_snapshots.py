@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.pocset import PocSet
-from tests.property import oracles
-from tests.property.oracles import Edges, Weights
-from tests.property.strategies import as_set, observations, thresholds
+from tests.support import oracles
+from tests.support.edges import edges_of
+from tests.support.oracles import Edges, Weights
+from tests.support.snapshots import learned_edges, weights_of
+from tests.support.strategies import as_set, observations, thresholds
 
 Matrix: TypeAlias = NDArray[np.float64]
 Reading: TypeAlias = tuple[list[bool], list[bool]]
@@ -75,16 +77,6 @@ def relations(draw: st.DrawFn, most: int = 5) -> tuple[EmpiricalSnapshot, Edges]
     return snapshot, edges
 
 
-def edges_of(snapshot: Snapshot, equivalences: bool = True) -> Edges:
-    edges = snapshot.poc_graph(equivalences).edges
-    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
-
-
-def weights_of(snapshot: Snapshot) -> Weights:
-    pairs = oracles.proper_pairs(2 * len(snapshot.sensorium))
-    return {(a, b): snapshot.weight(a, b) for a, b in pairs}
-
-
 def literals_of(reading: Reading) -> list[int]:
     return [
         2 * s + (not on)
@@ -137,13 +129,13 @@ def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
         }
         assert snapshot.clock == tick
         assert weights_of(snapshot) == weights
-        assert edges_of(snapshot, equivalences=False) == strict
-        assert edges_of(snapshot) == strict | both
+        assert learned_edges(snapshot, equivalences=False) == strict
+        assert learned_edges(snapshot) == strict | both
         assert as_set(state) == oracles.projected(strict | both, literals_of(reading))
         since |= {(a // 2, b // 2): tick for a, b in before ^ (strict | both)}
         assert twin.learn(*reading) == (before != strict | both)
         before = strict | both
-        assert edges_of(twin) == before
+        assert learned_edges(twin) == before
         for a, b in oracles.proper_pairs(n):
             found = snapshot.evidence(a, b)
             assert found == twin.evidence(a, b)
@@ -178,8 +170,8 @@ def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
         edges = strict | oracles.equal(n, weights)
         weights = oracles.truncated(weights, strict)
         assert weights_of(snapshot) == weights
-        assert edges_of(snapshot, equivalences=False) == strict
-        assert edges_of(snapshot) == edges
+        assert learned_edges(snapshot, equivalences=False) == strict
+        assert learned_edges(snapshot) == edges
         start = literals_of((bits, known))
         assert as_set(state) == oracles.projected(edges, start)
         for a, b in before ^ edges:
@@ -300,10 +292,10 @@ def test_full_observations_come_to_the_same_in_either_form(
         assert weights_of(wide)[pair] == pytest.approx(weight, rel=0, abs=1e-14)
     if kind is EmpiricalSnapshot:
         assert weights_of(wide) == weights_of(narrow)
-        assert edges_of(wide) == edges_of(narrow)
-    then = weights_of(narrow), edges_of(narrow)
+        assert learned_edges(wide) == learned_edges(narrow)
+    then = weights_of(narrow), learned_edges(narrow)
     narrow.learn(*nothing)  # one of two, at most, so that every pair is still judged
-    assert (weights_of(narrow), edges_of(narrow)) == then
+    assert (weights_of(narrow), learned_edges(narrow)) == then
 
 
 @KINDS
@@ -341,7 +333,7 @@ def test_sensors_always_known_together_have_the_edges_of_their_own_snapshot(
     edges = snapshot.poc_graph().edges[np.ix_(within, within)]
     assert (edges == alone.poc_graph().edges).all()
     strict = snapshot.poc_graph(equivalences=False).edges[np.ix_(within, within)]
-    assert not oracles.has_cycle({(int(a), int(b)) for a, b in np.argwhere(strict)})
+    assert not oracles.has_cycle(edges_of(strict))
 
 
 @given(relations(), st.data())
@@ -350,7 +342,7 @@ def test_whatever_relation_comes_out_is_ordered_and_projected(
 ) -> None:
     snapshot, edges = drawn
     graph, n = snapshot.poc_graph(), 2 * len(snapshot.sensorium)
-    assert edges_of(snapshot) == edges
+    assert learned_edges(snapshot) == edges
     order = oracles.below_or_equal(n, edges)
     classes = {
         tuple(b for b in range(n) if {(a, b), (b, a)} <= order) for a in range(n)
@@ -380,7 +372,7 @@ def test_signals_travel_whatever_relation_comes_out(
     snapshot, edges = drawn
     graph, n = snapshot.poc_graph(), 2 * len(snapshot.sensorium)
     for wires in (graph.wiring("hasse"), graph.wiring("derived")):
-        plain = {(int(a), int(b)) for a, b in np.argwhere(wires)}
+        plain = edges_of(wires)
         assert oracles.below_or_equal(n, plain) == oracles.below_or_equal(n, edges)
         assert {(b ^ 1, a ^ 1) for a, b in plain} == plain
         assert max(oracles.hops(plain, {a}) for a in range(n)) <= graph.height() + 2

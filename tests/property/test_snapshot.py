@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from tests.property import oracles
-from tests.property.oracles import Edges
-from tests.property.strategies import Bits, as_set, runs, thresholds
+from tests.support import oracles
+from tests.support.snapshots import learned_edges, weights_of
+from tests.support.strategies import Bits, as_set, runs, thresholds
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -26,18 +26,8 @@ EXACT_DECAYS = st.integers(0, 7).map(lambda k: k / 8)
 SLACK = Fraction(1e-12)
 
 
-def edges_of(snapshot: Snapshot, equivalences: bool = True) -> Edges:
-    edges = snapshot.poc_graph(equivalences).edges
-    return {(int(a), int(b)) for a, b in np.argwhere(edges)}
-
-
 def share_of_clock(shares: list[list[float]], tick: int, i: int, j: int) -> float:
     return shares[i][j] * tick
-
-
-def weights_of(snapshot: Snapshot) -> dict[tuple[int, int], float]:
-    pairs = oracles.proper_pairs(2 * len(snapshot.sensorium))
-    return {(a, b): snapshot.weight(a, b) for a, b in pairs}
 
 
 @given(runs(), st.data())
@@ -50,20 +40,20 @@ def test_an_empirical_snapshot_is_what_its_observations_say(
     snapshot = EmpiricalSnapshot(sensors, tau)
     shares = np.broadcast_to(tau, (sensors, sensors)).tolist()
     for tick, bits in enumerate(seen, 1):
-        before, twin = edges_of(snapshot), Snapshot.from_bytes(snapshot.to_bytes())
+        before, twin = learned_edges(snapshot), Snapshot.from_bytes(snapshot.to_bytes())
         state = snapshot.observe(bits)
         weights = oracles.counted(n, seen[:tick])
         limit = functools.partial(share_of_clock, shares, tick)
         strict, both = oracles.implied(n, weights, limit), oracles.equal(n, weights)
         assert snapshot.clock == tick
         assert weights_of(snapshot) == weights
-        assert edges_of(snapshot, equivalences=False) == strict
-        assert edges_of(snapshot) == strict | both
+        assert learned_edges(snapshot, equivalences=False) == strict
+        assert learned_edges(snapshot) == strict | both
         start = {a for a in range(n) if oracles.holds(bits, a)}
         assert as_set(state) == oracles.projected(strict | both, start)
         assert as_set(snapshot.state) == as_set(state)
         assert twin.learn(bits) == (before != strict | both)
-        assert edges_of(twin) == strict | both
+        assert learned_edges(twin) == strict | both
 
 
 @given(runs(most=4, longest=12), EXACT_DECAYS, st.data())
@@ -77,15 +67,15 @@ def test_a_discounted_snapshot_is_what_its_definition_says(
     snapshot = DiscountedSnapshot(sensors, tau, decay)
     weights: oracles.Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
     for bits in seen:
-        before = edges_of(snapshot)
-        assert snapshot.learn(bits) == (before != edges_of(snapshot))
+        before = learned_edges(snapshot)
+        assert snapshot.learn(bits) == (before != learned_edges(snapshot))
         weights = oracles.discounted(n, weights, bits, Fraction(decay))
         strict = oracles.implied(n, weights, lambda i, j: Fraction(shares[i][j]))
         both = oracles.equal(n, weights)
         weights = oracles.truncated(weights, strict)
         assert weights_of(snapshot) == weights
-        assert edges_of(snapshot, equivalences=False) == strict
-        assert edges_of(snapshot) == strict | both
+        assert learned_edges(snapshot, equivalences=False) == strict
+        assert learned_edges(snapshot) == strict | both
 
 
 def derived(w: Matrix, limit: Matrix) -> NDArray[np.bool_]:
@@ -152,7 +142,7 @@ def test_a_long_discounted_walk_keeps_to_exact_arithmetic(
         weights = oracles.discounted(n, weights, bits, Fraction(decay))
         strict = oracles.implied(n, weights, lambda _i, _j: Fraction(tau), SLACK)
         both = oracles.equal(n, weights, SLACK)
-        assert edges_of(snapshot) == strict | both
+        assert learned_edges(snapshot) == strict | both
         # Fractions would grow without end; 200 bits are far below what doubles see.
         weights = {
             pair: Fraction(int(w * 2**200), 2**200)
@@ -175,7 +165,7 @@ def test_truncation_leaves_the_derived_graph(
         weights = weights_of(snapshot)
         for pair in oracles.proper_pairs(n):
             assert weights[pair] >= -1e-15
-        strict = edges_of(snapshot, equivalences=False)
+        strict = learned_edges(snapshot, equivalences=False)
         for a, b in strict:
             assert abs(weights[a, b ^ 1]) < 1e-15
             assert weights[a ^ 1, b] > 0.99e-12
@@ -193,8 +183,8 @@ def test_a_tie_becomes_no_implication(
     for _ in range(ticks):
         bit = data.draw(st.booleans())
         snapshot.learn([bit, bit != opposite])
-        assert edges_of(snapshot, equivalences=False) == set()
-        assert edges_of(snapshot) in (set(), unlike if opposite else alike)
+        assert learned_edges(snapshot, equivalences=False) == set()
+        assert learned_edges(snapshot) in (set(), unlike if opposite else alike)
 
 
 @given(runs(longest=30), st.booleans(), SHARES, st.sampled_from([0.5, 0.9]))
@@ -207,8 +197,8 @@ def test_a_derived_graph_is_acyclic_between_its_classes(
         snapshot = DiscountedSnapshot(sensors, tau, decay)
     for bits in seen:
         snapshot.learn(bits)
-    strict = edges_of(snapshot, equivalences=False)
-    both = edges_of(snapshot) - strict
+    strict = learned_edges(snapshot, equivalences=False)
+    both = learned_edges(snapshot) - strict
     head = {a: min(oracles.reach(both, [a])) for a in range(2 * sensors)}
     assert not oracles.has_cycle(strict)
     assert not oracles.has_cycle({(head[a], head[b]) for a, b in strict})
@@ -235,7 +225,7 @@ def test_a_saved_snapshot_goes_on_as_if_nothing_had_happened(
     twin = Snapshot.from_bytes(data_then)
     assert type(twin) is type(snapshot)
     assert twin.to_bytes() == data_then
-    assert edges_of(twin) == edges_of(snapshot)
+    assert learned_edges(twin) == learned_edges(snapshot)
     for bits in second[1]:
         assert twin.learn(bits[:sensors]) == snapshot.learn(bits[:sensors])
         twin.observe(bits[:sensors])

@@ -12,10 +12,10 @@ from neurosnap.poc.dual.convex import ConvexSet
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
-from tests.drawing import examples
-from tests.property import oracles
-from tests.property.theory_oracles import Model, Vertex, Vertices, subsets
-from tests.property.theory_strategies import (
+from tests.support import oracles
+from tests.support.hypothesis_settings import examples
+from tests.support.theory_oracles import Model, Vertex, Vertices, subsets
+from tests.support.theory_strategies import (
     Drawn,
     array,
     coherent_sets,

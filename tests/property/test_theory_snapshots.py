@@ -11,12 +11,12 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.morphism import canonical_projection
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.poc.order.pocset import PocSet
-from tests.drawing import examples
-from tests.property import oracles
-from tests.property.oracles import Edges, Number, Weights
-from tests.property.strategies import Bits, as_set, runs
-from tests.property.theory_oracles import Model
-from tests.property.theory_strategies import snapshots
+from tests.support import oracles
+from tests.support.hypothesis_settings import examples
+from tests.support.oracles import Edges, Number, Weights
+from tests.support.strategies import Bits, as_set, runs
+from tests.support.theory_oracles import Model
+from tests.support.theory_strategies import snapshots
 
 
 def marginal(w: Weights, a: int, b: int) -> Number:

@@ -22,9 +22,9 @@ from neurosnap.poc.dual.finite_space import FiniteSpace
 from neurosnap.poc.dual.homology import CellComplex, cubes_among
 from neurosnap.poc.dual.homotopy import richness
 from neurosnap.poc.dual.realization import Realization, corners
-from tests.drawing import examples
-from tests.property.theory_oracles import Model, betti, face_counts, included
-from tests.property.theory_strategies import Drawn, fields, frozen, poc_sets
+from tests.support.hypothesis_settings import examples
+from tests.support.theory_oracles import Model, betti, face_counts, included
+from tests.support.theory_strategies import Drawn, fields, frozen, poc_sets
 
 
 def trimmed(numbers: tuple[int, ...]) -> tuple[int, ...]:

@@ -21,9 +21,9 @@ from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import Decision
-from tests.property import agent_oracles as agents
-from tests.property import oracles
-from tests.property.strategies import as_set
+from tests.support import agent_oracles as agents
+from tests.support import oracles
+from tests.support.strategies import as_set
 
 Row = list[bool | None]
 

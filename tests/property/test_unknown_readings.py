@@ -12,8 +12,9 @@ import pytest
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import unpack
-from tests.property import oracles
-from tests.property.simulated import THRESHOLD, Swarm
+from tests.support import oracles
+from tests.support.edges import edges_of
+from tests.support.simulated_swarm import THRESHOLD, SimulatedSwarm, counting_swarm
 
 pytestmark = pytest.mark.slow
 
@@ -46,7 +47,7 @@ def expected(rows: list[Row]) -> list[tuple[set[int], bool]]:
     for row in rows:
         known = np.array([on is not None for on in row])
         snapshot.learn([on is True for on in row], None if known.all() else known)
-        edges = {(int(a), int(b)) for a, b in np.argwhere(snapshot.poc_graph().edges)}
+        edges = edges_of(snapshot.poc_graph().edges)
         above = oracles.reach(edges, observed(row))
         state = {a for a in above if a ^ 1 not in above}
         assert state == set(
@@ -56,7 +57,7 @@ def expected(rows: list[Row]) -> list[tuple[set[int], bool]]:
     return states
 
 
-def states_of(swarm: Swarm) -> list[tuple[set[int], bool]]:
+def states_of(swarm: SimulatedSwarm) -> list[tuple[set[int], bool]]:
     literals = 2 * len(swarm.rows[0])
     return [
         (set(np.flatnonzero(unpack(said.literals, literals))), said.incoherent)
@@ -72,7 +73,7 @@ def test_the_state_is_what_the_known_readings_imply(shared: bool) -> None:
         chance = random.Random(seed)
         rows = random_rows(chance)
         workers = chance.randint(1, len(rows[0])) if shared else 0
-        swarm = Swarm(rows, seed, workers)
+        swarm = counting_swarm(rows, seed, workers)
         swarm.run()
         states = states_of(swarm)
         assert states == expected(rows), f"seed {seed}"
@@ -104,7 +105,7 @@ def test_who_missed_the_observation_is_told_what_was_observed(shared: bool) -> N
                 and message.tick == at
             )
 
-        swarm = Swarm(rows, seed, workers, deaf=deaf)
+        swarm = counting_swarm(rows, seed, workers, deaf=deaf)
         swarm.run()
         assert states_of(swarm) == expected(rows), f"seed {seed}"
         repeats += swarm.repeats

@@ -3,9 +3,9 @@
 A process of Python needs a second of work to load a verb, and the fork server, the
 coordinator, the world and the recorder of a run need as much again, each time that they
 are started. Here a verb is forked from the fork server of the tests, which has loaded
-all of that (`tests.preloaded`), and makes its own fork server by a fork, too. From then
-on it is what the command line is: a process with its arguments, its environment and its
-three files, and with the parts of its swarm below it.
+all of that (`tests.support.preloaded`), and makes its own fork server by a fork, too.
+From then on it is what the command line is: a process with its arguments, its
+environment and its three files, and with the parts of its swarm below it.
 
 What hangs on how the program starts is for tests that start it by its command line.
 """
@@ -27,7 +27,7 @@ from typing import Any, Self, TextIO
 from neurosnap.__main__ import main
 from neurosnap.runtime.parts import child_process as parts
 from neurosnap.runtime.supervisor import _without_main
-from tests import preloaded
+from tests.support import preloaded
 
 
 class Command:

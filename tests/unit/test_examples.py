@@ -12,7 +12,7 @@ from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.sources.open import open_source
-from tests.programs import find, needs
+from tests.support.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 UNIT = EXAMPLES / "neurosnap.service"

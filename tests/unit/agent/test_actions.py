@@ -10,7 +10,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
-from tests.property.strategies import as_set
+from tests.support.strategies import as_set
 
 ACTIONS = ("forward", "back", "wait")
 

@@ -17,7 +17,7 @@ from neurosnap.agent.random_walk import Walker
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
-from tests.property.strategies import as_set
+from tests.support.strategies import as_set
 
 BODY = Body.full(["a", "b"], ["x", "y"])
 KINDS: list[AgentKind] = ["walker", "excited", "planner"]

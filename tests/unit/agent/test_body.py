@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from neurosnap.agent.body import Body, Senses
 from neurosnap.errors import InvalidValueError
-from tests.property import agent_oracles as oracles
+from tests.support import agent_oracles as oracles
 
 
 class TestBody:

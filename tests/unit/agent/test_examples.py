@@ -12,9 +12,9 @@ from neurosnap.agent.planner import Planner, subgoals
 from neurosnap.agent.policy import Policy
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
-from tests.property import agent_oracles as agents
-from tests.property.agent_oracles import Fields, Moves, as_array, known
-from tests.property.strategies import as_set
+from tests.support import agent_oracles as agents
+from tests.support.agent_oracles import Fields, Moves, as_array, known
+from tests.support.strategies import as_set
 
 
 def promised(body: Body, graph: PocGraph, now: set[int]) -> list[set[int]]:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.random_numbers import WIDTH, RandomNumbers, pick
-from tests.drawing import examples
+from tests.support.hypothesis_settings import examples
 
 LARGEST = 2**63 - 1
 SEEDS = pytest.mark.parametrize("seed", [0, 1, 12345, LARGEST])

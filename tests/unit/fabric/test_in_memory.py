@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.fabric.in_memory import Faults, MemoryHub, matches
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 Log = list[tuple[str, int]]  # who sent it, and its number
 

@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.errors import InboxOverflowError
 from neurosnap.fabric.inbox import DeliveryThread, Inbox
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 Kind: TypeAlias = type[Inbox[int]] | type[DeliveryThread[int]]
 

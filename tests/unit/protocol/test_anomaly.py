@@ -11,7 +11,7 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, 
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly import MOST, Anomaly, AnomalyDetector
 from neurosnap.sensorium import Sensorium, complete
-from tests.property.strategies import runs
+from tests.support.strategies import runs
 
 NAMES = Sensorium(["a", "b", "c"])
 CHAIN = PocGraph.from_implications(3, [(0, 2), (2, 4)])

@@ -1,9 +1,5 @@
-"""One cell, message by message.
+"""One cell, message by message."""
 
-The cell under test is that of sensor 1: its literals are 2 and 3.
-"""
-
-from collections.abc import Sequence
 from fractions import Fraction
 
 import pytest
@@ -13,70 +9,17 @@ from hypothesis import strategies as st
 from neurosnap import wire
 from neurosnap.protocol.cell import Cell
 from neurosnap.sensorium import pack
-
-OWN, COMPLEMENT = 2, 3
-
-
-def wired(*targets: int, complement: Sequence[int] = ()) -> Cell:
-    """Return the cell of sensor 1 with out-edges."""
-    cell = Cell(1)
-    wiring = wire.Wiring(1, 1, 0, add=targets, add_complement=tuple(complement))
-    assert cell.receive([wiring]) == []
-    return cell
-
-
-def start(wave: int = 1, *signal: int, credit: int = 0, below: int = 1) -> wire.Message:
-    """Announce a wave to all."""
-    return wire.WaveStart(wave, 0, "signal", credit, below, signal, fence=wave)
-
-
-def ask(wave: int, fence: int, *signal: int, credit: int = 0) -> wire.Message:
-    """Start a wave that only those of its signal are told of."""
-    return wire.WaveStart(wave, 0, "signal", credit, 1, signal, fence=fence, cell=1)
-
-
-def state_wave(wave: int, tick: int, *signal: int) -> wire.Message:
-    return wire.WaveStart(wave, tick, "state", 0, 1, signal, fence=wave)
-
-
-def pulse(
-    source: int,
-    target: int = OWN,
-    hops: int = 1,
-    credit: int = 3,
-    wave: int = 1,
-    fence: int | None = None,
-) -> wire.Message:
-    """Pulse in a wave that was announced to all, unless another fence is given."""
-    return wire.Pulse(
-        wave, source, target, hops, credit, wave if fence is None else fence
-    )
-
-
-def observation(tick: int, *, on: bool) -> wire.Message:
-    return wire.Observation(tick, pack([False, on, False]))
-
-
-def share(credit: int) -> Fraction:
-    return Fraction(1, 2**credit)
-
-
-def sent(messages: Sequence[wire.Message]) -> list[wire.Pulse]:
-    return [m for m in messages if isinstance(m, wire.Pulse)]
-
-
-def reports(messages: Sequence[wire.Message]) -> list[wire.CellReport]:
-    return [m for m in messages if isinstance(m, wire.CellReport)]
-
-
-def given_out(messages: Sequence[wire.Message]) -> Fraction:
-    """All credit in what a cell sent."""
-    pulses = sum((share(p.credit) for p in sent(messages)), Fraction(0))
-    back = sum(
-        (share(e) for report in reports(messages) for e in report.credit), Fraction(0)
-    )
-    return pulses + back
-
+from tests.support.cell_messages import (
+    COMPLEMENT,
+    OWN,
+    given_out,
+    observation,
+    pulse,
+    reports,
+    sent,
+    wired,
+)
+from tests.support.wave_messages import share, start, state_wave
 
 # Firing -------------------------------------------------------------------------------
 
@@ -185,75 +128,6 @@ def test_what_credit_comes_in_goes_out_in_the_same_burst(
         out = cell.receive([pulse(s, t, credit=e) for s, t, e in burst])
         assert given_out(out) == came
         assert sum(r.pulses for r in reports(out)) == len(sent(out))
-
-
-# Holding ------------------------------------------------------------------------------
-
-
-def test_it_holds_pulses_until_the_wave_starts() -> None:
-    cell = wired(4)
-    early = [pulse(0, credit=2), pulse(6, credit=2)]
-    assert cell.receive(early) == []
-    out = cell.receive([start()])
-    assert [p.target for p in sent(out)] == [4]
-    assert given_out(out) == 2 * share(2)
-
-
-def test_the_start_of_an_earlier_wave_opens_nothing() -> None:
-    cell = wired(4)
-    cell.receive([pulse(0, wave=2)])
-    assert cell.receive([start(1)]) == []
-
-
-def test_a_held_pulse_fires_along_the_wiring_that_came_before_the_start() -> None:
-    cell = wired(4)
-    cell.receive([pulse(0)])
-    rewired = wire.Wiring(1, 2, 1, add=(8,), drop=(4,))
-    out = cell.receive([rewired, start()])
-    assert [p.target for p in sent(out)] == [8]
-
-
-# Waves that only a few are told of ----------------------------------------------------
-
-
-def test_a_wave_it_was_not_told_of_makes_it_fire_all_the_same() -> None:
-    cell = wired(4)
-    cell.receive([start(3)])
-    assert cell.receive([pulse(0, wave=5, fence=3, credit=1)]) == [
-        wire.Pulse(5, OWN, 4, 2, 2, 3),
-        wire.CellReport(5, 1, 0, (OWN,), (1,), (2,), 1, epoch=1),
-    ]
-
-
-def test_it_holds_such_a_wave_until_its_fence() -> None:
-    cell = wired(4)
-    cell.receive([start(2)])
-    assert cell.receive([pulse(0, wave=5, fence=3), ask(6, 3, OWN)]) == []
-    out = cell.receive([start(3)])
-    assert [(p.wave, p.target, p.fence) for p in sent(out)] == [(5, 4, 3), (6, 4, 3)]
-    assert given_out(out) == share(3) + share(0)
-
-
-def test_a_fence_that_comes_late_counts_where_a_later_one_has_come() -> None:
-    cell = wired(4)
-    cell.receive([start(9), start(3)])
-    assert sent(cell.receive([pulse(0, wave=10, fence=9)])) != []
-
-
-def test_only_what_is_announced_to_all_is_a_fence() -> None:
-    cell = wired(4)
-    cell.receive([start(1), ask(5, 1, 0)])
-    assert cell.receive([pulse(0, wave=6, fence=5)]) == []
-
-
-def test_a_pulse_may_overtake_the_start_and_no_credit_is_lost() -> None:
-    cell = wired(4)
-    cell.receive([start(1)])
-    (report,) = reports(cell.receive([pulse(0, wave=2, fence=1)]))
-    assert (report.literals, report.hops) == ((OWN,), (1,))
-    assert cell.receive([ask(2, 1, OWN, credit=1)]) == [
-        wire.CellReport(2, 1, 1, (), (), (1,), 0, epoch=1)
-    ]
 
 
 # State waves --------------------------------------------------------------------------
@@ -377,99 +251,6 @@ def test_an_observation_that_contradicts_itself_is_a_fault(
     assert cell.receive([wrong]) == [wire.Fault("cell/1", f"observe: {what}")]
     (report,) = reports(cell.receive([observation(1, on=False), state_wave(1, 1)]))
     assert report.literals == (COMPLEMENT,)
-
-
-# By which wiring it acts --------------------------------------------------------------
-
-
-def test_it_says_by_which_wiring_it_acted_and_what_comes_after_does_not_count() -> None:
-    cell = wired(4)
-    changed = wire.Wiring(1, 2, 1, add=(8,), drop=(4,))
-    out = cell.receive([start(1, OWN), changed, pulse(0), start(2, OWN)])
-    assert out == [
-        wire.Pulse(1, OWN, 4, 1, 1, 1),
-        wire.CellReport(1, 1, 0, (OWN,), (0,), (1,), 1, epoch=1),
-        wire.Pulse(2, OWN, 8, 1, 1, 2),
-        wire.CellReport(1, 1, 1, (), (), (3,), 0, epoch=2),
-        wire.CellReport(2, 1, 0, (OWN,), (0,), (1,), 1, epoch=2),
-    ]
-
-
-def test_a_cell_that_was_never_wired_says_so() -> None:
-    (report,) = reports(Cell(1).receive([start(1, OWN)]))
-    assert report.epoch == 0
-
-
-# Forgetting ---------------------------------------------------------------------------
-
-
-def test_it_forgets_waves_that_have_settled() -> None:
-    cell = wired(4)
-    cell.receive([start(1), start(2), pulse(0), pulse(0, wave=2)])
-    cell.receive([start(3, below=2)])
-    assert cell.receive([pulse(6, wave=1), start(1, OWN)]) == []
-    assert cell.receive([pulse(6, wave=2)]) == [
-        wire.CellReport(2, 1, 1, (), (), (3,), 0, epoch=1)
-    ]
-    assert set(cell._waves) == {2, 3}
-
-
-def test_a_start_that_was_overtaken_opens_nothing() -> None:
-    cell = wired(4)
-    assert cell.receive([start(2, below=2), start(1, OWN)]) == []
-    assert set(cell._waves) == {2}
-
-
-def test_what_is_settled_stays_settled() -> None:
-    cell = wired(4)
-    cell.receive([start(5, below=5)])
-    cell.receive([start(6, below=3)])
-    assert cell.receive([pulse(0, wave=4), start(4, OWN, below=3)]) == []
-
-
-# Wiring -------------------------------------------------------------------------------
-
-
-def test_changes_build_on_the_wiring_before() -> None:
-    cell = wired(4, 6, complement=[8])
-    change = wire.Wiring(
-        1, 2, 1, add=(9,), drop=(4,), add_complement=(5,), drop_complement=(8,)
-    )
-    assert cell.receive([change]) == []
-    out = cell.receive([start(1, OWN, COMPLEMENT)])
-    assert [(p.source, p.target) for p in sent(out)] == [(2, 6), (2, 9), (3, 5)]
-
-
-def test_a_whole_wiring_forgets_the_one_before() -> None:
-    cell = wired(4, 6, complement=[8])
-    cell.receive([wire.Wiring(1, 7, 0, add=(9,))])
-    out = cell.receive([start(1, OWN, COMPLEMENT)])
-    assert [(p.source, p.target) for p in sent(out)] == [(2, 9)]
-
-
-def test_a_gap_in_the_wirings_is_a_fault_and_silences_it() -> None:
-    cell = wired(4)
-    assert cell.receive([wire.Wiring(1, 3, 2, add=(6,))]) == [
-        wire.Fault("cell/1", "wiring: must build on epoch 1, got 2")
-    ]
-    assert cell.receive([start(1, OWN), pulse(0), observation(1, on=True)]) == []
-    assert cell.receive([state_wave(2, 1)]) == []
-
-
-def test_a_whole_wiring_ends_the_silence() -> None:
-    cell = wired(4)
-    cell.receive([wire.Wiring(1, 3, 2, add=(6,)), start(1, OWN)])
-    assert cell.receive([wire.Wiring(1, 4, 0, add=(4, 6))]) == []
-    out = cell.receive([start(2, OWN, below=2)])
-    assert [p.target for p in sent(out)] == [4, 6]
-
-
-def test_changes_alone_do_not_end_the_silence() -> None:
-    cell = wired(4)
-    cell.receive([wire.Wiring(1, 3, 2, add=(6,))])
-    (fault,) = cell.receive([wire.Wiring(1, 4, 3, add=(8,))])
-    assert isinstance(fault, wire.Fault)
-    assert cell.receive([start(1, OWN)]) == []
 
 
 # What is not for it -------------------------------------------------------------------

@@ -17,10 +17,7 @@ from neurosnap.protocol.message_checks import (
 )
 from neurosnap.protocol.wave import DEEPEST
 from tests.support.refusals import refusal
-
-
-def start(wave: int, credit: int = 0, below: int = 1) -> wire.WaveStart:
-    return wire.WaveStart(wave, 0, "signal", credit, below, (0,))
+from tests.support.wave_messages import start
 
 
 @pytest.mark.parametrize("heard", [1, 7, 90_000])
@@ -46,8 +43,14 @@ def test_a_wave_that_is_known_always_has_room() -> None:
 @pytest.mark.parametrize(
     ("wrong", "what"),
     [
-        (start(7, below=8), "wave: must settle only what is before wave 7, got all be"),
-        (start(7, credit=DEEPEST + 1), f"wave: must have credit up to {DEEPEST}, got"),
+        (
+            start(7, 0, below=8),
+            "wave: must settle only what is before wave 7, got all be",
+        ),
+        (
+            start(7, 0, credit=DEEPEST + 1),
+            f"wave: must have credit up to {DEEPEST}, got",
+        ),
     ],
     ids=["settled", "credit"],
 )
@@ -57,7 +60,7 @@ def test_a_wave_that_cannot_begin_so_is_refused(
     said = refusal(check_start, wrong)
     assert said is not None
     assert said.startswith(what)
-    assert refusal(check_start, start(7, credit=DEEPEST, below=7)) is None
+    assert refusal(check_start, start(7, 0, credit=DEEPEST, below=7)) is None
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(1, 40)), max_size=60))

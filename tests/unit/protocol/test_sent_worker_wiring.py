@@ -13,6 +13,8 @@ from neurosnap.protocol.partition import shares
 from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
+from tests.support.edges import edge_matrix
+from tests.support.wave_messages import packed
 
 SENSORS, WORKERS = 7, 3
 LITERALS = 2 * SENSORS
@@ -23,18 +25,11 @@ wirings = st.sets(st.tuples(literals, literals), max_size=20)
 
 
 def edges(pairs: set[tuple[int, int]] | list[tuple[int, int]]) -> Words:
-    made = np.zeros((LITERALS, LITERALS), np.bool_)
-    for a, b in pairs:
-        made[a, b] = True
-    return to_words(made)
+    return to_words(edge_matrix(LITERALS, pairs))
 
 
 def joined(pairs: set[tuple[int, int]]) -> NDArray[np.int64]:
     return np.array(sorted(a << 32 | b for a, b in pairs), np.int64)
-
-
-def packed(*numbers: int) -> bytes:
-    return np.array(numbers, "<i4").tobytes()
 
 
 def tally(

@@ -13,6 +13,7 @@ from neurosnap.errors import MessageError, WaveLostError
 from neurosnap.poc.order.literals import to_words
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave_control import WaveControl
+from tests.support.edges import edge_matrix
 
 SENSORS = 4
 Edges = NDArray[np.bool_]
@@ -20,10 +21,7 @@ WaveKind: TypeAlias = Literal["state", "signal"]
 
 
 def edges(*pairs: tuple[int, int]) -> Edges:
-    made = np.zeros((2 * SENSORS, 2 * SENSORS), np.bool_)
-    for a, b in pairs:
-        made[a, b] = True
-    return made
+    return edge_matrix(2 * SENSORS, pairs)
 
 
 CHAIN = edges((0, 2), (2, 4), (5, 3), (3, 1))

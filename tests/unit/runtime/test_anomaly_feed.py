@@ -12,7 +12,7 @@ from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import _look_on
 from neurosnap.runtime.parts.run_description import RunDescription
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)
 GOOD = wire.Anomaly(5, 4, (0,), (0, 1), True, 1, (0,), (0,), (2,), (9.0,), (1.0,), (3,))

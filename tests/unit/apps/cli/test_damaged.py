@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
 from neurosnap.recording.read.reader import Recording
-from tests.unit.apps.viewer.films import in_chunks, path_run, recorded
+from tests.support.recorded_runs import in_chunks, path_run, recorded
 
 pytestmark = pytest.mark.slow
 

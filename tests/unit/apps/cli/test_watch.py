@@ -6,7 +6,7 @@ import msgspec
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
-from tests.unit.apps.viewer.films import csv_run, recorded
+from tests.support.recorded_runs import csv_run, recorded
 
 GOLDEN = Path(__file__).parents[3] / "golden" / "run-2-resumed.mcap"
 

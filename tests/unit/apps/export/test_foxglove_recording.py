@@ -1,27 +1,23 @@
 """What viewers get: read back by the library, taken apart by the viewers' rules."""
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 from mcap.reader import make_reader
 
 from neurosnap import wire
 from neurosnap.apps.export import foxglove_recording, foxglove_schemas
-from neurosnap.apps.export.foxglove_layout import layout
 from neurosnap.apps.export.foxglove_recording import write_drawable
 from neurosnap.apps.export.foxglove_scene import order_scene
 from neurosnap.apps.export.foxglove_writer import COPIED
-from neurosnap.apps.export.hasse_layout_3d import arranged, reach
 from neurosnap.apps.export.log_lines import line_of
 from neurosnap.errors import RecordingError
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.format.records import PROFILE
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
@@ -30,47 +26,9 @@ from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import Sensorium, unpack
-from tests.property.strategies import graphs
-from tests.unit.apps.export.runs import TICKS, recorded
-from tests.unit.apps.export.viewers import CAMERA, KEYS, PATH, refusals, steps
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(tmp_path_factory.mktemp("run") / "log.mcap")
-
-
-@pytest.fixture(scope="module")
-def drawn(log: Path) -> Path:
-    path = log.with_name("drawn.mcap")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(foxglove_recording, "_EVERY", 0)
-        assert write_drawable(path, Recording.open(log)) == TICKS
-    return path
-
-
-def said(path: Path, topic: str) -> list[tuple[int, dict[str, Any]]]:
-    """Return the messages of a topic and when they were recorded."""
-    with path.open("rb") as file:
-        found = make_reader(file, validate_crcs=True).iter_messages(topics=[topic])
-        return [(message.log_time, json.loads(message.data)) for _, _, message in found]
-
-
-def schemas_in(path: Path) -> dict[str, Any]:
-    """Return the schema of each topic."""
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    return {
-        channel.topic: json.loads(summary.schemas[channel.schema_id].data)
-        for channel in summary.channels.values()
-    }
-
-
-def attached(path: Path) -> Iterator[tuple[str, bytes]]:
-    with path.open("rb") as file:
-        for each in make_reader(file).iter_attachments():
-            yield each.name, each.data
+from tests.support.export_runs import TICKS, recorded
+from tests.support.foxglove_rules import refusals
+from tests.support.mcap_contents import said, schemas_in
 
 
 def test_viewers_take_every_schema_of_a_recording_and_of_what_is_drawn(
@@ -373,139 +331,3 @@ def test_a_run_in_several_files_is_drawn_as_one(
 def test_what_is_drawn_is_no_recording(drawn: Path) -> None:
     with pytest.raises(RecordingError, match=f"profile: must be '{PROFILE}', got ''"):
         Recording.open(drawn)
-
-
-def test_the_layout_shows_what_is_there(log: Path, drawn: Path) -> None:
-    files = dict(attached(drawn))
-    assert list(files) == ["layout.json"]
-    assert files["layout.json"] == foxglove_recording.layout_of(Recording.open(log))
-    sensors = options_of(Recording.open(log)).sensors
-    whole = json.loads(files["layout.json"])
-    panels, schemas = whole["configById"], schemas_in(drawn)
-    named = [
-        path["value"] for panel in panels.values() for path in panel.get("paths", [])
-    ]
-    for path in named:
-        topic, (field,) = steps(path)
-        assert field in schemas[topic]["properties"]
-    assert len(named) == 2 * len(sensors) + 4
-    assert panels["RosOut!log"]["topicToRender"] in schemas
-    assert panels["RawMessages!decisions"]["topicPath"] in schemas
-    assert panels["3D!order"]["topics"].keys() <= schemas.keys()
-
-
-def test_every_panel_of_the_layout_has_its_place() -> None:
-    whole = json.loads(layout(["door"], 0))
-
-    def places(node: Any) -> list[str]:
-        if isinstance(node, str):
-            return [node]
-        assert node.keys() == {"direction", "first", "second", "splitPercentage"}
-        assert node["direction"] in ("row", "column")
-        assert 0 < node["splitPercentage"] < 100
-        return places(node["first"]) + places(node["second"])
-
-    assert sorted(places(whole["layout"])) == sorted(whole["configById"])
-    kinds = {name.partition("!")[0] for name in whole["configById"]}
-    assert kinds == {"3D", "StateTransitions", "Plot", "RosOut", "RawMessages"}
-    assert whole.keys() == {
-        "configById",
-        "globalVariables",
-        "userNodes",
-        "playbackConfig",
-        "layout",
-    }
-
-
-def test_panels_are_told_what_they_know() -> None:
-    panels = json.loads(layout(["door"], 0))["configById"]
-    for name, panel in panels.items():
-        assert panel.keys() <= KEYS[name.partition("!")[0]]
-        for path in panel.get("paths", []):
-            assert path.keys() <= PATH
-            assert path["timestampMethod"] in ("receiveTime", "headerStamp")
-    assert panels["3D!order"]["cameraState"].keys() == CAMERA
-
-
-def test_the_camera_sees_the_whole_scene(drawn: Path, log: Path) -> None:
-    whole = json.loads(dict(attached(drawn))["layout.json"])
-    panel = whole["configById"]["3D!order"]
-    camera = panel["cameraState"]
-    seen = camera["distance"] * np.sin(np.radians(camera["fovy"] / 2))
-    for _, scene in said(drawn, "/graph"):
-        (entity,) = scene["entities"]
-        assert panel["followTf"] == entity["frame_id"]
-        assert panel["transforms"].keys() == {f"frame:{entity['frame_id']}"}
-        places = [text["pose"]["position"] for text in entity["texts"]]
-        far = max(np.linalg.norm([place[k] for k in "xyz"]) for place in places)
-        assert far < seen < 10 * far
-        assert camera["near"] < camera["distance"] - far
-        assert camera["distance"] + far < camera["far"]
-
-
-@pytest.mark.parametrize("sensors", [1, 20, 10_000])
-def test_the_camera_sees_the_longest_chain(sensors: int) -> None:
-    names, far = [f"s{k}" for k in range(sensors)], reach(sensors, sensors - 1)
-    camera = json.loads(layout(names, sensors - 1))["configById"]["3D!order"][
-        "cameraState"
-    ]
-    assert camera["distance"] * np.sin(np.radians(camera["fovy"] / 2)) > far
-    assert camera["distance"] + far < camera["far"]
-
-
-def test_a_thousand_sensors_do_not_get_a_thousand_bars() -> None:
-    whole = json.loads(layout([f"s{k}" for k in range(1000)], 0))
-    assert len(whole["configById"]["StateTransitions!readings"]["paths"]) == 32
-
-
-@given(graph=graphs())
-def test_edges_lead_up_and_complements_stand_opposite(graph: PocGraph) -> None:
-    places = arranged(graph)
-    literals = np.arange(len(graph))
-    np.testing.assert_allclose(places[literals ^ 1], -places, atol=1e-12)
-    standing = graph.representative
-    for a, b in np.argwhere(graph.hasse()).tolist():
-        if standing[a] == standing[b]:
-            assert places[a, 2] == places[b, 2]
-        else:
-            assert places[b, 2] >= places[a, 2] + 1
-    farthest = np.linalg.norm(places, axis=1).max(initial=0)
-    assert farthest <= reach(graph.sensors, graph.height()) + 1e-9
-
-
-@pytest.mark.parametrize("sensors", [1, 2, 3, 10, 100])
-def test_no_literal_stands_in_anothers_way(sensors: int) -> None:
-    places = arranged(PocGraph.from_implications(sensors, []))[:, :2]
-    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
-    assert (apart + np.eye(2 * sensors) * 9 > 0.7).all()
-
-
-def test_edges_are_coloured_by_what_they_do() -> None:
-    # a excludes b; c and d are equal, and so are their complements.
-    graph = PocGraph.from_implications(4, [(0, 3), (4, 6), (6, 4)])
-    scene = order_scene(graph, Sensorium(["a", "b", "c", "d"]), 0)
-    excites, inhibits, same = scene["entities"][0]["lines"]
-    assert [len(excites["points"]), len(inhibits["points"]), len(same["points"])] == [
-        0,
-        4,
-        4,
-    ]
-    assert excites["color"] != inhibits["color"]
-    # In pixels: as thick however far away.
-    assert all(line["scale_invariant"] for line in (excites, inhibits, same))
-
-
-def test_many_edges_are_fainter_than_few_and_never_gone() -> None:
-    alphas = []
-    for sensors in (3, 40, 150):
-        chosen = np.random.default_rng(sensors).random((sensors, sensors)) < 0.5
-        below, above = np.nonzero(np.triu(chosen, sensors // 2))
-        pairs = list(zip((2 * below).tolist(), (2 * above).tolist(), strict=True))
-        graph = PocGraph.from_implications(sensors, pairs)
-        names = Sensorium([f"s{k}" for k in range(sensors)])
-        (entity,) = order_scene(graph, names, 0)["entities"]
-        assert len({line["color"]["a"] for line in entity["lines"]}) == 1
-        alphas.append(entity["lines"][0]["color"]["a"])
-    few, some, many = alphas
-    assert few == 0.8
-    assert few > some > many > 0.03

@@ -28,14 +28,9 @@ from neurosnap.recording.read.stretches import last_tick
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource
-from tests.unit.apps.export.runs import NAMES, TICKS, recorded, rows
+from tests.support.export_runs import NAMES, TICKS, recorded, rows
 
 FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml", "foxglove", "layout")
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(tmp_path_factory.mktemp("run") / "log.mcap")
 
 
 @pytest.fixture(scope="module")

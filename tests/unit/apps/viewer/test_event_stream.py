@@ -11,7 +11,7 @@ from neurosnap.apps.viewer.event_stream import _Listener
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
-from tests.unit.apps.viewer.films import TICKS, planner_run, recorded
+from tests.support.recorded_runs import TICKS, planner_run, recorded
 
 pytestmark = pytest.mark.slow
 

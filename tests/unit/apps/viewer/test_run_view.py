@@ -18,7 +18,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.sensorium import complete, unpack
-from tests.unit.apps.viewer.films import (
+from tests.support.recorded_runs import (
     TICKS,
     csv_run,
     drawn_run,

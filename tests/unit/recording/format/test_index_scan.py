@@ -13,7 +13,7 @@ from neurosnap.recording.format.full_scan import scan
 from neurosnap.recording.format.index_scan import glance, go_on
 from neurosnap.recording.format.records import MAGIC, Cut, opened
 from neurosnap.recording.write.writer import Writer
-from tests.unit.recording.samples import traffic
+from tests.support.recordings import traffic
 from tools.fuzz import altered_bytes
 
 

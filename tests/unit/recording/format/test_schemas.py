@@ -5,8 +5,8 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.recording.format import schemas
-from tests.unit.apps.export.viewers import refusals
-from tests.unit.recording.samples import EACH
+from tests.support.foxglove_rules import refusals
+from tests.support.recordings import EACH
 
 _TYPES: dict[str, Any] = {
     "string": str,

@@ -10,7 +10,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.split_files import part_path
 from neurosnap.recording.write.writer import Writer
-from tests.unit.apps.viewer.films import TICKS, path_run, recorded
+from tests.support.recorded_runs import TICKS, path_run, recorded
 
 SPLIT = (14, 28)
 """Ticks whose key-frames begin a file."""

@@ -16,7 +16,7 @@ from neurosnap.recording.read.info import Info, describe, render
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe as facts_of
-from tests.unit.recording.samples import EACH, NOW, delivered, record, traffic
+from tests.support.recordings import EACH, NOW, delivered, record, traffic
 from tools.fuzz import altered_bytes
 
 SECOND = 10**9

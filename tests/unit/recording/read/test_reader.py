@@ -15,7 +15,7 @@ from neurosnap.recording.format.index_scan import glance
 from neurosnap.recording.format.records import PLACES, PROFILE, RUN, Chunk
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.write.writer import Writer
-from tests.unit.recording.samples import EACH, NOW, delivered, record, traffic
+from tests.support.recordings import EACH, NOW, delivered, record, traffic
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
-from tests.unit.apps.viewer.films import csv_run, in_chunks, path_run, recorded
+from tests.support.recorded_runs import csv_run, in_chunks, path_run, recorded
 
 EVERY = 7  # ticks from key-frame to key-frame
 TICKS = 40

@@ -9,7 +9,7 @@ from neurosnap.recording.read import ticks as module
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.ticks import InOrder, Tick, ticks
 from neurosnap.recording.write.writer import Writer
-from tests.unit.recording.samples import delivered, record
+from tests.support.recordings import delivered, record
 
 
 def messages(tick: int) -> list[wire.Message]:

@@ -20,7 +20,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe
-from tests.unit.runtime.scripted import Live, Scripted
+from tests.support.scripted_sources import Live, Scripted
 
 TICKS = 20
 ACTIONS = ("go", "stay")

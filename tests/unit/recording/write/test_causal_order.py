@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.recording.write.causal_order import CausalOrder, Heard
-from tests.drawing import examples
+from tests.support.hypothesis_settings import examples
 
 PATIENCE = 10
 

@@ -12,7 +12,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write import recorder
 from neurosnap.recording.write.recorder import _Listener
 from neurosnap.recording.write.rotation import SplitWriter
-from tests.unit.recording.samples import EACH
+from tests.support.recordings import EACH
 
 OAK, ELM = Place("oak", 4711), Place("elm", 2)
 

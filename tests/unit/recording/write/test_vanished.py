@@ -9,7 +9,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.rotation import SplitWriter
-from tests.unit.recording.samples import NOW
+from tests.support.recordings import NOW
 
 RULE = "log: must stay where it is while it is written"
 

@@ -12,7 +12,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer
-from tests.unit.recording.samples import EACH, NOW, delivered, record, sent_by, traffic
+from tests.support.recordings import EACH, NOW, delivered, record, sent_by, traffic
 
 PULSE = next(delivered([EACH["excite"]]))
 

@@ -17,7 +17,7 @@ from neurosnap.runtime.hosts.service import _Ending
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.run_description import RunDescription, read_description
 from neurosnap.runtime.parts.worker_process import WorkerJob
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 PAST = ResumePoint("/far/away.mcap", 7, (1, 0), b"\x01", {"cell/0": 12}, (7,))
 

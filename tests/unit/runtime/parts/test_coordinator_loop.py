@@ -9,7 +9,7 @@ from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.runtime.parts import coordinator_loop
 from neurosnap.runtime.parts.coordinator_loop import _CoordinatorLoop, run_coordinator
 from neurosnap.runtime.parts.world_deadline import WorldDeadline
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 
 class Core:

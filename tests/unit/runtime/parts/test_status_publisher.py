@@ -12,7 +12,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER, publish_status
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
 from neurosnap.sources.open_live import MQTT
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 pytest.importorskip("aiomqtt")
 

@@ -20,8 +20,8 @@ from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.run import describe
 from neurosnap.sensorium import pack
-from tests.patience import PATIENCE
-from tests.unit.runtime.scripted import Live, Scripted
+from tests.support.patience import PATIENCE
+from tests.support.scripted_sources import Live, Scripted
 
 PLAIN = Body(own=("s0", "s1"))
 ACTING = Body.full(["s0", "s1"], ["go", "stay"])

@@ -14,7 +14,7 @@ from neurosnap.errors import FabricError, ShapeError
 from neurosnap.sources.live.latest_readings import Bits, LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
-from tests.unit.sources.live.fakes import FakeTime, Told
+from tests.support.fake_time import FakeTime, Told
 
 NAMES = ["door", "motion"]
 EPOCH = 1_690_000_000.0

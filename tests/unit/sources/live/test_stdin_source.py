@@ -15,7 +15,7 @@ from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
-from tests.unit.sources.live.fakes import Told
+from tests.support.fake_time import Told
 
 NAMES = ["door", "motion"]
 

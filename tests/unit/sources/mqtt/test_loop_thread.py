@@ -5,7 +5,7 @@ import queue
 import threading
 
 from neurosnap.sources.mqtt.loop_thread import LoopThread
-from tests.patience import PATIENCE
+from tests.support.patience import PATIENCE
 
 
 def test_it_serves_until_it_is_told_to_stop() -> None:

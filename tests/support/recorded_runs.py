@@ -18,7 +18,7 @@ from neurosnap.recording.replay.verify import Replay
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
-from tests.unit.runtime.scripted import Scripted
+from tests.support.scripted_sources import Scripted
 
 TICKS = 40
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.poc.order.graph import PocGraph
-from tests.property.oracles import Edges, holds, reach, stars
+from tests.support.oracles import Edges, holds, reach, stars
 
 Moves = Sequence[Sequence[int]]
 Fields = Sequence[Sequence[bool]]
@@ -164,11 +164,6 @@ def driven(body: Body, edges: Edges, state: set[int]) -> tuple[str, set[int]]:
         if found:
             return why, found
     return "nothing", able
-
-
-def edges_of(graph: PocGraph) -> Edges:
-    """The edges of a graph as a set."""
-    return {(int(a), int(b)) for a, b in np.argwhere(graph.edges)}
 
 
 def as_array(literals: set[int], sensors: int) -> NDArray[np.bool_]:

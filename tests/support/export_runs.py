@@ -10,7 +10,7 @@ from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe
-from tests.unit.runtime.scripted import Scripted
+from tests.support.scripted_sources import Scripted
 
 TICKS = 40
 ACTIONS = ("go", "stay")

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.pocset import PocSet
-from tests.property.oracles import Weights, proper_pairs
-from tests.property.strategies import graphs
-from tests.property.theory_oracles import Model, Vertex, included
+from tests.support.edges import edges_of
+from tests.support.oracles import Weights, proper_pairs
+from tests.support.strategies import graphs
+from tests.support.theory_oracles import Model, Vertex, included
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,17 @@ class Drawn:
         return repr(self.p)
 
 
+def order_of(p: PocSet) -> Model:
+    """The model of a poc set that the code under test has made."""
+    return Model(p.minimum, sorted(edges_of(p.order)))
+
+
 @st.composite
 def relations(draw: st.DrawFn, most: int = 7) -> Drawn:
     """Draw a poc set from random relations."""
     graph = draw(graphs(most))
-    edges = [(int(a), int(b)) for a, b in np.argwhere(graph.edges)]
-    p = PocSet(graph.sensors, [(a, b) for a, b in edges])
+    edges = sorted(edges_of(graph.edges))
+    p = PocSet(graph.sensors, edges)
     return Drawn(p, Model(2 * graph.sensors, edges))
 
 

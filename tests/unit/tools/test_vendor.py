@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-_ROOT = Path(__file__).parents[4]
+_ROOT = Path(__file__).parents[3]
 _SCRIPT = (_ROOT / "tools" / "vendor").read_text(encoding="utf-8")
 _TAKEN = re.findall(
     r"^take (\S+) (\S+) (\S+) \\\n +(\S+) \\\n +(.+)$", _SCRIPT, re.MULTILINE

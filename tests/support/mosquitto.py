@@ -9,9 +9,9 @@ import aiomqtt
 import pytest
 
 from neurosnap.sources.mqtt.options import MqttBroker
-from tests.patience import PATIENCE
-from tests.ports import free_port
-from tests.programs import find, needs
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
+from tests.support.programs import find, needs
 
 HOST = "127.0.0.1"
 PROGRAM = find("mosquitto")

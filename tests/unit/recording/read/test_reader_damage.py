@@ -20,7 +20,7 @@ from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.write import writer
-from tests.unit.recording.samples import EACH, delivered, record, traffic
+from tests.support.recordings import EACH, delivered, record, traffic
 
 MAGIC = b"\x89MCAP0\r\n"
 DELIVERIES = [*traffic(150), *delivered([EACH["keyframe"]])]

@@ -13,7 +13,7 @@ from neurosnap.sources.live.journal import Journal, read_journal
 from neurosnap.sources.live.latest_readings import Bits, LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
-from tests.unit.sources.live.fakes import FakeTime
+from tests.support.fake_time import FakeTime
 
 NAMES = ["door", "motion"]
 

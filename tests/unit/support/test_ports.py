@@ -4,9 +4,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.ports import free_port
+from tests.support.ports import free_port
 
-ASK = "from tests.ports import free_port; print([free_port() for _ in range(50)])"
+ASK = (
+    "from tests.support.ports import free_port; print([free_port() for _ in range(50)])"
+)
 
 
 def test_two_processes_are_given_different_ports() -> None:
@@ -14,7 +16,7 @@ def test_two_processes_are_given_different_ports() -> None:
     assert len(ours) == 50
     done = subprocess.run(
         [sys.executable, "-c", ASK],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         capture_output=True,
         text=True,
         check=True,

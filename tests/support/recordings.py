@@ -1,4 +1,4 @@
-"""Messages and recordings for the tests of this folder."""
+"""Messages of each kind, a little traffic, and recordings of it."""
 
 import random
 from collections import Counter

@@ -2,10 +2,10 @@
 
 import pytest
 
-from tests.no_skips import VARIABLE
+from tests.support.no_skips import VARIABLE
 
 LACKING = """
-from tests.programs import needs
+from tests.support.programs import needs
 
 @needs("no-such-program", "no-such-package")
 def test_that_needs_it():
@@ -36,7 +36,7 @@ def outcome(
     """Run a module of tests as this one is run; return how many came to what."""
     pytester.makepyfile(text)
     pytester.makeini("[pytest]\nasyncio_default_fixture_loop_scope = function")
-    result = pytester.runpytest_inprocess("-p", "tests.no_skips", "-rs")
+    result = pytester.runpytest_inprocess("-p", "tests.support.no_skips", "-rs")
     if said is not None:
         result.stdout.fnmatch_lines([f"*{said}*"])
     found: dict[str, int] = result.parseoutcomes()

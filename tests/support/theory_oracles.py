@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import TypeAlias
 
-from tests.property import oracles
-from tests.property.oracles import Edges
+from tests.support import oracles
+from tests.support.oracles import Edges
 
 Vertex: TypeAlias = frozenset[int]
 Vertices: TypeAlias = frozenset[Vertex]

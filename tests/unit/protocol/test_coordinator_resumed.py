@@ -10,16 +10,13 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.in_memory import matches
-from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 from neurosnap.protocol.sent_wiring import CellWires, Wires
 from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.wave_control import WaveControl
-from neurosnap.protocol.worker import Worker
-from neurosnap.sensorium import pack
+from tests.support.answering_swarm import AnsweringSwarm
+from tests.support.swarm_parts import observation
 
 SENSORS = ("a", "b", "c", "d")
 TICKS = 40
@@ -43,64 +40,35 @@ def options(workers: int, snapshot: SnapshotKind, **more: object) -> RunOptions:
     return RunOptions(**(given | more))  # type: ignore[arg-type]
 
 
-def rows() -> list[tuple[list[bool], list[bool]]]:
-    """Readings, and which of them are known; with exceptions to what is learned."""
+def rows() -> list[list[bool | None]]:
+    """Readings, some of them unknown, with exceptions to what is learned."""
     chance = random.Random(5)
     found = []
     for tick in range(TICKS):
         a, b, d = (chance.random() < 0.5 for _ in range(3))
         row = [a, b, (a or b) != (tick % 13 == 12), d]
         known = [chance.random() < 0.9 for _ in range(3)] + [True]
-        found.append(([x and k for x, k in zip(row, known, strict=True)], known))
+        found.append([x if k else None for x, k in zip(row, known, strict=True)])
     return found
 
 
-class Swarm:
-    """A core, and cells or workers that do what it says; nothing gets lost."""
+ROWS = rows()
 
-    def __init__(self, core: Coordinator, given: RunOptions) -> None:
-        self.core = core
-        self.said: list[wire.Message] = []
-        workers = given.sharing
-        hosted = shares(len(SENSORS), workers) if workers else []
-        self._hosts: Sequence[Cell | Worker] = (
-            [Worker(number, hosted) for number in range(workers)]
-            if workers
-            else [Cell(number) for number in range(len(SENSORS))]
-        )
 
-    def run(self, first: list[wire.Message]) -> None:
-        """Answer what the core says until it asks for nothing more."""
-        waiting = list(first)
-        while waiting:
-            message = waiting.pop(0)
-            if message.sender == "coordinator":
-                self.said.append(message)
-            if isinstance(message, wire.Decision):
-                if message.tick < TICKS:
-                    row, known = rows()[message.tick]
-                    mask = b"" if all(known) else pack(np.array(known))
-                    observation = wire.Observation(
-                        message.tick + 1, pack(np.array(row)), known=mask
-                    )
-                    waiting += self._told(observation)
-                    waiting += self.core.receive(observation)
-            elif isinstance(message, wire.CellReport | wire.WorkerReport):
-                waiting += self.core.receive(message)
-            else:
-                waiting += self._told(message)
+def swarm_of(given: RunOptions, frame: wire.KeyFrame | None = None) -> AnsweringSwarm:
+    return AnsweringSwarm(Coordinator.of(given, frame), len(SENSORS), given.sharing)
 
-    def _told(self, message: wire.Message) -> list[wire.Message]:
-        answers: list[wire.Message] = []
-        for number, host in enumerate(self._hosts):
-            keys = (
-                wire.cell_keys(number)
-                if isinstance(host, Cell)
-                else wire.worker_keys(number)
-            )
-            if any(matches(key, message.key) for key in keys):
-                answers += host.receive([message])
-        return answers
+
+def run(swarm: AnsweringSwarm, first: list[wire.Message]) -> list[wire.Message]:
+    """Show the rows until it asks for nothing more; return what its core says."""
+    new = said = swarm.say(first)
+    while decisions := [m for m in new if isinstance(m, wire.Decision)]:
+        (decision,) = decisions
+        if decision.tick == TICKS:
+            break
+        new = swarm.say([observation(decision.tick + 1, ROWS[decision.tick])])
+        said = said + new
+    return said
 
 
 def payloads(messages: Sequence[wire.Message]) -> list[bytes]:
@@ -113,36 +81,36 @@ def test_a_core_made_of_a_key_frame_goes_on_byte_for_byte(
     workers: int, snapshot: SnapshotKind
 ) -> None:
     given = options(workers, snapshot)
-    swarm = Swarm(Coordinator.of(given), given)
-    swarm.run(swarm.core.begin())
+    swarm = swarm_of(given)
+    said = run(swarm, swarm.core.begin())
     assert swarm.core.tick == TICKS
-    assert any(isinstance(message, wire.Anomaly) for message in swarm.said)
+    assert any(isinstance(message, wire.Anomaly) for message in said)
     places = [
         place
-        for place, message in enumerate(swarm.said)
+        for place, message in enumerate(said)
         if isinstance(message, wire.KeyFrame)
     ]
     assert len(places) == TICKS // EVERY
     for place in places:
-        frame = swarm.said[place]
+        frame = said[place]
         assert isinstance(frame, wire.KeyFrame)
-        again = Swarm(Coordinator.of(given, frame), given)
+        again = swarm_of(given, frame)
         again.core.go_on(TICKS)
         # It says it again: that is where whoever goes on starts from.
-        again.run(again.core.begin() if frame.tick < TICKS else [frame])
-        assert payloads(again.said) == payloads(swarm.said[place:])
+        rest = run(again, again.core.begin() if frame.tick < TICKS else [frame])
+        assert payloads(rest) == payloads(said[place:])
         assert again.core.totals == swarm.core.totals
 
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_after_a_key_frame_everybody_is_wired_whole(workers: int) -> None:
     given = options(workers, "empirical")
-    swarm = Swarm(Coordinator.of(given), given)
-    swarm.run(swarm.core.begin())
-    for place, message in enumerate(swarm.said):
+    swarm = swarm_of(given)
+    said = run(swarm, swarm.core.begin())
+    for place, message in enumerate(said):
         if not isinstance(message, wire.KeyFrame) or message.tick == TICKS:
             continue
-        rest = swarm.said[place + 1 :]
+        rest = said[place + 1 :]
         start = next(n for n, m in enumerate(rest) if isinstance(m, wire.WaveStart))
         wirings = [
             m for m in rest[:start] if isinstance(m, wire.Wiring | wire.WorkerWiring)

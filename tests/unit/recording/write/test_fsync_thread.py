@@ -20,7 +20,7 @@ from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
-from tests.unit.recording.samples import EACH, NOW
+from tests.support.recordings import EACH, NOW
 
 
 async def until(holds: Callable[[], bool]) -> None:

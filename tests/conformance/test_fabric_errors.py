@@ -1,0 +1,171 @@
+"""What fails in a fabric comes out of it, and what a hub refuses."""
+
+import asyncio
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+import psutil
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.hub import open_hub
+from tests.support.fabrics import (
+    Heard,
+    Hub,
+    Network,
+    Seen,
+    ZenohNetwork,
+    listening,
+)
+from tests.support.patience import PATIENCE
+
+# Errors -------------------------------------------------------------------------------
+
+
+class TroubleError(Exception):
+    """What a handler raises."""
+
+
+@pytest.mark.parametrize("poll", [None, 0.01])
+async def test_what_a_handler_raises_comes_out_of_serve(
+    network: Network, poll: float | None
+) -> None:
+    seen = Seen()
+
+    def handler(burst: list[wire.Delivery]) -> None:
+        raise TroubleError(burst[0].key)
+
+    async with network.end("sender") as sender:
+        await sender.watch(seen)
+        with pytest.raises(TroubleError, match=r"^leave/sender$"):
+            async with network.end("listener") as end:
+                await end.subscribe(("leave/**",), handler, poll=poll)
+                await end.announce()
+                await seen.wait(("listener", True))
+                sender.publish(wire.Leave("sender"))
+                async with asyncio.timeout(PATIENCE):
+                    await end.serve(asyncio.Event())
+        await seen.wait(("listener", False))
+
+
+@pytest.mark.zenoh
+async def test_a_handler_that_raised_is_not_called_again_and_the_session_closes(
+    hub: Hub,
+) -> None:
+    network = ZenohNetwork(hub, swift=False)
+    seen, called = Seen(), Counter[str]()
+
+    def handler(burst: list[wire.Delivery]) -> None:
+        called["handler"] += 1
+        raise TroubleError(f"call {called['handler']}")
+
+    async with network.end("sender") as sender, network.end("witness") as witness:
+        heard = Heard()
+        await sender.watch(seen)
+        await witness.subscribe(("leave/**",), heard)
+        await witness.announce()
+        with pytest.raises(TroubleError, match=r"^call 1$"):
+            async with network.end("listener") as end:
+                await end.subscribe(("leave/**",), handler, poll=0.001)
+                await end.announce()
+                await seen.wait(("listener", True), ("witness", True))
+                sender.publish(wire.Leave("sender"))
+                with pytest.raises(TroubleError, match=r"^call 1$"):
+                    await end.serve(asyncio.Event())
+                for _ in range(10):
+                    sender.publish(wire.Leave("sender"))
+                await heard.wait(11)
+                await end.serve(asyncio.Event())
+        await seen.wait(("listener", False))
+        assert called["handler"] == 1
+
+
+async def test_serve_ends_when_it_is_asked_to(network: Network) -> None:
+    stop = asyncio.Event()
+    async with network.end("part") as end, asyncio.timeout(PATIENCE):
+        serving = asyncio.create_task(end.serve(stop))
+        await asyncio.sleep(0)
+        assert not serving.done()
+        stop.set()
+        await serving
+
+
+async def test_what_fails_a_part_comes_out_of_serve_once_first(
+    network: Network,
+) -> None:
+    async with network.end("part") as end, asyncio.timeout(PATIENCE):
+        end.fail(TroubleError("first"))
+        end.fail(TroubleError("second"))
+        with pytest.raises(TroubleError, match=r"^first$"):
+            await end.serve(asyncio.Event())
+
+
+async def test_only_one_key_can_be_polled(network: Network) -> None:
+    async with network.end("part") as end:
+        with pytest.raises(InvalidValueError, match=r"^keys: must be one where it is"):
+            await end.subscribe(("state", "decide"), Heard(), poll=0.01)
+
+
+# The hub ------------------------------------------------------------------------------
+
+
+@pytest.mark.zenoh
+async def test_nothing_listens_on_tcp_or_udp(hub: Hub) -> None:
+    async with ZenohNetwork(hub, swift=False).end("part") as end:
+        await end.announce()
+        for process in (psutil.Process(hub.pid), psutil.Process()):
+            assert process.net_connections("inet") == []
+        sockets = {c.laddr for c in psutil.Process(hub.pid).net_connections("unix")}
+        assert hub.endpoint.removeprefix("unixsock-stream/") in sockets
+
+
+@pytest.mark.zenoh
+async def test_a_hub_that_cannot_be_reached_is_an_error_in_time(endpoint: str) -> None:
+    fabric = ZenohFabric("cell/3", "one", endpoint, patience=0.3)
+    began = time.monotonic()
+    expected = rf"^cell/3: must reach the hub at {endpoint}, got "
+    with pytest.raises(FabricError, match=expected):
+        async with fabric:
+            pass
+    assert time.monotonic() - began < PATIENCE / 2  # and not for ever
+
+
+@pytest.mark.zenoh
+async def test_a_hub_that_comes_late_is_waited_for(endpoint: str) -> None:
+    fabric = ZenohFabric("cell/3", "one", endpoint, patience=PATIENCE)
+    entering = asyncio.create_task(fabric.__aenter__())
+    await asyncio.sleep(0)
+    session = await asyncio.to_thread(open_hub, [endpoint], 3)
+    try:
+        await entering
+        await fabric.__aexit__(None, None, None)
+    finally:
+        await asyncio.to_thread(session.close)
+
+
+@pytest.mark.zenoh
+def test_an_endpoint_in_use_is_an_error(hub: Hub) -> None:
+    with pytest.raises(
+        FabricError, match=rf"^hub: must be able to listen on {hub.endpoint}, got "
+    ):
+        open_hub([hub.endpoint], sessions=3)
+
+
+@pytest.mark.zenoh
+def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FabricError, match=r"^hub: must be able to listen on unixsock"):
+        open_hub(["unixsock-stream//nowhere/at/all/hub"], sessions=3)
+
+
+@pytest.mark.zenoh
+async def test_a_session_leaves_no_thread_of_ours(hub: Hub) -> None:
+    before = set(threading.enumerate())
+    async with listening(ZenohNetwork(hub, swift=True), "leave/**"):
+        during = {thread.name for thread in set(threading.enumerate()) - before}
+    assert "courier/listener" in during
+    after = {thread.name for thread in set(threading.enumerate()) - before}
+    assert not {name for name in after if name.startswith("courier")}

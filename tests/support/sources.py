@@ -1,0 +1,50 @@
+"""Files of readings, and what sources show."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from neurosnap.sources.protocol import Source
+
+README = """\
+door,motion
+0,1
+1,1
+1,0
+"""
+
+
+def written(folder: Path, text: str | bytes, name: str = "readings.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def opened() -> list[Path]:
+    return [Path(file.path) for file in psutil.Process().open_files()]
+
+
+def first(source: Source) -> NDArray[np.bool_]:
+    bits = source.first()
+    assert bits is not None
+    return bits
+
+
+def everything(source: Source, actions: Iterator[int] | None = None) -> list[list[int]]:
+    seen = [first(source).astype(int).tolist()]
+    while (bits := source.step(0 if actions is None else next(actions))) is not None:
+        seen.append(bits.astype(int).tolist())
+    return seen
+
+
+def walked(source: Source, steps: int = 100) -> NDArray[np.bool_]:
+    rng = np.random.default_rng(0)
+    seen = [first(source)]
+    for _ in range(steps):
+        bits = source.step(int(rng.integers(len(source.actions))))
+        assert bits is not None
+        seen.append(bits)
+    return np.array(seen)

@@ -1,0 +1,142 @@
+"""A run of three sensors, and how it comes into several files."""
+
+import asyncio
+import random
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.split_files import (
+    part_paths,
+)
+from neurosnap.recording.write.rotation import SplitWriter
+from neurosnap.runtime.inline import run_inline
+from neurosnap.runtime.run import describe as facts_of
+from tests.support.scripted_sources import Scripted
+
+TICKS = 60
+EVERY = 10
+ACTIONS = ("go", "stay")
+
+
+def options(workers: int = 0, ticks: int = TICKS) -> RunOptions:
+    return RunOptions(
+        source="scripted",
+        body=Body.full(["s0", "s1", "s2"], ACTIONS),
+        ticks=ticks,
+        threshold=0.2,
+        cells="worker" if workers else "inline",
+        workers=max(workers, 1),
+        keyframe_every=EVERY,
+    )
+
+
+def rows() -> list[list[bool | None]]:
+    chance = random.Random(3)
+    table: list[list[bool | None]] = []
+    for _ in range(2 * TICKS):
+        a, b, c = (chance.random() < 0.5 for _ in range(3))
+        row: list[bool | None] = [a, a or b, c]
+        table.append(
+            [None if chance.random() < 0.1 else on for on in row[:2]] + row[2:]
+        )
+    return table
+
+
+def made(
+    log: Path, workers: int = 0, past: ResumePoint | None = None, ticks: int = TICKS
+) -> Path:
+    """Record a run in one process."""
+    given = options(workers, ticks)
+    with pytest.MonkeyPatch.context() as patch:
+        source = Scripted(rows(), ACTIONS)
+        patch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
+        stop, facts = asyncio.Event(), facts_of(given)
+        asyncio.run(run_inline(given, log, facts, past, stop, lambda _: None))
+    return log
+
+
+def overtaking(recorded: Iterable[Recorded], seed: int) -> list[Recorded]:
+    """Let senders overtake each other by some messages, each in its own order."""
+    chance, due = random.Random(seed), dict[str, float]()
+    keyed = []
+    for place, one in enumerate(recorded):
+        who = one.message.sender
+        due[who] = max(due.get(who, 0.0), place + chance.random() * 40)
+        keyed.append((due[who], place, one))
+    return [one for _, _, one in sorted(keyed, key=lambda entry: entry[:2])]
+
+
+def write(
+    whole: Path, log: Path, recorded: Iterable[Recorded], step: int = 1
+) -> dict[int, Path]:
+    """Record messages again, `step` nanoseconds apart, as if they came now."""
+    old = Recording.open(whole)
+    with SplitWriter(log, old.metadata) as writer:
+        for count, one in enumerate(recorded):
+            now = 10**18 + count * step
+            writer.add(one.delivery, now)
+            if count % 8 == 0:  # a chunk each would be many to read
+                writer.flush(now)
+        writer.finish({}, old.noted().expected)
+    return part_paths(log)
+
+
+def content(recorded: Iterable[Recorded]) -> list[tuple[str, int, bytes]]:
+    return sorted((m.message.sender, m.sequence, m.payload) for m in recorded)
+
+
+# Given to the disk --------------------------------------------------------------------
+
+
+def upto(recorded: Sequence[Recorded], tick: int) -> list[Recorded]:
+    """Return what was recorded before the key-frame of a tick."""
+    place = next(
+        place
+        for place, one in enumerate(recorded)
+        if isinstance(one.message, wire.KeyFrame) and one.message.tick == tick
+    )
+    return list(recorded[:place])
+
+
+# What is late, lost, or comes again ---------------------------------------------------
+
+
+def last_of(recorded: Sequence[Recorded], tick: int) -> int:
+    """Return the place of the last report on the waves up to a tick."""
+    frame = next(
+        one.message
+        for one in recorded
+        if isinstance(one.message, wire.KeyFrame) and one.message.tick == tick
+    )
+    return max(
+        place
+        for place, one in enumerate(recorded)
+        if isinstance(one.message, wire.CellReport | wire.WorkerReport)
+        and one.message.wave <= frame.waves
+    )
+
+
+NOW = 10**18
+
+
+def said(*messages: wire.Message) -> list[wire.Delivery]:
+    return [
+        wire.Delivery(message.key, number, NOW, wire.encode(message))
+        for number, message in enumerate(messages)
+    ]
+
+
+# Going on -----------------------------------------------------------------------------
+
+
+def options_workers(log: Path) -> int:
+    recorded = msgspec.json.decode(Recording.open(log).metadata["options"])
+    return int(recorded["workers"]) if recorded["cells"] == "worker" else 0

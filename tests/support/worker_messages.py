@@ -1,0 +1,54 @@
+"""The second worker of three, over nine sensors, and what it is told.
+
+Its cells are 3 to 5, its literals 6 to 11.
+"""
+
+from collections.abc import Iterable
+
+from neurosnap import wire
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.worker import Worker
+from neurosnap.sensorium import pack
+from tests.support.wave_messages import packed
+
+SENSORS, WORKERS, ME = 9, 3, 1
+
+
+HOSTED = shares(SENSORS, WORKERS)
+
+
+Edges = Iterable[tuple[int, int]]
+
+
+def edges(pairs: Edges) -> bytes:
+    return packed(*(literal for pair in sorted(pairs) for literal in pair))
+
+
+def wired(*pairs: tuple[int, int]) -> Worker:
+    """Return the worker under test with out-edges."""
+    worker = Worker(ME, HOSTED)
+    assert worker.receive([wire.WorkerWiring(ME, 1, 0, edges(pairs))]) == []
+    return worker
+
+
+def burst(
+    *pulses: tuple[int, int, int, int], wave: int = 1, worker: int = 0, part: int = 0
+) -> wire.PulseBatch:
+    """Return pulses to the worker under test: source, target, hops, credit each."""
+    fields = [packed(*field) for field in zip(*pulses, strict=True)]
+    return wire.PulseBatch(wave, worker, ME, part, *fields)
+
+
+def observation(tick: int, *on: int) -> wire.Message:
+    return wire.Observation(tick, pack([cell in on for cell in range(SENSORS)]))
+
+
+def pulses_in(message: wire.PulseBatch) -> list[tuple[int, int, int, int]]:
+    fields = (message.sources, message.targets, message.hops, message.credit)
+    columns = [wire.numbers("field", field) for field in fields]
+    return list(zip(*columns, strict=True))
+
+
+def fired_in(tally: wire.WorkerReport) -> dict[int, int]:
+    hops = wire.numbers("hops", tally.hops)
+    return dict(zip(wire.fired(tally), hops, strict=True))

@@ -1,0 +1,170 @@
+"""What a cell refuses: what cannot be right, and more than it has room for."""
+
+from collections.abc import Callable
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.protocol import cell as cells
+from neurosnap.protocol import message_checks as limits
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.wave import DEEPEST
+from tests.support.cell_messages import OWN
+from tests.support.wave_messages import LARGEST
+
+
+def start(wave: int, *, cell: int = -1, **more: int) -> wire.WaveStart:
+    fields = {"tick": 0, "credit": 0, "settled_below": 1, "fence": wave, **more}
+    return wire.WaveStart(wave, kind="signal", signal=(OWN,), cell=cell, **fields)
+
+
+def pulse(wave: int, source: int = 0, **more: int) -> wire.Pulse:
+    fields = {"hops": 1, "credit": 1, "fence": wave, **more}
+    return wire.Pulse(wave, source, OWN, **fields)
+
+
+def under_way() -> Cell:
+    """Return a cell that has come to wave 7 and tick 5, and knows an edge."""
+    cell = Cell(1)
+    cell.receive([wire.Wiring(1, 1, 0, add=(4,)), wire.Observation(5, b"\2")])
+    (sent, report) = cell.receive([wire.WaveStart(7, 5, "state", 0, 7, fence=7)])
+    assert isinstance(sent, wire.Pulse)
+    assert isinstance(report, wire.CellReport)
+    return cell
+
+
+FAR = 7 + 4096 + 1
+
+WRONG: list[wire.Message] = [
+    start(LARGEST),
+    start(FAR),
+    start(8, fence=FAR),
+    start(8, settled_below=9),
+    start(8, settled_below=LARGEST),
+    start(8, tick=14),
+    start(8, credit=DEEPEST + 1),
+    start(8, cell=2),
+    start(FAR, cell=1),
+    pulse(FAR),
+    pulse(8, fence=FAR),
+    pulse(8, hops=DEEPEST + 1),
+    pulse(8, credit=LARGEST),
+    wire.Observation(14, b"\2"),
+    wire.Observation(6, bytes(2)),
+    wire.Wiring(1, FAR, 0),
+    wire.Wiring(1, 2, 1, add=tuple(range(DEEPEST + 1))),
+    wire.Wiring(1, 2, 1, add_complement=tuple(range(DEEPEST + 1))),
+]
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=lambda m: f"{m!r:.40}")
+def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
+    wrong: wire.Message,
+) -> None:
+    clean, tried = under_way(), under_way()
+    (fault,) = tried.receive([wrong])
+    assert isinstance(fault, wire.Fault)
+    assert len(fault.what) < 100
+    rest: list[wire.Message] = [
+        wire.Wiring(1, 2, 1, add=(6,)),
+        wire.Observation(6, b"\0"),
+        wire.WaveStart(8, 6, "state", 0, 8, fence=8),
+        pulse(8, 5),
+        pulse(9, 5, fence=8),
+    ]
+    for message in rest:
+        assert tried.receive([message]) == clean.receive([message])
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        start(FAR - 1),
+        pulse(FAR - 1),
+        start(8, tick=13),
+        wire.Wiring(1, FAR - 1, 0),
+        start(8, settled_below=8),
+    ],
+    ids=["wave", "pulse", "tick", "epoch", "settled"],
+)
+def test_what_is_only_just_right_is_taken(right: wire.Message) -> None:
+    said = under_way().receive([right])
+    assert not any(isinstance(one, wire.Fault) for one in said)
+
+
+def test_a_cell_that_has_seen_nothing_begins_anywhere() -> None:
+    cell = Cell(1)
+    cell.receive([wire.Wiring(1, 90_000, 0, add=(4,)), wire.Observation(80_000, b"\2")])
+    said = cell.receive([wire.WaveStart(99_999, 80_000, "state", 0, 9, fence=99_999)])
+    assert [type(one) for one in said] == [wire.Pulse, wire.CellReport]
+
+
+def test_readings_of_ticks_to_come_do_not_displace_the_one_that_is_due() -> None:
+    cell = Cell(1)
+    for tick in range(LARGEST - 9, LARGEST):
+        cell.receive([wire.Observation(tick, b"\0")])
+    cell.receive([start(1, tick=1)])
+    for tick in (2, 3):
+        state = wire.WaveStart(tick, tick, "state", 0, 1, fence=tick)
+        (report,) = cell.receive([wire.Observation(tick, b"\2"), state])
+        assert isinstance(report, wire.CellReport)
+        assert report.literals == (OWN,)
+
+
+def flood(cell: Cell, messages: Callable[[int], wire.Message], most: int) -> list[str]:
+    """Send until the cell complains; return what it says of the last few."""
+    said: list[str] = []
+    for number in range(most):
+        for one in cell.receive([messages(number)]):
+            if isinstance(one, wire.Fault):
+                said.append(one.what)
+        if len(said) == 3:
+            break
+    return said
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        lambda number: pulse(1000 + number * 1000),
+        lambda number: start(1000 + number * 1000, cell=1),
+    ],
+    ids=["pulses", "starts"],
+)
+def test_waves_that_never_come_are_kept_to_a_number_and_then_forgotten(
+    messages: Callable[[int], wire.Message],
+) -> None:
+    cell = Cell(1)
+    said = flood(cell, messages, 10_000)
+    assert len(said) == 3
+    assert all("must be of 8192 waves in all" in what for what in said)
+    assert len(cell._waves) == limits.WAVES
+    cell.receive([start(1)])
+    # Only what may yet come about is left, and there is room for more.
+    assert set(cell._waves) == {1, *range(1000, 4098, 1000)}
+    (report,) = cell.receive([pulse(2, fence=1)])
+    assert isinstance(report, wire.CellReport)
+
+
+@pytest.mark.slow
+def test_pulses_are_kept_to_a_number_and_forgotten_with_their_waves() -> None:
+    cell = Cell(1)
+    said = flood(cell, lambda source: pulse(2, source), 200_000)
+    assert len(said) == 3
+    assert said[0].startswith("pulse: must be one of 131072 in flight")
+    assert cell._remembered == cells._PULSES
+    cell.receive([start(3, settled_below=3)])
+    (report,) = cell.receive([pulse(3)])
+    assert isinstance(report, wire.CellReport)
+    assert cell._remembered == 1
+
+
+def test_of_a_signal_only_its_own_literals_are_kept() -> None:
+    cell = Cell(1)
+    for kind in ("signal", "state"):
+        wave = 2 if kind == "signal" else 3
+        signal = (*range(100_000), OWN)
+        cell.receive([wire.WaveStart(wave, 0, kind, 0, 1, signal, fence=9)])
+        kept = cell._waves[wave].start
+        assert kept is not None
+        assert len(kept.signal) == 2

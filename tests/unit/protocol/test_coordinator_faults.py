@@ -1,0 +1,166 @@
+"""What a coordinator refuses, and what it does about a wave that does not settle."""
+
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import WaveLostError
+from neurosnap.sensorium import complete
+from tests.support.coordinator_runs import (
+    ROWS,
+    Asks,
+    Swarm,
+    above,
+    bits,
+    learned,
+    new,
+    observed,
+    only,
+)
+
+# Out of turn --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tick", [1, 2, 4, 9])
+def test_an_observation_out_of_turn_is_a_fault_and_changes_nothing(tick: int) -> None:
+    swarm, other = Swarm(new()), Swarm(new())
+    swarm.run(ROWS[:2])
+    other.run(ROWS[:2])
+    fault = wire.Fault("coordinator", f"observe: must be tick 3, once, got tick {tick}")
+    assert swarm.core.receive(observed(tick, "111")) == [fault]
+    assert swarm.core.receive(fault) == []  # as it comes back to it
+    assert swarm.core.totals.faults == 1
+    assert swarm.observe(3, ROWS[2]) == other.observe(3, ROWS[2])
+
+
+def test_a_second_observation_while_waves_fly_is_a_fault() -> None:
+    core = new()
+    core.begin()
+    core.receive(observed(1, "000"))
+    (fault,) = core.receive(observed(1, "111"))
+    assert fault == wire.Fault(
+        "coordinator", "observe: must be tick 1, once, got tick 1"
+    )
+    assert core.in_flight == (1,)
+
+
+@pytest.mark.parametrize(
+    ("packed", "what"),
+    [
+        (b"", "packed bits: must be 1 bytes long for 3 bits, got 0"),
+        (b"\0\0", "packed bits: must be 1 bytes long for 3 bits, got 2"),
+        (b"\x08", "packed bits: must be 0 beyond the first 3 bits, got b'\\x08'"),
+    ],
+)
+def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -> None:
+    core = new()
+    core.begin()
+    assert core.receive(wire.Observation(1, packed)) == [
+        wire.Fault("coordinator", f"observe: {what}")
+    ]
+    assert core.in_flight == ()
+    assert only(wire.WaveStart, core.receive(observed(1, "000")))
+
+
+@pytest.mark.parametrize(
+    ("message", "what"),
+    [
+        (
+            wire.CellReport(1, 9, 0, (18,), (0,), (2,), 0),
+            r"settle: must be a cell's, got cell 9",
+        ),
+        (
+            wire.CellReport(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=2),
+            r"settle: must give back at most the credit given out, got cell 0,"
+            r" credit [0, 0]",
+        ),
+        (wire.Pulse(1, 0, 2, 1, 0), "excite: is not for the coordinator"),
+        (wire.Decision(0, 0, ""), "decide: is not for the coordinator"),
+    ],
+)
+def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
+    message: wire.Message, what: str
+) -> None:
+    core = new()
+    core.begin()
+    core.receive(observed(1, "000"))
+    fault = wire.Fault("coordinator", what)
+    assert core.receive(message) == [fault]
+    assert core.receive(fault) == []  # as it comes back to it
+    assert core.in_flight == (1,)
+    assert core.totals.faults == 1
+
+
+def test_faults_of_others_are_counted() -> None:
+    core = new()
+    assert core.receive(wire.Fault("cell/1", "pulse: must be for this cell")) == []
+    assert core.totals.faults == 1
+
+
+# Late waves ---------------------------------------------------------------------------
+
+
+def test_an_overdue_wave_is_sent_again_with_whole_wirings() -> None:
+    swarm = Swarm(new(Asks()))
+    swarm.run(ROWS[:4])
+    swarm.lost = lambda m: isinstance(m, wire.CellReport) and m.cell == 1
+    swarm.observe(5, ROWS[4])
+    assert swarm.core.in_flight == (5,)
+    swarm.lost = lambda _: False
+    said = swarm.say(swarm.core.overdue(5))
+    wirings = only(wire.Wiring, said)
+    assert all(wiring.after == 0 for wiring in wirings)
+    edges = {
+        (literal, target)
+        for wiring in wirings
+        for literal, targets in (
+            (2 * wiring.cell, wiring.add),
+            (2 * wiring.cell + 1, wiring.add_complement),
+        )
+        for target in targets
+    }
+    assert edges == set(zip(*learned(ROWS[:5]).hasse().nonzero(), strict=True))
+    (start,) = only(wire.WaveStart, said)
+    literals = tuple(np.flatnonzero(complete(bits(ROWS[4]))).tolist())
+    assert start == wire.WaveStart(6, 5, "state", 2, 6, literals, 5, 6)
+    (state,) = only(wire.State, said)
+    undisturbed = only(wire.State, Swarm(new(Asks())).run(ROWS[:5]))[-1]
+    assert (state.tick, state.wave, state.literals) == (5, 6, undisturbed.literals)
+    assert said[-1] == wire.Decision(5, 5, "as asked")
+
+
+def test_an_overdue_planning_wave_still_answers_its_question() -> None:
+    policy = Asks((0,), (3,))
+    swarm = Swarm(new(policy))
+    swarm.run(ROWS[:4])
+    before = len(policy.answers)
+
+    def loses(message: wire.Message) -> bool:
+        return isinstance(message, wire.Pulse) and message.source == 0
+
+    swarm.lost = loses
+    swarm.observe(5, "000")
+    assert len(policy.answers) == before
+    (late,) = swarm.core.in_flight
+    swarm.lost = lambda _: False
+    said = swarm.say(swarm.core.overdue(late))
+    (reached,) = only(wire.Reached, said)
+    assert (reached.wave, reached.signal) == (late + 2, (0,))
+    answers = [answer.tolist() for answer in policy.answers[-1]]
+    assert answers == above([*ROWS[:4], "000"], (0,), (3,))
+
+
+def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
+    swarm = Swarm(
+        new(Asks(), repeats=1),
+        lost=lambda m: isinstance(m, wire.CellReport) and m.cell == 2,
+    )
+    swarm.run(ROWS[:1])
+    assert swarm.core.in_flight == (1,)
+    assert only(wire.State, swarm.say(swarm.core.overdue(1))) == []
+    expected = (
+        r"^wave 2 \(tick 1\): must settle within its deadline, got 2 tries;"
+        r" missing credit 0\.\d+, silent cells: cell/2$"
+    )
+    with pytest.raises(WaveLostError, match=expected):
+        swarm.core.overdue(2)

@@ -1,0 +1,211 @@
+"""What a worker refuses: what cannot be right, and more than it has room for."""
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.protocol.wave import DEEPEST
+from neurosnap.protocol.worker_kernels import (
+    Fired,
+    Ints,
+    Net,
+    Pulses,
+    outgoing,
+)
+from tests.support.wave_messages import packed, start, state_wave
+from tests.support.worker_messages import (
+    ME,
+    SENSORS,
+    burst,
+    edges,
+    fired_in,
+    observation,
+    wired,
+)
+
+
+def test_what_came_before_changes_nothing() -> None:
+    worker = wired((6, 8), (8, 0))
+    said: list[wire.Message] = [
+        wire.WorkerWiring(ME, 2, 1, edges([(10, 0)])),
+        observation(1, 3),
+        state_wave(1, 1, credit=4),
+        burst((0, 8, 1, 1)),
+        burst((0, 10, 1, 1), part=1),
+        burst((12, 10, 1, 1), worker=2),
+    ]
+    assert worker.receive(said)
+    assert worker.receive(said) == []
+
+
+WRONG: list[tuple[wire.Message, str]] = [
+    (wire.Pulse(1, 0, 6, 1, 0), "excite: is not for a worker"),
+    (wire.WorkerWiring(0, 2, 1), "loom: must be for this worker, got 0"),
+    (
+        wire.WorkerWiring(ME, 4098, 0),
+        "loom: epoch must be at most 4096 beyond 1, got 4098",
+    ),
+    (
+        wire.WorkerWiring(ME, 2, 1, packed(6)),
+        "loom: add: must be eight bytes an edge, got 4",
+    ),
+    (
+        wire.WorkerWiring(ME, 2, 1, b"", packed(4, 6)),
+        "loom: drop must lead from 6 to 11, got 4 to 4",
+    ),
+    (
+        wire.WorkerWiring(ME, 2, 1, packed(6, 18)),
+        "loom: add must lead to 0 to 17, got 18 to 18",
+    ),
+    (
+        wire.WorkerWiring(ME, 2, 1, packed(6, -1)),
+        "loom: add must lead to 0 to 17, got -1 to -1",
+    ),
+    (
+        wire.WorkerWiring(ME, 2, 1, packed(6, 8, 6, 8)),
+        "loom: add must be ascending, got a step that is not",
+    ),
+    (
+        wire.WaveStart(2, 0, "signal", 0, 1, (6,), cell=3),
+        "wave: must be for all, got one for cell 3",
+    ),
+    (start(2, 6, credit=DEEPEST + 1), "wave: must have credit up to"),
+    (start(2, 6, below=3), "wave: must settle only what is before wave 2, got all"),
+    (start(10_000, 6), "wave: wave must be at most 4096 beyond 1, got 10000"),
+    (state_wave(2, 50, credit=4), "wave: tick must be at most 8 ticks after 1, got 50"),
+    (observation(50), "observe: tick must be at most 8 ticks after 1, got 50"),
+    (wire.Observation(2, b"\0"), "observe: must hold 2 bytes, got 1"),
+    (
+        msgspec.structs.replace(burst((0, 6, 1, 1)), to=2),
+        "burst: must be for this worker, got 2",
+    ),
+    (burst((6, 6, 1, 1), worker=1), "burst: must be another worker's, got 1"),
+    (burst((0, 6, 1, 1), worker=3), "burst: must be another worker's, got 3"),
+    (burst((12, 6, 1, 1)), "burst: sources must be 0 to 5, got 12 to 12"),
+    (burst((0, 6, 1, 1), (0, 12, 1, 1)), "burst: targets must be 6 to 11, got 6 to 12"),
+    (burst((0, 6, 0, 1)), "burst: hops must be 1 to"),
+    (burst((0, 6, DEEPEST + 1, 1)), "burst: hops must be 1 to"),
+    (burst((0, 6, 1, -1)), "burst: credit must be 0 to"),
+    (burst((0, 6, 1, DEEPEST + 1)), "burst: credit must be 0 to"),
+    (burst((0, 6, 1, 1), wave=10_000), "burst: wave must be at most 4096 beyond 1"),
+    (
+        msgspec.structs.replace(burst((0, 6, 1, 1)), hops=packed(1, 1)),
+        "burst: must be whole pulses, got [1, 2]",
+    ),
+    (
+        wire.PulseBatch(1, 0, ME, 0, b"", b"", b"", b""),
+        "burst: must be whole pulses, got [0]",
+    ),
+    (
+        msgspec.structs.replace(burst((0, 6, 1, 1)), hops=b"\1"),
+        "burst: hops: must be four bytes a number, got 1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("message", "what"), WRONG, ids=[what for _, what in WRONG])
+def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
+    message: wire.Message, what: str
+) -> None:
+    workers = [wired((6, 8), (8, 0)), wired((6, 8), (8, 0))]
+    before: list[wire.Message] = [observation(1, 3), state_wave(1, 1, credit=4)]
+    after: list[wire.Message] = [
+        burst((0, 10, 1, 1)),
+        start(2, 6),
+        observation(2),
+        state_wave(3, 2, credit=4),
+        wire.WorkerWiring(ME, 2, 1, edges([(6, 10)])),
+        start(4, 6),
+    ]
+    for worker in workers:
+        worker.receive(before)
+    (fault,) = workers[0].receive([message])
+    assert isinstance(fault, wire.Fault)
+    assert fault.what.startswith(what)
+    assert workers[0].receive(after) == workers[1].receive(after)
+
+
+def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("neurosnap.protocol.worker._HELD", 3)
+    worker = wired()
+    held = burst((0, 6, 1, 1), (0, 8, 1, 1))
+    assert worker.receive([held]) == []
+    more = burst((0, 6, 1, 1), (0, 8, 1, 1), wave=2)
+    (fault,) = worker.receive([more])
+    assert fault == wire.Fault("worker/1", "burst: must leave up to 3 pulses waiting")
+    (tally,) = worker.receive([start()])
+    assert isinstance(tally, wire.WorkerReport)
+    # Those wait no more, and those of a wave that is forgotten do not either.
+    assert worker.receive([more]) == []
+    (tally,) = worker.receive([start(3, 6, below=3)])
+    assert isinstance(tally, wire.WorkerReport)
+    assert worker.receive([burst((0, 6, 1, 1), (0, 8, 1, 1), wave=4)]) == []
+
+
+def test_what_stays_here_is_gathered_for_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gathered: list[int] = []
+
+    def noting(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
+        gathered.append(to)
+        return outgoing(net, reached, fired, to)
+
+    monkeypatch.setattr("neurosnap.protocol.worker.outgoing", noting)
+    worker = wired((6, 8), (6, 12))
+    assert len(worker.receive([start(1, 6)])) == 2
+    assert gathered == [0, 2]
+
+
+def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("neurosnap.protocol.worker._BURSTS", 2)
+    worker = wired()
+    worker.receive([start(1, 6)])
+    for part in (0, 1):
+        worker.receive([burst((0, 8, 1, 1), part=part)])
+    said = worker.receive([burst((0, 8, 1, 1), part=2)])
+    what = "burst: must be one of 2 in flight, got one more"
+    assert said == [wire.Fault("worker/1", what)]
+    worker.receive([start(2, 6, below=2)])
+    (tally,) = worker.receive([burst((0, 8, 1, 1), wave=2)])
+    assert isinstance(tally, wire.WorkerReport)
+
+
+def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("neurosnap.protocol.message_checks.WAVES", 3)
+    worker = wired()
+    waiting = [burst((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
+    (fault,) = worker.receive(waiting)
+    what = "burst: must be of 3 waves in all, got wave 5 too"
+    assert fault == wire.Fault("worker/1", what)
+    (fault,) = worker.receive([start(1, 6)])
+    what = "wave: must be of 3 waves in all, got wave 1 too"
+    assert fault == wire.Fault("worker/1", what)
+    # What a wave settles makes room for it.
+    (tally,) = worker.receive([start(5, 6, below=3)])
+    assert isinstance(tally, wire.WorkerReport)
+    assert set(worker._waves) == {3, 4, 5}
+
+
+def test_a_frame_that_is_only_just_near_enough_is_taken() -> None:
+    worker = wired((6, 8))
+    assert worker.receive([wire.WorkerWiring(ME, 4097, 0, edges([(6, 10)]))]) == []
+    (tally,) = worker.receive([start(1, 6)])
+    assert isinstance(tally, wire.WorkerReport)
+    assert fired_in(tally) == {6: 0, 10: 1}
+
+
+def test_of_a_signal_only_its_own_literals_are_kept_each_once() -> None:
+    worker = wired()
+    worker.receive([wire.WorkerWiring(ME, 3, 2)])  # a change was lost: the waves wait
+    signal = tuple(range(2 * SENSORS)) * 1000
+    worker.receive([start(1, *signal), state_wave(2, 1, *signal, credit=4)])
+    kept = [wave.start for wave in worker._waves.values()]
+    assert [one and one.signal for one in kept] == [tuple(range(6, 12))] * 2
+    out = worker.receive([wire.WorkerWiring(ME, 4, 0)])
+    found = [fired_in(m) for m in out if isinstance(m, wire.WorkerReport)]
+    assert found == [dict.fromkeys(range(6, 12), 0)] * 2

@@ -1,0 +1,285 @@
+"""Where messages go that are late, lost or repeated where files meet."""
+
+import errno
+from pathlib import Path
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import (
+    open_whole,
+    part_path,
+    part_paths,
+)
+from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write import rotation
+from neurosnap.recording.write.rotation import LATE, Split, SplitWriter
+from tests.support.split_runs import (
+    EVERY,
+    NOW,
+    TICKS,
+    content,
+    last_of,
+    made,
+    options_workers,
+    said,
+    upto,
+    write,
+)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_message_lost_at_the_end_of_a_file_is_missing_in_one(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    gone = recorded.pop(last_of(recorded, 20))
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    missing = [Recording.open(path).completeness().missing for path in paths.values()]
+    assert [each for each in missing if each] == [{gone.message.sender: 1}]
+    verdict = verify(paths[0])
+    assert not verdict.complete
+
+
+@pytest.mark.usefixtures("small")
+def test_a_message_that_comes_again_in_a_later_file_is_left_out(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    again = recorded[last_of(recorded, 20)]
+    paths = write(whole, tmp_path / "log.mcap", [*recorded[:-5], again, *recorded[-5:]])
+    recording = open_whole(paths[0])
+    assert recording.noted().completeness.duplicates == 1
+    assert content(recording.messages()) == content(recorded)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_key_frame_that_comes_again_begins_no_file(
+    whole: Path, tmp_path: Path
+) -> None:
+    recorded = list(Recording.open(whole).messages())
+    twice = [
+        one
+        for each in recorded
+        for one in [each] * (1 + isinstance(each.message, wire.KeyFrame))
+    ]
+    paths = write(whole, tmp_path / "log.mcap", twice)
+    assert len(paths) == TICKS // EVERY + 1
+    assert verify(paths[0]).same
+
+
+@pytest.mark.usefixtures("small")
+def test_a_file_does_not_wait_for_whoever_is_silent(
+    whole: Path, tmp_path: Path
+) -> None:
+    """What comes long after the next file began is the next one's."""
+    recorded = list(Recording.open(whole).messages())
+    late = recorded.pop(last_of(recorded, 20))
+    who = late.message.sender
+    later = [place for place, one in enumerate(recorded) if one.message.sender == who]
+    resumed = next(place for place in later if recorded[place].sequence > late.sequence)
+    order = [*recorded[:resumed], late, *recorded[resumed:]]
+    # All between the key-frame and the late one takes longer than anybody waits.
+    paths = write(whole, tmp_path / "log.mcap", order, step=LATE)
+    assert all(Recording.open(path).completeness().whole for path in paths.values())
+    assert (verify(paths[0]).same, verify(paths[0]).complete) == (True, True)
+
+
+def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
+    """What a cell says of a wave that nobody has heard of, and then."""
+    settled = wire.CellReport(wave, 0, 0, (), (), (0,), 0)
+    return said(settled, wire.Fault("cell/0", "odd"))
+
+
+@pytest.mark.usefixtures("small")
+def test_what_answers_nothing_is_on_disk_after_a_while(tmp_path: Path) -> None:
+    log, deliveries = tmp_path / "log.mcap", never_started()
+    with SplitWriter(log, {}) as writer:
+        for delivery in deliveries:
+            writer.add(delivery, NOW)
+        writer.flush(NOW + LATE)
+        assert list(Recording.open(log).messages()) == []
+        writer.flush(NOW + LATE + 1)
+        assert [one.delivery for one in Recording.open(log).messages()] == deliveries
+
+
+@pytest.mark.usefixtures("small")
+def test_what_waits_is_written_when_a_recording_is_given_up(tmp_path: Path) -> None:
+    log, deliveries = tmp_path / "log.mcap", never_started()
+    with SplitWriter(log, {}) as writer:
+        for delivery in deliveries:
+            writer.add(delivery, NOW)
+    recording = Recording.open(log)
+    assert not recording.finished
+    assert [one.delivery for one in recording.messages()] == deliveries
+
+
+@pytest.mark.usefixtures("small")
+def test_what_waits_does_not_hide_why_a_recording_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    rule = r"must take what is recorded, got No space"
+    with (
+        pytest.raises(RecordingError, match=rule),
+        SplitWriter(tmp_path / "log.mcap", {}) as writer,
+    ):
+        for delivery in never_started():
+            writer.add(delivery, NOW)
+        monkeypatch.setattr(writer._newest._mcap, "flush", full)
+        writer.flush(NOW)
+
+
+@pytest.mark.usefixtures("small")
+def test_what_is_lost_where_files_meet_is_missing_in_the_older(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Nobody who goes on from the newer one would find out."""
+    recorded = list(Recording.open(whole).messages())
+    heard = upto(recorded, 3 * EVERY)
+    lost = heard.pop(last_of(recorded, 2 * EVERY))
+    log = tmp_path / "log.mcap"
+    with SplitWriter(log, Recording.open(whole).metadata) as writer:
+        for one in heard:
+            writer.add(one.delivery, NOW)
+        senders = {one.message.sender for one in heard}
+        writer.finish({}, {who: writer.upcoming(who) for who in senders})
+    assert list(part_paths(log)) == [0, 1, 2]
+    missing = [
+        Recording.open(path).noted().completeness.missing
+        for path in part_paths(log).values()
+    ]
+    assert missing == [{}, {lost.message.sender: 1}, {}]
+    _, past = find_resume_point(log)
+    assert (past.part, past.tick) == (1, 2 * EVERY - 1)
+
+
+@pytest.mark.usefixtures("small")
+def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
+    whole: Path, tmp_path: Path
+) -> None:
+    """A sender is lost from before one key-frame until after the next."""
+    recorded = list(Recording.open(whole).messages())
+    lost = recorded[last_of(recorded, 2 * EVERY)]
+    who, until = lost.message.sender, len(upto(recorded, 3 * EVERY)) + 1
+    heard = [
+        one
+        for place, one in enumerate(recorded[: len(upto(recorded, 4 * EVERY))])
+        if place > until or one.message.sender != who or one.sequence < lost.sequence
+    ]
+    log = tmp_path / "log.mcap"
+    with SplitWriter(log, Recording.open(whole).metadata) as writer:
+        for one in heard:
+            writer.add(one.delivery, NOW)
+        senders = {one.message.sender for one in heard}
+        writer.finish({}, {each: writer.upcoming(each) for each in senders})
+    assert list(part_paths(log)) == [0, 1, 2, 3]
+    lacking = Recording.open(part_path(log, 2)).noted().completeness.missing
+    assert lacking.keys() == {who}
+    _, past = find_resume_point(log)
+    assert (past.part, past.tick) == (2, 2 * EVERY)
+    # The numbers of what is lost are not given again.
+    assert past.counts[who] == lost.sequence + lacking[who]
+    new = tmp_path / "new.mcap"
+    made(new, options_workers(whole), past)
+    assert Recording.open(part_path(new, 2)).noted().completeness.missing == lacking
+
+
+def frame(tick: int) -> wire.KeyFrame:
+    return wire.KeyFrame(tick, b"", waves=tick)
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize(
+    ("messages", "files"),
+    [
+        ([wire.Decision(8, -1, ""), frame(9), wire.Decision(9, -1, "")], 2),
+        ([wire.Decision(9, -1, ""), frame(9)], 1),
+        ([wire.Decision(8, -1, ""), frame(9), frame(9)], 2),
+    ],
+    ids=["before its decision", "behind it", "again"],
+)
+def test_a_key_frame_begins_a_file_with_what_follows_it(
+    tmp_path: Path, messages: list[wire.Message], files: int
+) -> None:
+    log = tmp_path / "log.mcap"
+    with SplitWriter(log, {}) as writer:
+        for delivery in said(*messages):
+            writer.add(delivery, NOW)
+        writer.finish({}, {"coordinator": len(messages)})
+    assert len(part_paths(log)) == files
+
+
+@pytest.mark.usefixtures("small")
+def test_a_run_that_goes_on_where_a_file_begins_says_so_in_that_file(
+    whole: Path, tmp_path: Path
+) -> None:
+    """The head alone is larger than a file should be."""
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    _, past = find_resume_point(paths[0], 2 * EVERY)
+    assert (past.tick, past.part) == (2 * EVERY, 2)
+    new = tmp_path / "new.mcap"
+    made(new, options_workers(whole), past)
+    verdict = verify(part_path(new, 2))
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert (verdict.start, verdict.ticks) == (2 * EVERY, EVERY)
+
+
+@pytest.mark.usefixtures("small")
+def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Its last report was on the way when all ended, and it never said another word."""
+    recorded = list(Recording.open(whole).messages())
+    lost = recorded[last_of(recorded, 20)]
+    who = lost.message.sender
+    heard = [
+        one
+        for one in recorded[: len(upto(recorded, 2 * EVERY)) + 1]
+        if one.message.sender != who or one.sequence < lost.sequence
+    ]
+    log, old = tmp_path / "log.mcap", Recording.open(whole)
+    with SplitWriter(log, old.metadata) as writer:
+        for one in heard:
+            writer.add(one.delivery, NOW)
+        begun = set(part_paths(log))
+        parts_there = {one.message.sender for one in recorded}
+        upcoming = {each: writer.upcoming(each) + 1 for each in parts_there}
+        balance = writer.finish({}, upcoming)
+    assert begun == {0, 1, 2}
+    assert balance.missing == dict.fromkeys(parts_there, 1)
+    assert not Recording.open(part_path(log, 1)).finished
+    assert not verify(log).complete
+    _, past = find_resume_point(log)
+    assert (past.part, past.tick) == (1, 2 * EVERY - 1)
+
+
+def test_faults_go_where_their_sender_is(whole: Path, tmp_path: Path) -> None:
+    old = Recording.open(whole)
+    recorded = list(old.messages())
+    place = last_of(recorded, 20)
+    who, sequence = recorded[place].message.sender, recorded[place].sequence
+    fault = wire.Fault(who, "odd")
+    order = []
+    for number, one in enumerate(recorded):
+        mine = one.message.sender == who and one.sequence >= sequence
+        if number == place:  # between two reports on the last waves before
+            order.append(
+                one._replace(message=fault, payload=wire.encode(fault), log_time=0)
+            )
+        order.append(one._replace(sequence=one.sequence + mine))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rotation, "split_of", lambda _: Split(1))
+        paths = write(whole, tmp_path / "log.mcap", order)
+    held = {
+        number
+        for number, path in paths.items()
+        if any(one.message == fault for one in Recording.open(path).messages())
+    }
+    assert held == {1}
+    assert verify(paths[0]).same

@@ -1,0 +1,240 @@
+"""Files of readings as sources, and what is refused of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
+from neurosnap.sources.open import open_source
+from tests.support.sources import README, everything, first, opened, written
+
+
+class TestCsv:
+    def test_rows_come_out_in_order_and_then_it_is_over(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        assert source.sensors == ("door", "motion")
+        assert source.actions == ()
+        assert source.length == 3
+        assert everything(source) == [[0, 1], [1, 1], [1, 0]]
+        assert source.step(0) is None
+
+    def test_observations_are_bool(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        assert first(source).dtype == np.bool_
+        bits = source.step(0)
+        assert bits is not None
+        assert bits.dtype == np.bool_
+
+    def test_actions_and_seeds_change_nothing(self, readings: Path) -> None:
+        plain = everything(open_source(str(readings), seed=0))
+        assert everything(open_source(str(readings), 9), iter([-1, 5, 7])) == plain
+
+    def test_only_the_first_row_begins_a_trajectory(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        for _ in range(2):
+            source.first()
+            begins = [source.begins]
+            while source.step(0) is not None:
+                begins.append(source.begins)
+            assert begins == [True, False, False]
+
+    def test_first_starts_over(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        assert everything(source) == everything(source)
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "door,motion\r\n0,1\r\n1,1\r\n1,0\r\n",
+            "door,motion\n0,1\n1,1\n1,0",
+            "door,motion\n0,1\n1,1\n1,0\n\n  \n\n",
+            "\ufeffdoor,motion\n0,1\n1,1\n1,0\n",
+            '"door","motion"\n"0","1"\n1,"1"\n"1",0\n',
+            " door , motion\n0, 1\n 1,1\n1 ,0 \n",
+            "time,door,motion\n0,0,1\n0.5,1,1\n2026-07-01 12:00,1,0\n",
+            "\ufefftime,door,motion\n,0,1\n,1,1\n,1,0\n",
+        ],
+        ids=[
+            "crlf",
+            "no-last-newline",
+            "blank-end",
+            "bom",
+            "quoted",
+            "spaces",
+            "time",
+            "bom-time",
+        ],
+    )
+    def test_ways_to_write_the_same(self, tmp_path: Path, text: str) -> None:
+        source = open_source(str(written(tmp_path, text)), seed=0)
+        assert source.sensors == ("door", "motion")
+        assert source.length == 3
+        assert everything(source) == [[0, 1], [1, 1], [1, 0]]
+
+    def test_time_is_a_sensor_like_any_other_when_it_is_not_first(
+        self, tmp_path: Path
+    ) -> None:
+        source = open_source(str(written(tmp_path, "door,time\n0,1\n")), seed=0)
+        assert source.sensors == ("door", "time")
+
+    def test_names_may_hold_commas_and_letters_of_any_kind(
+        self, tmp_path: Path
+    ) -> None:
+        source = open_source(str(written(tmp_path, '"a,b",Tür\n0,1\n')), seed=0)
+        assert source.sensors == ("a,b", "Tür")
+
+    def test_a_file_of_another_ending_is_found_because_it_exists(
+        self, tmp_path: Path
+    ) -> None:
+        path = written(tmp_path, README, "readings.txt")
+        assert everything(open_source(str(path), 0)) == [[0, 1], [1, 1], [1, 0]]
+
+    def test_a_relative_path_is_enough(
+        self, readings: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(readings.parent)
+        assert open_source("readings.csv", seed=0).length == 3
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("", "{}: must have a header of sensor names, got 'no text'"),
+            ("\n\n", "{}: must have a header of sensor names, got 'no text'"),
+            ("\ufeff", "{}: must have a header of sensor names, got 'no text'"),
+            ("a,b\n", "{}: must have rows below its header, got 0"),
+            ("a,b\n\n", "{}: must have rows below its header, got 0"),
+            ("time\n1\n", "{}:1: must be a header of sensor names, got ['time']"),
+            ("0,1\n1,1\n", "{}:1: must be a header of sensor names, got ['0', '1']"),
+            ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
+            ("a,b,a\n0,1,1\n", "{}:1: names: must be unique, got 'a'"),
+            ("a,b*\n0,1\n", "{}:1: sensor name: must not end with *, got 'b*'"),
+            ("a,b\n0,1\n0,2\n", "{}:3: b: must be 0 or 1, got '2'"),
+            (
+                "a,b\n0,1\n,1\n",
+                "{}:3: a: must be 0 or 1 (unknown readings come by MQTT or NDJSON, not "
+                "in a CSV), got ''",
+            ),
+            *(
+                (
+                    f"a,b\n0,{said}\n",
+                    "{}:2: b: must be 0 or 1 (with pandas: frame.astype(int).to_csv), "
+                    f"got '{said}'",
+                )
+                for said in ("true", "False")
+            ),
+            ("a,b\n0,1.0\n", "{}:2: b: must be 0 or 1, got '1.0'"),
+            ("a,b\n0,１\n", "{}:2: b: must be 0 or 1, got '１'"),
+            ("time,a,b\n0,1,x\n", "{}:2: b: must be 0 or 1, got 'x'"),
+            (
+                "a;b\n0;1\n",
+                "{}:2: a;b: must be 0 or 1 (write commas between cells, not "
+                "semicolons), got '0;1'",
+            ),
+            (
+                "a\tb\n0\t1\n",
+                "{}:1: must have commas between the names of sensors, not tabs, "
+                "got 'a\\tb'",
+            ),
+            (
+                "a,b\n0,1\n\n\n0,1\n",
+                "{}:3: must not be blank before the end of the file, got ''",
+            ),
+            (
+                "\na,b\n0,1\n",
+                "{}:1: must not be blank before the end of the file, got ''",
+            ),
+            (
+                'a,b\n0,1\n0,"1\n',
+                "{}:3: must be CSV, got 'unexpected end of data'",
+            ),
+        ],
+    )
+    def test_a_bad_file_is_refused_with_row_and_column(
+        self, tmp_path: Path, text: str, message: str
+    ) -> None:
+        path = written(tmp_path, text)
+        with pytest.raises(InvalidValueError) as caught:
+            open_source(str(path), seed=0)
+        assert str(caught.value) == message.format(path)
+
+    @pytest.mark.parametrize(("row", "cells"), [("0", 1), ("0,1,1", 3), ("0,1,", 3)])
+    def test_a_ragged_row_is_refused(
+        self, tmp_path: Path, row: str, cells: int
+    ) -> None:
+        path = written(tmp_path, f"a,b\n0,1\n{row}\n")
+        message = f"{path}:3: must have 2 cells, as many as the header, got {cells}"
+        with pytest.raises(ShapeError) as caught:
+            open_source(str(path), seed=0)
+        assert str(caught.value) == message
+
+    def test_a_late_bad_row_is_refused_before_anything_starts(
+        self, tmp_path: Path
+    ) -> None:
+        path = written(tmp_path, "a,b\n" + 898 * "0,1\n" + "0,7\n" + 100 * "1,1\n")
+        with pytest.raises(InvalidValueError, match=r"readings\.csv:900: b: must be 0"):
+            open_source(str(path), seed=0)
+
+    @pytest.mark.parametrize(
+        "data",
+        [
+            "Tür,b\n0,1\n".encode("latin-1"),
+            README.encode("utf-16"),
+            README.encode() + 99_999 * b"1,1\n" + b"\xff,1\n",
+        ],
+        ids=["latin-1", "utf-16", "late"],
+    )
+    def test_other_encodings_are_refused(self, tmp_path: Path, data: bytes) -> None:
+        path = written(tmp_path, data)
+        with pytest.raises(
+            InvalidValueError, match=r"readings\.csv: must be UTF-8 text, got b'"
+        ):
+            open_source(str(path), seed=0)
+
+    def test_zero_bytes_are_refused(self, tmp_path: Path) -> None:
+        path = written(tmp_path, "door\n0\n".encode("utf-16-le"))
+        with pytest.raises(InvalidValueError, match=r"readings\.csv:1: "):
+            open_source(str(path), seed=0)
+
+    def test_a_file_that_is_not_there_is_named(self, tmp_path: Path) -> None:
+        path = tmp_path / "none.csv"
+        with pytest.raises(
+            InvalidValueError,
+            match=r"^source: must be a file that can be read \(No such file.*none\.csv",
+        ):
+            open_source(str(path), seed=0)
+
+    def test_a_folder_is_no_file(self, tmp_path: Path) -> None:
+        (tmp_path / "folder.csv").mkdir()
+        with pytest.raises(InvalidValueError, match=r"can be read \(Is a directory\)"):
+            open_source(str(tmp_path / "folder.csv"), seed=0)
+
+    def test_rows_added_meanwhile_are_left_out(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        with readings.open("a") as file:
+            file.write("0,0\nrubbish\n")
+        assert everything(source) == [[0, 1], [1, 1], [1, 0]]
+
+    @pytest.mark.parametrize("text", ["door,motion\n0,1\n", "door,other\n0,1\n"])
+    def test_rows_or_names_lost_meanwhile_are_an_error(
+        self, readings: Path, text: str
+    ) -> None:
+        source = open_source(str(readings), seed=0)
+        readings.write_text(text)
+        with pytest.raises(
+            InvalidValueError, match=r"readings\.csv: must keep its 3 rows while in use"
+        ):
+            everything(source)
+
+    def test_a_step_needs_a_first(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        with pytest.raises(NeurosnapError, match="step needs a call of first"):
+            source.step(0)
+
+    def test_closing_gives_the_file_back(self, readings: Path) -> None:
+        source = open_source(str(readings), seed=0)
+        source.first()
+        assert readings in opened()
+        source.close()
+        source.close()
+        assert readings not in opened()
