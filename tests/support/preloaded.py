@@ -49,5 +49,5 @@ __all__ = [
 
 def start() -> None:
     """Start the fork server, of which there is one a process."""
-    forkserver.set_forkserver_preload([__name__])
+    forkserver.set_forkserver_preload([__name__, "tests.support.preloaded_kernels"])
     forkserver.ensure_running()
