@@ -28,13 +28,18 @@ _ARGUMENTS = (
 )
 
 
-NO_BROWSER = "needs chromium: apt-get install chromium"
+NO_BROWSER = "needs chromium: apt-get install chromium-headless-shell"
 """What to say where there is none."""
 
 
 def chromium() -> str | None:
-    """Return where Debian's Chromium is; None: it is not there."""
-    return os.environ.get("CHROMIUM") or shutil.which("chromium")
+    """Return where Debian's Chromium is; None: it is not there.
+
+    The one without windows comes first: it is the same engine and takes half the
+    processor time for a page.
+    """
+    found = map(shutil.which, ("chromium-headless-shell", "chromium"))
+    return os.environ.get("CHROMIUM") or next(filter(None, found), None)
 
 
 @asynccontextmanager

@@ -82,7 +82,7 @@ def test_a_row_that_cannot_be_measured_says_why_and_the_others_stand(
     bench.main(["--quick", "--only", "hop,learn,page", "--json", "--markdown"])
     _, _, hop, *learn, page, last = capsys.readouterr().out.splitlines()
     assert hop.startswith("| hop | not measured: No module named ")
-    why = "not measured: needs chromium: apt-get install chromium"
+    why = "not measured: needs chromium: apt-get install chromium-headless-shell"
     assert page.startswith(f"| page | {why} |")
     assert [line["figures"] for line in json.loads(last)["rows"]["page"]] == [{}]
     assert len(learn) == 2
