@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-import sys
+import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -17,6 +17,7 @@ from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
+from tests.support.commands import Command
 from tests.support.mosquitto import (
     HOST,
     Mosquitto,
@@ -27,6 +28,7 @@ from tests.support.mosquitto import (
     set_passwords,
     started,
 )
+from tests.support.patience import PATIENCE
 
 pytestmark = [
     pytest.mark.slow,
@@ -63,20 +65,23 @@ workers = 1
 
 
 class Running:
-    """A run of its own process, and what it says."""
+    """A run of its own process, and what it said once it has ended."""
 
-    def __init__(self, process: asyncio.subprocess.Process, log: Path) -> None:
-        self.process = process
+    def __init__(self, command: Command, log: Path) -> None:
         self.log = log
         self.said = ""
+        self._command = command
+
+    async def ended(self) -> int:
+        """Wait for its end; return how it ended."""
+        output, errors = await asyncio.to_thread(self._command.communicate, PATIENCE)
+        self.said = output + errors
+        return self._command.wait(PATIENCE)
 
     async def end(self) -> int:
         """Ask it to end; return how it did."""
-        self.process.terminate()
-        output, errors = await self.process.communicate()
-        self.said = output.decode() + errors.decode()
-        assert self.process.returncode is not None
-        return self.process.returncode
+        self._command.send_signal(signal.SIGTERM)
+        return await self.ended()
 
 
 @asynccontextmanager
@@ -85,19 +90,11 @@ async def running(
 ) -> AsyncIterator[Running]:
     file, log = folder / "house.toml", folder / "house.mcap"
     file.write_text(TEXT.format(port=broker.port, cells=cells), encoding="utf-8")
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "neurosnap", "run"),
-        *(str(file), "--out", str(log), *flags),
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-        env={"HOUSE_PASSWORD": SECRET, "PATH": "", "HOME": str(folder)},
-    )
-    try:
-        yield Running(process, log)
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.communicate()
+    environment = {"HOUSE_PASSWORD": SECRET, "PATH": "", "HOME": str(Path.home())}
+    with Command(
+        "run", file, "--out", log, *flags, folder=folder, environment=environment
+    ) as command:
+        yield Running(command, log)
 
 
 async def publish(client: aiomqtt.Client, **readings: object) -> None:
@@ -173,7 +170,7 @@ async def test_processes_that_miss_readings_decide_as_one_agent_does(
             running(tmp_path, broker, "process", *flags) as run,
         ):
             await heard(other, "memory/world/status", b"online")
-            ended, turn = asyncio.create_task(run.process.communicate()), 0
+            ended, turn = asyncio.create_task(run.ended()), 0
             while not ended.done():
                 door, light = turn % 2 == 0, turn % 3 == 0
                 await publish(
@@ -183,8 +180,7 @@ async def test_processes_that_miss_readings_decide_as_one_agent_does(
                     t=15 + turn % 2 * 10,
                 )
                 turn += 1
-            output, errors = await ended
-            assert run.process.returncode == 0, errors.decode() + output.decode()
+            assert await ended == 0, run.said
     assert verify(run.log).same
     recording = Recording.open(run.log)
     options = msgspec.json.decode(recording.metadata["options"], type=RunOptions)
@@ -234,12 +230,10 @@ async def test_a_broker_that_comes_back_is_the_same_house(tmp_path: Path) -> Non
 async def test_a_dead_broker_is_named_at_once(tmp_path: Path) -> None:
     dead = Mosquitto(tmp_path)
     async with running(tmp_path, dead, "inline", "--restart", "never") as run:
-        output, errors = await run.process.communicate()
-        said = output.decode() + errors.decode()
-        assert run.process.returncode == 1
-    assert f"{HOST}:{dead.port}" in said
-    assert "Traceback" not in said
-    assert SECRET not in said
+        assert await run.ended() == 1
+    assert f"{HOST}:{dead.port}" in run.said
+    assert "Traceback" not in run.said
+    assert SECRET not in run.said
 
 
 async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
@@ -248,10 +242,8 @@ async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
     lines = ("allow_anonymous false", f"password_file {passwords}")
     with started(tmp_path, *lines) as broker:
         async with running(tmp_path, broker, "inline", "--restart", "never") as run:
-            output, errors = await run.process.communicate()
-            said = output.decode() + errors.decode()
-            assert run.process.returncode
-    assert f"username: must be taken by {HOST}:{broker.port}" in said
-    assert "got 'neurosnap'" in said
-    assert "Traceback" not in said
-    assert SECRET not in said
+            assert await run.ended()
+    assert f"username: must be taken by {HOST}:{broker.port}" in run.said
+    assert "got 'neurosnap'" in run.said
+    assert "Traceback" not in run.said
+    assert SECRET not in run.said
