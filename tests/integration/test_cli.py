@@ -2,13 +2,12 @@
 
 import json
 import os
-import resource
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from neurosnap.apps.cli import app
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
+from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -110,35 +110,26 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "neurosnap", *map(str, arguments)]
 
 
-def finish(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
+def finish(process: Command) -> tuple[int, str, str]:
     """Wait for a command; return its exit code, stdout and stderr."""
     stdout, stderr = process.communicate(timeout=PATIENCE)
-    return process.returncode, stdout, stderr
+    return process.wait(PATIENCE), stdout, stderr
 
 
 @contextmanager
 def started(
-    *arguments: object, folder: Path, before: Callable[[], None] | None = None
-) -> Iterator["subprocess.Popen[str]"]:
+    *arguments: object, folder: Path, largest: int | None = None
+) -> Iterator[Command]:
     """Start a command in a session of its own; whatever happens, leave none of it."""
-    process = subprocess.Popen(
-        command(*arguments),
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=before,
-    )
-    family = psutil.Process(process.pid)
-    try:
-        with process:
+    with Command(
+        *arguments, folder=folder, own_session=True, largest=largest
+    ) as process:
+        family = psutil.Process(process.pid)
+        try:
             yield process
-    finally:
-        if process.poll() is None:
-            kill([*family.children(recursive=True), family])
-        process.wait()
+        finally:
+            if process.poll() is None:
+                kill([*family.children(recursive=True), family])
 
 
 # Recordings to work on ----------------------------------------------------------------
@@ -719,7 +710,7 @@ def test_doctor_exits_by_what_it_finds() -> None:
 # Swarms of processes ------------------------------------------------------------------
 
 
-def wait_for_size(process: "subprocess.Popen[str]", log: Path, size: int) -> None:
+def wait_for_size(process: Command, log: Path, size: int) -> None:
     """Wait until a recording has grown to `size`; fail if the command ends before."""
     with pytest.raises(subprocess.TimeoutExpired):
         for _ in range(int(PATIENCE / 0.02)):
@@ -759,7 +750,7 @@ GROWN = 30_000  # bytes a recording has once the run is well under way
 @contextmanager
 def going(
     source: Path, log: Path, *options: object
-) -> Iterator[tuple["subprocess.Popen[str]", list[psutil.Process]]]:
+) -> Iterator[tuple[Command, list[psutil.Process]]]:
     """Run a swarm of three process cells; entered once it is under way.
 
     Yields the launcher and the parts, in the order they were started.
@@ -897,11 +888,8 @@ def test_a_full_disk_is_named_and_what_is_there_is_readable(
     log = tmp_path / "out.mcap"
     most = 100_000
 
-    def no_more() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-
     arguments = ("run", endless, "--out", log, "--json")
-    with started(*arguments, folder=tmp_path, before=no_more) as process:
+    with started(*arguments, folder=tmp_path, largest=most) as process:
         code, stdout, stderr = finish(process)
     assert code == 1, stderr
     assert stdout == ""

@@ -2,10 +2,6 @@
 
 import json
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,25 +10,14 @@ from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.journal import journal_of
+from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
 
-@contextmanager
-def running(*arguments: str) -> Iterator["subprocess.Popen[str]"]:
-    command = [sys.executable, "-m", "neurosnap", "run", *arguments]
-    with subprocess.Popen(
-        [*command, "--threshold", "0.1"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+def running(*arguments: str) -> Command:
+    return Command("run", *arguments, "--threshold", "0.1")
 
 
 @pytest.mark.parametrize("cells", ["process", "worker", "inline"])
@@ -46,7 +31,8 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
     ]
     text = "\n".join(map(json.dumps, lines)) + "\nnonsense\n"
     with running("-", "--cells", cells, "--workers", "1", "--out", str(log)) as process:
-        _, errors = process.communicate(text, timeout=PATIENCE)
+        process.stdin.write(text)
+        _, errors = process.communicate(PATIENCE)
     assert process.returncode == 3, errors  # a line and a sensor's reading are lost
     assert not journal_of(log).exists()
     assert "standard input:14: reading: must be a reading in JSON" in errors
@@ -62,8 +48,6 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
 def test_ctrl_c_ends_a_run_that_waits_for_input(tmp_path: Path) -> None:
     log = tmp_path / "waits.mcap"
     with running("-", "--set", "sensors=door", "--out", str(log)) as process:
-        assert process.stdin is not None
-        assert process.stderr is not None
         process.stdin.write('nonsense\n{"bits": [1]}\n')
         process.stdin.flush()
         assert "standard input:1: reading" in process.stderr.readline()
@@ -74,6 +58,6 @@ def test_ctrl_c_ends_a_run_that_waits_for_input(tmp_path: Path) -> None:
 
 def test_no_first_line_is_an_error() -> None:
     with running("-") as process:
-        _, errors = process.communicate("", timeout=PATIENCE)
+        _, errors = process.communicate(PATIENCE)
     assert process.returncode == 2
     assert "standard input: must begin with a line that names the sensors" in errors

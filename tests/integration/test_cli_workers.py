@@ -1,8 +1,6 @@
 """Workers from the command line: runs, depths, and what is refused."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
+from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
@@ -19,16 +18,10 @@ PATH = "neurosnap/Path-v0"
 
 def facts(folder: Path, *arguments: object) -> dict[str, Any]:
     """Run a command in a process of its own; return the object it prints last."""
-    done = subprocess.run(
-        [sys.executable, "-m", "neurosnap", *map(str, arguments), "--json"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    with Command(*arguments, "--json", folder=folder) as command:
+        output, errors = command.communicate(PATIENCE)
+        assert command.wait(PATIENCE) == 0, errors
+    found: dict[str, Any] = json.loads(output.splitlines()[-1])
     return found
 
 

@@ -4,7 +4,6 @@ import asyncio
 import json
 import random
 import signal
-from asyncio.subprocess import Process
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from playwright.async_api import Page, expect
 from neurosnap.recording.replay.verify import verify
 from tests.support.browser_pages import IN_BROWSER, derived, looked_at, states
 from tests.support.patience import PATIENCE
-from tests.support.view_commands import address_of, verb
+from tests.support.view_commands import Verb, address_of, verb
 from tools.browser import wait_shown
 
 pytestmark = [pytest.mark.zenoh, *IN_BROWSER]
@@ -34,21 +33,19 @@ def readings() -> list[list[bool | None]]:
     return rows
 
 
-async def ended(process: Process) -> tuple[int | None, str]:
+async def ended(process: Verb) -> tuple[int | None, str]:
     """End a command as Ctrl-C does; return its exit code and what it complained of."""
     process.send_signal(signal.SIGINT)
-    assert process.stderr is not None
     complaints = await process.stderr.read()
     return await process.wait(), complaints.decode()
 
 
-def feed(process: Process, rows: Sequence[Sequence[bool | None]]) -> None:
-    assert process.stdin is not None
+def feed(process: Verb, rows: Sequence[Sequence[bool | None]]) -> None:
     for row in rows:
         process.stdin.write(json.dumps({"bits": row}).encode() + b"\n")
 
 
-async def follow(run: Process, page: Page, address: str) -> dict[int, list[str]]:
+async def follow(run: Verb, page: Page, address: str) -> dict[int, list[str]]:
     """Feed a run tick by tick while the page looks on; return what it showed."""
     rows, seen = readings(), {}
     feed(run, rows[:1])
@@ -65,7 +62,6 @@ async def follow(run: Process, page: Page, address: str) -> dict[int, list[str]]
     await expect(hosts).to_have_count(2 + len(NAMES))
     for host in await hosts.all_inner_texts():
         assert host.startswith("this machine, process ")
-    assert run.stdin is not None
     run.stdin.close()
     await expect(badge).to_have_text(f"ended at tick {LAST}", timeout=PATIENCE * 1000)
     await expect(page.locator("#notice")).to_be_hidden()
@@ -86,8 +82,6 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
                 assert await ended(run) == (0, "")
         else:
             async with verb(tmp_path, *options) as run:
-                assert run.stdin is not None
-                assert run.stderr is not None
                 run.stdin.write(b"nonsense\n")
                 # The swarm is up, so it can be found.
                 assert "standard input:1" in (await run.stderr.readline()).decode()

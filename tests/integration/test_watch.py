@@ -2,21 +2,19 @@
 
 import asyncio
 import json
-from asyncio.subprocess import Process
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.support.view_commands import verb
+from tests.support.view_commands import Verb, verb
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
 REGULAR = [(0, 0), (0, 1), (1, 1)] * 4
 
 
-def tell(run: Process, door: int, motion: int) -> None:
-    assert run.stdin is not None
+def tell(run: Verb, door: int, motion: int) -> None:
     line = json.dumps({"bits": {"door": door, "motion": motion}})
     run.stdin.write(f"{line}\n".encode())
 
@@ -46,14 +44,11 @@ async def test_a_running_swarm_is_looked_on_until_its_end(
     log = tmp_path / "log.mcap"
     arguments = ("--cells", cells, "--workers", "1", "--threshold", "0.25")
     async with verb(tmp_path, "run", "-", *arguments, "--out", str(log)) as run:
-        assert run.stdin is not None
         for door, motion in REGULAR:
             tell(run, door, motion)
         while not await listed(tmp_path):
             assert run.returncode is None
         async with verb(tmp_path, "watch", "--json") as watch:
-            assert watch.stderr is not None
-            assert watch.stdout is not None
             assert b"watching" in await watch.stderr.readline()
             exception = asyncio.create_task(broken(watch.stdout, "door -> motion"))
             while not exception.done():

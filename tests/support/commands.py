@@ -13,6 +13,7 @@ What hangs on how the program starts is for tests that start it by its command l
 import fcntl
 import multiprocessing
 import os
+import resource
 import subprocess
 import sys
 import threading
@@ -40,6 +41,7 @@ class Command:
         buffer: How many bytes the pipe of its standard input holds, where that is not
             for the system to say: who writes more waits until they are read.
         own_session: Whether it leads a session, and a process group, of its own.
+        largest: Bytes that a file it writes may have, at most; None: any.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class Command:
         environment: Mapping[str, str] = os.environ,
         buffer: int | None = None,
         own_session: bool = False,
+        largest: int | None = None,
     ) -> None:
         self.args = list(map(str, arguments))
         (input_, into), (out_of, output), (err_of, errors) = (
@@ -65,7 +68,7 @@ class Command:
         preloaded.start()
         self._process = multiprocessing.get_context("forkserver").Process(
             target=_be,
-            args=(self.args, where, dict(environment), own_session, theirs),
+            args=(self.args, where, dict(environment), own_session, largest, theirs),
         )
         with _without_main():
             self._process.start()
@@ -148,11 +151,14 @@ def _be(
     folder: str,
     environment: Mapping[str, str],
     own_session: bool,
+    largest: int | None,
     files: Sequence[Connection],
 ) -> None:
     """Be a verb, in a process that was forked for it."""
     if own_session:
         os.setsid()
+    if largest is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     for number, file in enumerate(files):
         os.dup2(file.fileno(), number)
         file.close()
