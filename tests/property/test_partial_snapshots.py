@@ -18,7 +18,7 @@ from tests.support import oracles
 from tests.support.edges import edges_of
 from tests.support.oracles import Edges, Weights
 from tests.support.snapshots import learned_edges, weights_of
-from tests.support.strategies import as_set, observations, thresholds
+from tests.support.strategies import as_set, bit_rows, observations, thresholds
 
 Matrix: TypeAlias = NDArray[np.float64]
 Reading: TypeAlias = tuple[list[bool], list[bool]]
@@ -48,7 +48,7 @@ def partial_runs(
 ) -> tuple[int, list[Reading]]:
     """Draw a number of sensors and observations; of some not all is known."""
     sensors = draw(st.integers(1, most))
-    some = st.lists(st.booleans(), min_size=sensors, max_size=sensors)
+    some = bit_rows(sensors)
     known = st.just([True] * sensors) | some | st.just([False] * sensors)
     seen = draw(observations(sensors, longest))
     return sensors, [(bits, draw(known)) for bits in seen]
@@ -252,7 +252,7 @@ def test_pairs_with_an_unknown_reading_are_not_touched(
     sensors = run[0]
     snapshot = made(kind, run, tau)
     twin = Snapshot.from_bytes(snapshot.to_bytes())
-    some = st.lists(st.booleans(), min_size=sensors, max_size=sensors)
+    some = bit_rows(sensors)
     bits, known = data.draw(some), data.draw(some)
     snapshot.learn(bits, known)
     for a, b in oracles.proper_pairs(2 * sensors):
