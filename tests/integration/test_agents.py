@@ -25,6 +25,7 @@ from neurosnap.sensorium import pack
 from neurosnap.sources.gymnasium_source import import_worlds
 from neurosnap.sources.open import Argument, open_source
 from neurosnap.sources.protocol import Source
+from tests.support import run_options
 
 SEED = 5
 TICKS = 60
@@ -45,22 +46,15 @@ def options_for(
     ticks: int = TICKS,
 ) -> RunOptions:
     arguments = WORLDS[source] | {"wait": True}
-    target: tuple[str, ...] = ()
     if agent == "excited":
         arguments |= drawn_to(source, SEED, arguments, "1")
-    opened = open_source(source, SEED, arguments)
-    opened.close()
-    if agent == "planner":
-        target = (opened.sensors[1], f"{opened.sensors[0]}*")
-    return RunOptions(
-        source=source,
-        arguments=arguments,
-        body=body_of(opened, agent),
+    return run_options.options_for(
+        source,
+        SEED,
+        arguments,
         agent=agent,
-        target=target,
         explore=0.25,
         ticks=ticks,
-        seed=SEED,
         snapshot=snapshot,
         threshold=0.05,
         cells=cells,

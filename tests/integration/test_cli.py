@@ -15,13 +15,13 @@ from typing import Any
 import msgspec
 import psutil
 import pytest
-from typer.testing import CliRunner, Result
 
 from neurosnap import wire
 from neurosnap.apps.cli import app
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
+from tests.support.command_line import call
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -63,14 +63,6 @@ RUN_KEYS = {
 
 
 # Calling it ---------------------------------------------------------------------------
-
-
-def call(*arguments: object, stdin: str | None = None) -> Result:
-    """Run a command in this process."""
-    result = CliRunner().invoke(app, [str(a) for a in arguments], input=stdin)
-    # Whatever goes wrong, nobody gets a traceback to read.
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result
 
 
 def last_json(stdout: str) -> dict[str, Any]:

@@ -5,26 +5,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from neurosnap.apps.cli import app
+from tests.support.command_line import call, facts_of
 from tests.support.patience import PATIENCE
-
-
-def call(*arguments: object) -> Result:
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result
-
-
-def facts_of(result: Result) -> dict[str, Any]:
-    facts = json.loads(result.stdout.splitlines()[-1])
-    assert isinstance(facts, dict)
-    return facts
-
 
 INLINE = ("--cells", "inline", "--ticks", 40, "--set", "places=5", "--json")
 

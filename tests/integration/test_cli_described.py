@@ -4,11 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from neurosnap.apps.cli import app
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
+from tests.support.command_line import call
 
 FILE = """
 [source]
@@ -35,10 +34,6 @@ def file(tmp_path: Path) -> Path:
     path = tmp_path / "swarm.toml"
     path.write_text(FILE, encoding="utf-8")
     return path
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 @pytest.mark.parametrize(

@@ -8,22 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from neurosnap import wire
-from neurosnap.apps.cli import app
 from neurosnap.apps.export import as_csv
 from neurosnap.recording.read.reader import Recording
+from tests.support.command_line import call
 
 pytestmark = pytest.mark.slow
 
 TICKS = 30
-
-
-def call(*arguments: object) -> Result:
-    result = CliRunner().invoke(app, [str(a) for a in arguments])
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result
 
 
 def run(source: object, log: Path) -> Path:

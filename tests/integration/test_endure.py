@@ -35,7 +35,8 @@ from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.runtime.supervisor import Child, Supervisor
-from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.open import open_source
+from tests.support import run_options
 from tests.support.course import course
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
@@ -68,16 +69,7 @@ def parts() -> list[psutil.Process]:
 
 
 def options_for(ticks: int) -> RunOptions:
-    arguments: dict[str, Argument] = {"places": SENSORS + 1}
-    source = open_source(PATH, 3, arguments)
-    source.close()
-    return RunOptions(
-        source=PATH,
-        arguments=arguments,
-        body=body_of(source, "walker"),
-        ticks=ticks,
-        seed=3,
-    )
+    return run_options.options_for(PATH, 3, {"places": SENSORS + 1}, ticks=ticks)
 
 
 def on_disk(log: Path) -> int:

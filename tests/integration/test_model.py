@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from neurosnap.apps.cli import app
 from neurosnap.apps.drawing.find_model import listed
+from tests.support.command_line import call
 
 pytestmark = pytest.mark.slow
 
@@ -33,10 +32,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def call(*arguments: str) -> Result:
-    return CliRunner().invoke(app, list(arguments))
 
 
 def asked(*arguments: str) -> dict[str, Any]:

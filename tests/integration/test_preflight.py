@@ -5,16 +5,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from neurosnap.apps.cli import app
 from neurosnap.runtime import preflight
+from tests.support.command_line import call
 
 pytestmark = pytest.mark.slow
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(one) for one in arguments])
 
 
 @pytest.fixture(autouse=True)

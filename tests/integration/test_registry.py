@@ -1,6 +1,5 @@
 """Swarms that run are found by their id, and can be stopped by it alone."""
 
-import json
 import os
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from neurosnap.apps.cli import app
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import registry
+from tests.support.command_line import call, facts_of
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -44,36 +44,30 @@ def going(log: Path) -> Iterator[Command]:
         yield process
 
 
-def call(*arguments: str) -> dict[str, Any]:
-    result = CliRunner().invoke(app, [*arguments, "--json"])
-    assert result.exit_code == 0, result.stderr
-    facts = json.loads(result.stdout.splitlines()[-1])
-    assert isinstance(facts, dict)
-    return facts
-
-
 @pytest.mark.zenoh
 @pytest.mark.slow
 def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     with going(first) as stopped, going(second) as left:
-        listed = call("ps")["swarms"]
+        listed = facts_of(call("ps", "--json"))["swarms"]
         assert [Path(one["log"]) for one in sorted(listed, key=_by_log)] == [
             first,
             second,
         ]
         ids = {Path(one["log"]): one["swarm"] for one in listed}
-        shown = call("ps", ids[first])
+        shown = facts_of(call("ps", ids[first], "--json"))
         names = [part["who"] for part in shown["parts"]]
         services = ["hub", "recorder", "coordinator", "world"]
         assert names == [*services, *(f"cell/{n}" for n in range(5))]
         assert all(part["memory"] > 0 for part in shown["parts"])
-        assert call("stop", ids[first])["log"] == str(first)
+        assert facts_of(call("stop", ids[first], "--json"))["log"] == str(first)
         stdout, stderr = stopped.communicate(timeout=PATIENCE)
         assert stopped.returncode == 0, stderr
         assert "as asked" in stdout
         assert left.poll() is None  # the other one goes on
-        assert [one["swarm"] for one in call("ps")["swarms"]] == [ids[second]]
+        assert [one["swarm"] for one in facts_of(call("ps", "--json"))["swarms"]] == [
+            ids[second]
+        ]
     verdict = verify(first)
     assert (verdict.same, verdict.complete) == (True, True)
 

@@ -22,11 +22,10 @@ from neurosnap.recording.replay.playback import play
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import Replay, verify
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe, run
 from neurosnap.sensorium import unpack
-from neurosnap.sources.open import Argument, open_source
+from tests.support import run_options
 
 pytestmark = [pytest.mark.slow]
 
@@ -57,23 +56,13 @@ def readings(path: Path) -> str:
 def options_for(
     source: str, agent: AgentKind, cells: CellKind, workers: int
 ) -> RunOptions:
-    arguments: dict[str, Argument] = {}
-    target: tuple[str, ...] = ()
-    if source == GRID:
-        arguments = {"width": 3, "height": 3, "wait": True}
-    opened = open_source(source, SEED, arguments)
-    opened.close()
-    if agent == "planner":
-        target = (opened.sensors[1], f"{opened.sensors[0]}*")
-    return RunOptions(
-        source=source,
-        arguments=arguments,
-        body=body_of(opened, agent),
+    return run_options.options_for(
+        source,
+        SEED,
+        {"width": 3, "height": 3, "wait": True} if source == GRID else {},
         agent=agent,
-        target=target,
         explore=0.25,
         ticks=TICKS,
-        seed=SEED,
         threshold=0.08,
         cells=cells,
         workers=workers,

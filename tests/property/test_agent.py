@@ -20,7 +20,7 @@ from tests.support import oracles
 from tests.support.agent_oracles import Fields, Moves, as_array, known
 from tests.support.edges import edges_of
 from tests.support.hypothesis_settings import examples
-from tests.support.strategies import as_set, graphs, subsets
+from tests.support.strategies import as_set, bit_rows, graphs, subsets
 
 KINDS: list[AgentKind] = ["walker", "excited", "planner"]
 TICKS = range(1, 40)  # enough for three choices as good to come up
@@ -176,7 +176,7 @@ def worlds(draw: st.DrawFn) -> tuple[Body, Moves, Fields]:
     places = draw(st.integers(1, 4))
     place = st.integers(0, places - 1)
     row = st.lists(place, min_size=places, max_size=places)
-    field = st.lists(st.booleans(), min_size=places, max_size=places)
+    field = bit_rows(places)
     count, own = len(body.choices), len(body.own)
     moves = draw(st.lists(row, min_size=count, max_size=count))
     fields = draw(st.lists(field, min_size=own, max_size=own))

@@ -4,14 +4,21 @@ Each case is a function of its seed alone. What must come out is what the snapsh
 in process, which knows nothing of cells.
 """
 
+import functools
 import random
 from collections.abc import Callable
+from typing import NamedTuple
 
 import pytest
 
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from tests.support.simulated_swarm import THRESHOLD, counting_swarm, repeatable
+from tests.support.simulated_swarm import (
+    THRESHOLD,
+    SimulatedSwarm,
+    counting_swarm,
+    repeatable,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -46,23 +53,52 @@ def expected(rows: Rows) -> list[list[bool]]:
     return [snapshot.observe(row).tolist() for row in rows]
 
 
-def lose_one(seed: int, *, shared: bool, frame: int = 1 << 16) -> bool:
-    """Lose one wiring of a run; tell whether any wave had to be repeated for it."""
-    chance = random.Random(seed)
-    rows = random_rows(chance)
-    workers = chance.randint(1, len(rows[0])) if shared else 0
-    undisturbed = counting_swarm(rows, seed, workers, frame)
-    undisturbed.run()
-    assert undisturbed.states() == expected(rows)
+class Case:
+    """What is read, by a seed, and who hosts the cells."""
+
+    def __init__(self, seed: int, *, shared: bool, frame: int) -> None:
+        self.seed = seed
+        self.frame = frame
+        self.chance = random.Random(seed)
+        self.rows = random_rows(self.chance)
+        self.workers = self.chance.randint(1, len(self.rows[0])) if shared else 0
+        self.expected = expected(self.rows)
+
+    def run(self, *lost: Name) -> SimulatedSwarm:
+        swarm = counting_swarm(
+            self.rows, self.seed, self.workers, self.frame, without(*lost)
+        )
+        swarm.run()
+        assert swarm.states() == self.expected
+        assert swarm.core.totals.ticks == len(self.rows)
+        return swarm
+
+
+class OneLost(NamedTuple):
+    """A run that has lost one wiring of those that were sent when nothing was lost."""
+
+    case: Case
+    sent: list[Name]
+    lost: Name
+    swarm: SimulatedSwarm
+
+
+@functools.cache
+def lose_one(seed: int, *, shared: bool, frame: int = 1 << 16) -> OneLost | None:
+    """Lose one wiring of a run; None: there is none."""
+    case = Case(seed, shared=shared, frame=frame)
+    undisturbed = case.run()
     assert undisturbed.repeats == 0
     sent = wirings(undisturbed.said)
     if not sent:
-        return False
-    swarm = counting_swarm(rows, seed, workers, frame, without(chance.choice(sent)))
-    swarm.run()
-    assert swarm.states() == expected(rows)
-    assert swarm.core.totals.ticks == len(rows)
-    return swarm.repeats > 0
+        return None
+    lost = case.chance.choice(sent)
+    return OneLost(case, sent, lost, case.run(lost))
+
+
+def is_noticed(found: OneLost | None) -> bool:
+    """Tell whether any wave had to be repeated for what was lost."""
+    return found is not None and found.swarm.repeats > 0
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -70,7 +106,7 @@ def test_a_lost_wiring_changes_no_state(shared: bool) -> None:
     noticed = 0
     for seed in range(CASES):
         with repeatable(seed):
-            noticed += lose_one(seed, shared=shared)
+            noticed += is_noticed(lose_one(seed, shared=shared))
     assert noticed > CASES / 3
 
 
@@ -78,30 +114,21 @@ def test_a_lost_frame_of_many_changes_no_state() -> None:
     noticed = 0
     for seed in range(CASES):
         with repeatable(seed):
-            noticed += lose_one(seed, shared=True, frame=1)
+            noticed += is_noticed(lose_one(seed, shared=True, frame=1))
     assert noticed > CASES / 3
 
 
 def lose_two(seed: int) -> bool:
     """Lose a wiring, and the last frame of the whole one that mends it."""
-    chance = random.Random(seed)
-    rows = random_rows(chance)
-    workers = chance.randint(1, len(rows[0]))
-    undisturbed = counting_swarm(rows, seed, workers, frame=1)
-    undisturbed.run()
-    sent = wirings(undisturbed.said)
-    lost = sent and [chance.choice(sent)]
-    once = counting_swarm(rows, seed, workers, 1, without(*lost))
-    once.run()
-    mending = [name for name in wirings(once.said) if name not in sent]
+    once = lose_one(seed, shared=True, frame=1)
+    if once is None:
+        return False
+    mending = [name for name in wirings(once.swarm.said) if name not in once.sent]
     if not mending:
         return False
     # The last for a worker: after one before, the next would tell it of a gap.
-    lost = [*lost, chance.choice(list(dict(mending).items()))]
-    twice = counting_swarm(rows, seed, workers, 1, without(*lost))
-    twice.run()
-    assert twice.states() == expected(rows)
-    return twice.repeats > once.repeats
+    more = once.case.chance.choice(list(dict(mending).items()))
+    return once.case.run(once.lost, more).repeats > once.swarm.repeats
 
 
 def test_a_lost_frame_of_a_whole_wiring_changes_no_state() -> None:

@@ -14,6 +14,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
 from tests.support.hypothesis_settings import examples
+from tests.support.strategies import bit_rows
 from tests.support.theory_oracles import Model, Vertex, Vertices, subsets
 from tests.support.theory_strategies import (
     Drawn,
@@ -209,9 +210,7 @@ def test_lemma_propagation_gives_coherent_projection(
 ) -> None:
     """[GK] lemma:propagation gives coherent projection, for any observation."""
     graph = drawn.p.graph
-    bits = data.draw(
-        st.lists(st.booleans(), min_size=len(drawn.p), max_size=len(drawn.p))
-    )
+    bits = data.draw(bit_rows(len(drawn.p)))
     observation = [2 * k + (not bit) for k, bit in enumerate(bits)]
     state = graph.propagate([], observation)
     assert (state == graph.coherent_projection(observation)).all()

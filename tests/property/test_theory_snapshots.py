@@ -14,7 +14,7 @@ from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
 from tests.support.hypothesis_settings import examples
 from tests.support.oracles import Edges, Number, Weights
-from tests.support.strategies import Bits, as_set, runs
+from tests.support.strategies import Bits, as_set, bit_rows, runs
 from tests.support.theory_oracles import Model
 from tests.support.theory_strategies import snapshots
 
@@ -126,7 +126,7 @@ def test_lemma_discounted_update(
     """[GK] lemma:discounted update."""
     n, w, total = drawn
     unit: Weights = {pair: Fraction(weight) / total for pair, weight in w.items()}
-    bits = data.draw(st.lists(st.booleans(), min_size=n // 2, max_size=n // 2))
+    bits = data.draw(bit_rows(n // 2))
     check_probabilistic(n, oracles.discounted(n, unit, bits, Fraction(7, 8)), 1)
 
 

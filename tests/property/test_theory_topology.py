@@ -23,6 +23,7 @@ from neurosnap.poc.dual.homology import CellComplex, cubes_among
 from neurosnap.poc.dual.homotopy import richness
 from neurosnap.poc.dual.realization import Realization, corners
 from tests.support.hypothesis_settings import examples
+from tests.support.strategies import bit_rows
 from tests.support.theory_oracles import Model, betti, face_counts, included
 from tests.support.theory_strategies import Drawn, fields, frozen, poc_sets
 
@@ -156,7 +157,7 @@ def test_thm_homotopy_type_as_it_must_read(
     space: FiniteSpace, data: st.DataObject
 ) -> None:
     """[GK] thm:homotopy type, in the form of `neurosnap.poc.dual.homotopy`."""
-    row = st.lists(st.booleans(), min_size=len(space), max_size=len(space))
+    row = bit_rows(len(space))
     rows = data.draw(st.lists(row, min_size=1, max_size=4))
     realization = Realization(rows)
     assume(richness(realization, space).holds)

@@ -23,7 +23,7 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.wire import Decision
 from tests.support import agent_oracles as agents
 from tests.support import oracles
-from tests.support.strategies import as_set
+from tests.support.strategies import as_set, bit_rows
 
 Row = list[bool | None]
 
@@ -55,10 +55,14 @@ def act(agent: Agent, row: Row, fill: Sequence[bool], begins: bool) -> Decision:
     return agent.act(bits, begins, None if None not in row else known)
 
 
-rows = st.lists(st.sampled_from([True, False, None]), min_size=3, max_size=3).filter(
-    lambda row: any(on is not None for on in row)
+rows = st.sampled_from(
+    [
+        list(row)
+        for row in itertools.product([True, False, None], repeat=3)
+        if any(on is not None for on in row)
+    ]
 )
-fills = st.lists(st.booleans(), min_size=3, max_size=3)
+fills = bit_rows(3)
 walks = st.lists(
     st.tuples(rows, fills, fills, st.integers(0, 7).map(lambda k: k == 7)), max_size=30
 )

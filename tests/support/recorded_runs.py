@@ -17,7 +17,8 @@ from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.verify import Replay
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
+from neurosnap.sources.open import Argument
+from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
 
 TICKS = 40
@@ -35,9 +36,7 @@ def drawn_run(ticks: int = TICKS) -> RunOptions:
 def planner_run(ticks: int = TICKS) -> RunOptions:
     size = {"width": 3, "height": 3}
     target = ("x_below_1", "y_below_2*")
-    return _options(
-        "neurosnap/Grid-v0", size, ticks, agent="planner", target=target, full=True
-    )
+    return _options("neurosnap/Grid-v0", size, ticks, agent="planner", target=target)
 
 
 def seeker_run(ticks: int = TICKS) -> RunOptions:
@@ -99,30 +98,10 @@ def unread_run(log: Path) -> Path:
 
 
 def _options(
-    source: str,
-    arguments: Mapping[str, int],
-    ticks: int,
-    *,
-    full: bool = False,
-    **changes: object,
+    source: str, arguments: Mapping[str, Argument], ticks: int, **changes: object
 ) -> RunOptions:
-    opened = open_source(source, 5, arguments)
-    opened.close()
-    parts = (opened.sensors, opened.actions, opened.orders)
-    body = (
-        Body.full(*parts)
-        if full
-        else Body(own=parts[0], actions=parts[1], orders=parts[2])
-    )
     given = {"threshold": 0.08, "keyframe_every": 7, "cells": "inline", **changes}
-    return RunOptions(
-        source=source,
-        arguments=dict(arguments),
-        body=body,
-        ticks=ticks,
-        seed=5,
-        **given,  # type: ignore[arg-type]
-    )
+    return options_for(source, 5, arguments, ticks=ticks, **given)  # type: ignore[arg-type]
 
 
 def recorded(options: RunOptions, log: Path) -> Path:

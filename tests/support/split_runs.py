@@ -1,15 +1,12 @@
 """A run of three sensors, and how it comes into several files."""
 
-import asyncio
 import random
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
-import pytest
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -17,50 +14,24 @@ from neurosnap.recording.read.split_files import (
     part_paths,
 )
 from neurosnap.recording.write.rotation import SplitWriter
-from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.run import describe as facts_of
+from tests.support.implying_rows import implying_rows
+from tests.support.scripted_runs import ACTIONS, record_scripted, scripted_options
 from tests.support.scripted_sources import Scripted
 
 TICKS = 60
 EVERY = 10
-ACTIONS = ("go", "stay")
 
 
 def options(workers: int = 0, ticks: int = TICKS) -> RunOptions:
-    return RunOptions(
-        source="scripted",
-        body=Body.full(["s0", "s1", "s2"], ACTIONS),
-        ticks=ticks,
-        threshold=0.2,
-        cells="worker" if workers else "inline",
-        workers=max(workers, 1),
-        keyframe_every=EVERY,
-    )
-
-
-def rows() -> list[list[bool | None]]:
-    chance = random.Random(3)
-    table: list[list[bool | None]] = []
-    for _ in range(2 * TICKS):
-        a, b, c = (chance.random() < 0.5 for _ in range(3))
-        row: list[bool | None] = [a, a or b, c]
-        table.append(
-            [None if chance.random() < 0.1 else on for on in row[:2]] + row[2:]
-        )
-    return table
+    return scripted_options(ticks, workers, keyframe_every=EVERY)
 
 
 def made(
     log: Path, workers: int = 0, past: ResumePoint | None = None, ticks: int = TICKS
 ) -> Path:
     """Record a run in one process."""
-    given = options(workers, ticks)
-    with pytest.MonkeyPatch.context() as patch:
-        source = Scripted(rows(), ACTIONS)
-        patch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
-        stop, facts = asyncio.Event(), facts_of(given)
-        asyncio.run(run_inline(given, log, facts, past, stop, lambda _: None))
-    return log
+    source = Scripted(implying_rows(2 * TICKS, 3, unknown=0.1), ACTIONS)
+    return record_scripted(source, options(workers, ticks), log, past)
 
 
 def overtaking(recorded: Iterable[Recorded], seed: int) -> list[Recorded]:

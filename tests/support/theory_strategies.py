@@ -10,7 +10,7 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.pocset import PocSet
 from tests.support.edges import edges_of
 from tests.support.oracles import Weights, proper_pairs
-from tests.support.strategies import graphs
+from tests.support.strategies import bit_rows, graphs
 from tests.support.theory_oracles import Model, Vertex, included
 
 
@@ -47,7 +47,7 @@ def relations(draw: st.DrawFn, most: int = 7) -> Drawn:
 def fields(draw: st.DrawFn, most: int = 7, points: int = 9) -> list[list[bool]]:
     """Draw where each of some sensors is on."""
     count = draw(st.integers(1, points))
-    row = st.lists(st.booleans(), min_size=count, max_size=count)
+    row = bit_rows(count)
     return draw(st.lists(row, min_size=1, max_size=most))
 
 

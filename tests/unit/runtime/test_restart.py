@@ -13,7 +13,7 @@ from neurosnap.runtime import restart
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
-from tests.unit.runtime.test_restart_files import names, options_for
+from tests.support.restart_runs import names, options_of
 
 TICKS = 12
 PATIENCE = 60.0
@@ -25,7 +25,7 @@ async def test_a_tick_that_was_cut_off_is_done_again_before_the_end(
 ) -> None:
     """`had` ticks are recorded when a part dies; the last is not a whole one."""
     log, whole = tmp_path / "run.mcap", tmp_path / "whole.mcap"
-    options = options_for(TICKS)
+    options = options_of(TICKS)
     outcome = await run(options, whole, asyncio.Event())
     stop, asked = asyncio.Event(), asyncio.Event()
     loop, heeded = asyncio.get_running_loop(), []
@@ -80,7 +80,7 @@ async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
     deaths: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log, whole = tmp_path / "run.mcap", tmp_path / "whole.mcap"
-    options = options_for(TICKS)
+    options = options_of(TICKS)
     outcome = await run(options, whole, asyncio.Event())
     stop = asyncio.Event()
 

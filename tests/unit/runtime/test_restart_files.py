@@ -11,26 +11,9 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
-from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import Argument, open_source
-
-
-def options_for(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
-    arguments: dict[str, Argument] = {"places": 5}
-    source = open_source("neurosnap/Path-v0", seed, arguments)
-    source.close()
-    return RunOptions(
-        source="neurosnap/Path-v0",
-        arguments=arguments,
-        body=body_of(source, "walker"),
-        ticks=ticks,
-        seed=seed,
-        cells="inline",
-        keyframe_every=20,
-        split=split,
-    )
+from tests.support.restart_runs import names, options_of
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +24,7 @@ def recordings(
     folder, found = tmp_path_factory.mktemp("runs"), {}
     for ticks, seed in ((5, 3), (30, 3), (60, 3), (30, 4)):
         path = folder / f"{ticks}-{seed}"
-        asyncio.run(run(options_for(ticks, seed=seed), path, asyncio.Event()))
+        asyncio.run(run(options_of(ticks, seed=seed), path, asyncio.Event()))
         found[ticks, seed] = path.read_bytes()
     return found
 
@@ -58,10 +41,6 @@ def flipped(content: bytes, at: int) -> bytes:
 def in_chunk(path: Path) -> int:
     """Return a byte in the first chunk of a recording."""
     return Recording.open(path).layout.chunks[0].offset + 10
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
 
 
 def observed(*files: Path) -> set[tuple[int, bytes]]:
@@ -92,7 +71,7 @@ def test_a_damaged_recording_is_kept_beside(
     bad = flipped(recordings[30, 3], in_chunk(log))
     log.write_bytes(bad)
     lives = RestartFiles(log)
-    past = gone_on(lives, options_for(30))
+    past = gone_on(lives, options_of(30))
     left = log.with_name("run.mcap.broken" if past else "run.damaged-1.mcap")
     assert left.read_bytes() == bad
     # Even once the run has come to its end.
@@ -115,7 +94,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     bad = flipped(grown, length_at + 3)
     log.write_bytes(bad)
     lives = RestartFiles(log)
-    gone_on(lives, options_for(30))
+    gone_on(lives, options_of(30))
     log.write_bytes(recordings[5, 3])
     lives.settle()
     (kept,) = lives.kept
@@ -127,12 +106,12 @@ def test_what_the_recording_holds_is_not_kept(
 ) -> None:
     log.write_bytes(recordings[30, 3])
     lives = RestartFiles(log)
-    past = gone_on(lives, options_for(30))
+    past = gone_on(lives, options_of(30))
     assert past is not None
     assert (past.tick, names(log.parent)) == (29, ["run.mcap.broken"])
     # A life that got no further leaves nothing.
     log.write_bytes(recordings[5, 3])
-    assert gone_on(lives, options_for(5), past) == past
+    assert gone_on(lives, options_of(5), past) == past
     assert names(log.parent) == ["run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
     lives.settle()
@@ -145,9 +124,9 @@ def test_readings_that_another_life_did_not_see_are_kept(
 ) -> None:
     log.write_bytes(recordings[30, 3])
     lives = RestartFiles(log)
-    past = gone_on(lives, options_for(30))
+    past = gone_on(lives, options_of(30))
     log.write_bytes(recordings[30, 4])  # as many ticks, of another world
-    assert gone_on(lives, options_for(30, seed=4), past) == past
+    assert gone_on(lives, options_of(30, seed=4), past) == past
     assert names(log.parent) == ["run.damaged-1.mcap", "run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
     lives.settle()
@@ -163,7 +142,7 @@ def test_what_is_kept_gets_the_next_free_name(
     lives = RestartFiles(log)
     for content in (b"no recording" * 9, b"another one" * 9):
         log.write_bytes(content)
-        assert gone_on(lives, options_for(30)) is None
+        assert gone_on(lives, options_of(30)) is None
     assert [path.name for path in lives.kept] == [
         "run.damaged-2.mcap",
         "run.damaged-3.mcap",
@@ -174,12 +153,12 @@ def test_what_is_kept_gets_the_next_free_name(
 def test_an_empty_file_is_nothing_to_keep(log: Path) -> None:
     log.touch()
     lives = RestartFiles(log)
-    assert gone_on(lives, options_for(30)) is None
+    assert gone_on(lives, options_of(30)) is None
     assert (names(log.parent), lives.kept) == ([], [])
 
 
 def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
-    options = options_for(900, split=SMALLEST)
+    options = options_of(900, split=SMALLEST)
     asyncio.run(run(options, log, asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 2
@@ -234,7 +213,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
             for ticks in (5, 30, 5):
                 log.write_bytes(recordings[ticks, 3])
                 furthest = max(furthest, ticks)
-                past = gone_on(lives, options_for(ticks), past)
+                past = gone_on(lives, options_of(ticks), past)
             log.write_bytes(recordings[60, 3])
             lives.settle()
         except KilledError:
@@ -273,7 +252,7 @@ def test_of_two_lives_that_saw_other_things_none_is_deleted(
 def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
     content: bytes, log: Path
 ) -> None:
-    options = options_for(500, split=SMALLEST)
+    options = options_of(500, split=SMALLEST)
     asyncio.run(run(options, log, asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 1

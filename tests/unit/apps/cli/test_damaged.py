@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
 from neurosnap.recording.read.reader import Recording
+from tests.support.command_line import call
 from tests.support.recorded_runs import in_chunks, path_run, recorded
 
 pytestmark = pytest.mark.slow
@@ -34,9 +33,7 @@ def code(log: Path, folder: Path, verb: tuple[str, ...]) -> int:
     """Return how a verb ends."""
     name, *flags = verb
     given = [flag.format(folder=folder) for flag in flags]
-    ended = CliRunner().invoke(app, [name, str(log), *given])
-    assert ended.exception is None or isinstance(ended.exception, SystemExit)
-    return ended.exit_code
+    return call(name, log, *given).exit_code
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb[0])

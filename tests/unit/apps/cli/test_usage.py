@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
 from neurosnap.apps.config.recording_names import new_path
+from tests.support.command_line import call
 
 WORLD = """
 [source]
@@ -25,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def refused(*arguments: object) -> str:
     """Return what is said of wrong usage."""
-    result = CliRunner().invoke(app, [*map(str, arguments)])
+    result = call(*arguments)
     assert (result.exit_code, result.stdout) == (2, "")
     return result.stderr.removeprefix("error: ").removesuffix("\n")
 

@@ -3,16 +3,15 @@
 from pathlib import Path
 
 import msgspec
-from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
+from tests.support.command_line import call
 from tests.support.recorded_runs import csv_run, recorded
 
 GOLDEN = Path(__file__).parents[3] / "golden" / "run-2-resumed.mcap"
 
 
 def said_of(log: Path, *flags: str) -> str:
-    done = CliRunner().invoke(app, ["watch", str(log), *flags])
+    done = call("watch", log, *flags)
     assert done.exit_code == 0, done.output
     return done.stdout
 

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from neurosnap.apps.cli import app
 from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import FOREVER, Prepared, prepare
@@ -18,6 +16,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.restart_policy import Supervision
+from tests.support.command_line import call
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
 
@@ -204,21 +203,17 @@ def test_a_run_needs_no_file() -> None:
 # The command --------------------------------------------------------------------------
 
 
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["config", *map(str, arguments)])
-
-
 def test_check_says_that_nothing_is_wrong(file: Path) -> None:
     write(file, WORLD)
-    plain = call("check", file)
+    plain = call("config", "check", file)
     assert (plain.exit_code, plain.stdout) == (0, f"{file}: no faults\n")
-    told = call("check", file, "--json")
+    told = call("config", "check", file, "--json")
     assert json.loads(told.stdout) == {"file": str(file), "faults": [], "more": 0}
 
 
 def test_check_says_what_is_wrong_and_where(file: Path) -> None:
     write(file, f"{WORLD}[agent]\nexplore = 2\n[[run]]\n")
-    told = call("check", file, "--json")
+    told = call("config", "check", file, "--json")
     assert told.exit_code == 2
     first, second = told.stderr.splitlines()
     assert first == f"error: {file}:6: agent.explore: must be in [0, 1], got 2"
@@ -233,12 +228,12 @@ def test_check_says_what_is_wrong_and_where(file: Path) -> None:
 
 def test_a_static_check_opens_nothing(file: Path) -> None:
     write(file, "[source]\nkind = 'csv'\npath = 'none.csv'\n")
-    assert call("check", file).exit_code == 2
-    assert call("check", file, "--static").exit_code == 0
+    assert call("config", "check", file).exit_code == 2
+    assert call("config", "check", file, "--static").exit_code == 0
 
 
 def test_the_schema_is_printed() -> None:
-    told = call("schema")
+    told = call("config", "schema")
     assert told.exit_code == 0
     assert json.loads(told.stdout) == schema()
 

@@ -20,6 +20,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.sensorium import complete, unpack
 from tests.support.recorded_runs import (
     TICKS,
+    Told,
     csv_run,
     drawn_run,
     in_chunks,
@@ -50,6 +51,18 @@ def log(
 
 
 @pytest.fixture(scope="module")
+def derived(log: Path) -> dict[int, Told]:
+    return told(log)
+
+
+@pytest.fixture(scope="module")
+def small(log: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The same in small chunks."""
+    folder = tmp_path_factory.mktemp("small")
+    return in_chunks(log, folder / "small.mcap", 2000).read_bytes()
+
+
+@pytest.fixture(scope="module")
 def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(path_run(), tmp_path_factory.mktemp("path") / "run.mcap")
 
@@ -73,10 +86,9 @@ def edges_of(graph: api.Graph) -> frozenset[tuple[int, int]]:
 
 @pytest.mark.parametrize("chunk", [1 << 20, 3000])
 def test_every_tick_is_what_a_replay_derives(
-    log: Path, tmp_path: Path, chunk: int
+    log: Path, derived: dict[int, Told], tmp_path: Path, chunk: int
 ) -> None:
     again = in_chunks(log, tmp_path / "again.mcap", chunk, seed=chunk)
-    derived = told(log)
     run_view = RunView(again)
     assert (run_view.first, run_view.last) == (1, TICKS) == (1, len(derived))
     order = random.Random(2).sample(sorted(derived), len(derived))
@@ -93,8 +105,10 @@ def test_every_tick_is_what_a_replay_derives(
     ]
 
 
-def test_an_order_keeps_its_id_as_long_as_it_is_the_same(log: Path) -> None:
-    derived, run_view = told(log), RunView(log)
+def test_an_order_keeps_its_id_as_long_as_it_is_the_same(
+    log: Path, derived: dict[int, Told]
+) -> None:
+    run_view = RunView(log)
     for before, after in zip(range(1, TICKS), range(2, TICKS + 1), strict=True):
         same = derived[before].hasse == derived[after].hasse
         assert (run_view.graph(before).id == run_view.graph(after).id) == same
@@ -212,17 +226,15 @@ def test_frames_beyond_the_ends_are_left_out(path_log: Path) -> None:
 
 @pytest.mark.parametrize("share", [0.3, 0.55, 0.8, 0.99])
 def test_a_recording_cut_short_shows_what_is_left(
-    log: Path, tmp_path: Path, share: float
+    derived: dict[int, Told], small: bytes, tmp_path: Path, share: float
 ) -> None:
-    derived = told(log)
-    small = in_chunks(log, tmp_path / "small.mcap", 2000)
-    data = small.read_bytes()
-    small.write_bytes(data[: int(share * len(data))])
-    run_view = RunView(small)
+    log = tmp_path / "cut.mcap"
+    log.write_bytes(small[: int(share * len(small))])
+    run_view = RunView(log)
     assert run_view.cut is not None
     assert "cut short after" in run_view.cut
     assert run_view.run(live=False).cut == run_view.cut
-    states = [m.tick for m in of_type(small, wire.State) if isinstance(m, wire.State)]
+    states = [m.tick for m in of_type(log, wire.State) if isinstance(m, wire.State)]
     assert run_view.last == max(states, default=0)
     for frame in run_view.frames(1, run_view.last):
         assert frame.state == derived[frame.tick].state
@@ -313,9 +325,8 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
         RunView(log)
 
 
-def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
-    small = in_chunks(log, tmp_path / "small.mcap", 2000)
-    data, growing = small.read_bytes(), tmp_path / "growing.mcap"
+def test_a_growing_recording_is_followed(small: bytes, tmp_path: Path) -> None:
+    data, growing = small, tmp_path / "growing.mcap"
     growing.write_bytes(data[: len(data) // 4])
     run_view, seen = RunView(growing), set()
     for share in range(25, 100, 3):
@@ -323,17 +334,16 @@ def test_a_growing_recording_is_followed(log: Path, tmp_path: Path) -> None:
             file.write(data[: max(len(data) * share // 100, 100)])
         run_view.grow()
         seen.add(run_view.last)
-        assert run_view.last == RunView(growing).last
-        if run_view.last:
-            assert run_view.frames(run_view.last, run_view.last) == RunView(
-                growing
-            ).frames(run_view.last, run_view.last)
+        fresh, last = RunView(growing), run_view.last
+        assert fresh.last == last
+        if last:
+            assert run_view.frames(last, last) == fresh.frames(last, last)
     growing.write_bytes(data)
     assert run_view.grow()
     assert not run_view.grow()
     assert len(seen) > 5
     assert (run_view.last, run_view.cut, run_view.files.finished) == (TICKS, None, True)
-    assert run_view.frames(1, TICKS) == RunView(small).frames(1, TICKS)
+    assert run_view.frames(1, TICKS) == RunView(growing).frames(1, TICKS)
 
 
 def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Recordings of runs with unknown readings, and of runs before reports had an epoch."""
 
-import asyncio
-import random
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -10,66 +8,32 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.run import describe
+from tests.support.implying_rows import implying_rows
+from tests.support.scripted_runs import ACTIONS, record_scripted, scripted_options
 from tests.support.scripted_sources import Live, Scripted
 
 TICKS = 20
-ACTIONS = ("go", "stay")
-Rows = list[list[bool | None]]
 
 
-def rows(*, unknown: bool) -> Rows:
-    """Readings of three sensors, the first of which implies the second."""
-    chance = random.Random(0)
-    found: Rows = []
-    for _ in range(2 * TICKS):
-        row: list[bool | None] = [chance.random() < 0.5 for _ in range(3)]
-        row[1] = row[1] or row[0]
-        if unknown:
-            row = [None if chance.random() < 0.3 else on for on in row]
-            row[2] = row[2] is not None and row[2]
-        found.append(row)
-    return found
-
-
-def options(workers: int, ticks: int = TICKS) -> RunOptions:
-    return RunOptions(
-        source="scripted",
-        body=Body.full(["s0", "s1", "s2"], ACTIONS),
-        ticks=ticks,
-        threshold=0.2,
-        cells="worker" if workers else "inline",
-        workers=max(workers, 1),
-    )
+def rows(*, unknown: bool) -> list[list[bool | None]]:
+    return implying_rows(2 * TICKS, 0, 0.5 if unknown else 0.0)
 
 
 def record(
     source: Scripted,
     log: Path,
-    monkeypatch: pytest.MonkeyPatch,
     workers: int = 0,
     past: ResumePoint | None = None,
     ticks: int = TICKS,
 ) -> Path:
     """Record a run in one process."""
-    monkeypatch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
-    given = options(workers, ticks)
-
-    async def once() -> None:
-        facts = describe(given)
-        await run_inline(given, log, facts, past, asyncio.Event(), lambda _: None)
-
-    asyncio.run(once())
-    return log
+    return record_scripted(source, scripted_options(ticks, workers), log, past)
 
 
 def rewritten(
@@ -107,10 +71,10 @@ def observations(log: Path) -> list[wire.Observation]:
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_run_with_unknown_readings_is_derived_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+    tmp_path: Path, workers: int
 ) -> None:
     source = Scripted(rows(unknown=True), ACTIONS)
-    log = record(source, tmp_path / "log.mcap", monkeypatch, workers)
+    log = record(source, tmp_path / "log.mcap", workers)
     assert sum(bool(one.known) for one in observations(log)) > TICKS / 2
     verdict = verify(log)
     assert (verdict.difference, verdict.complete) == (None, True)
@@ -119,12 +83,12 @@ def test_a_run_with_unknown_readings_is_derived_again(
 
 @pytest.mark.parametrize("sensor", [2, 3, 5])
 def test_a_reading_said_to_be_unknown_that_is_known_is_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sensor: int
+    tmp_path: Path, sensor: int
 ) -> None:
     """An own one shows in what is learned, a made one in what it is made of."""
     source = Scripted(rows(unknown=False), ACTIONS)
-    log = record(source, tmp_path / "log.mcap", monkeypatch)
-    names = options(0).sensors
+    log = record(source, tmp_path / "log.mcap")
+    names = scripted_options(TICKS).sensors
 
     def change(one: Recorded) -> bytes:
         message = one.message
@@ -150,7 +114,7 @@ def test_a_reading_said_to_be_unknown_that_is_known_is_found(
 
 @pytest.mark.parametrize("kind", [Scripted, Live])
 def test_a_run_with_unknown_readings_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Scripted]
+    tmp_path: Path, kind: type[Scripted]
 ) -> None:
     def source() -> Scripted:
         made = kind(rows(unknown=True), ACTIONS)
@@ -158,10 +122,10 @@ def test_a_run_with_unknown_readings_goes_on(
             made.let_go(2 * TICKS)
         return made
 
-    log = record(source(), tmp_path / "log.mcap", monkeypatch)
+    log = record(source(), tmp_path / "log.mcap")
     _, past = find_resume_point(log)
     again = tmp_path / "again.mcap"
-    record(source(), again, monkeypatch, past=past, ticks=TICKS + 10)
+    record(source(), again, past=past, ticks=TICKS + 10)
     verdict = verify(again)
     assert (verdict.difference, verdict.complete) == (None, True)
     assert verdict.ticks == TICKS + 10
@@ -169,7 +133,7 @@ def test_a_run_with_unknown_readings_goes_on(
     assert begins == ([1, TICKS + 1] if kind is Live else [1])
     if kind is Scripted:
         whole = tmp_path / "whole.mcap"
-        record(source(), whole, monkeypatch, ticks=TICKS + 10)
+        record(source(), whole, ticks=TICKS + 10)
         assert observations(whole) == observations(again)
 
 
@@ -191,10 +155,10 @@ def of_schema_1(log: Path) -> Path:
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_reports_that_do_not_say_by_which_wiring_they_are_are_taken_for_the_last(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+    tmp_path: Path, workers: int
 ) -> None:
     source = Scripted(rows(unknown=False), ACTIONS)
-    old = of_schema_1(record(source, tmp_path / "log.mcap", monkeypatch, workers))
+    old = of_schema_1(record(source, tmp_path / "log.mcap", workers))
     recording = Recording.open(old)
     assert recording.metadata["schema"] == "1"
     reports = list(recording.messages(("settle", "tally", "observe")))
@@ -206,26 +170,20 @@ def test_reports_that_do_not_say_by_which_wiring_they_are_are_taken_for_the_last
     assert verdict.states == TICKS
 
 
-def test_a_run_from_before_goes_on_and_is_derived_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = record(
-        Scripted(rows(unknown=False), ACTIONS), tmp_path / "log.mcap", monkeypatch
-    )
+def test_a_run_from_before_goes_on_and_is_derived_again(tmp_path: Path) -> None:
+    log = record(Scripted(rows(unknown=False), ACTIONS), tmp_path / "log.mcap")
     _, past = find_resume_point(of_schema_1(log))
     again = tmp_path / "again.mcap"
     source = Scripted(rows(unknown=False), ACTIONS)
-    record(source, again, monkeypatch, past=past, ticks=TICKS + 10)
+    record(source, again, past=past, ticks=TICKS + 10)
     verdict = verify(again)
     assert (verdict.difference, verdict.complete) == (None, True)
     assert verdict.ticks == TICKS + 10
 
 
-def test_a_report_by_a_wiring_not_in_force_is_left_out_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_report_by_a_wiring_not_in_force_is_left_out_again(tmp_path: Path) -> None:
     source = Scripted(rows(unknown=False), ACTIONS)
-    log = record(source, tmp_path / "log.mcap", monkeypatch)
+    log = record(source, tmp_path / "log.mcap")
 
     def change(one: Recorded) -> bytes:
         message = one.message
@@ -243,10 +201,10 @@ def test_a_report_by_a_wiring_not_in_force_is_left_out_again(
 
 
 def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     source = Scripted(rows(unknown=False), ACTIONS)
-    log = record(source, tmp_path / "log.mcap", monkeypatch)
+    log = record(source, tmp_path / "log.mcap")
 
     def before(one: Recorded) -> wire.Message | None:
         message = one.message
@@ -265,10 +223,10 @@ def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
 
 @pytest.mark.parametrize("change", ["less", "other"])
 def test_a_key_frame_may_note_less_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+    tmp_path: Path, change: str
 ) -> None:
     source = Scripted(rows(unknown=False), ACTIONS)
-    log = record(source, tmp_path / "log.mcap", monkeypatch)
+    log = record(source, tmp_path / "log.mcap")
 
     def older(one: Recorded) -> bytes:
         if not isinstance(one.message, wire.KeyFrame):

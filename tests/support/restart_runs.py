@@ -1,0 +1,22 @@
+"""A short walk along a path, and the files that are left of one."""
+
+from pathlib import Path
+
+from neurosnap.protocol.run_options import RunOptions
+from tests.support.run_options import options_for
+
+
+def options_of(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
+    return options_for(
+        "neurosnap/Path-v0",
+        seed,
+        {"places": 5},
+        ticks=ticks,
+        cells="inline",
+        keyframe_every=20,
+        split=split,
+    )
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())

@@ -1,0 +1,41 @@
+"""Options of runs, with the sensors and actions that their sources have."""
+
+from collections.abc import Mapping
+
+from neurosnap.agent.policy import AgentKind
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.sources.open import Argument, open_source
+
+
+def options_for(
+    source: str,
+    seed: int,
+    arguments: Mapping[str, Argument] | None = None,
+    *,
+    agent: AgentKind = "walker",
+    **more: object,
+) -> RunOptions:
+    """Return the options of a run.
+
+    Args:
+        source: As in `open_source`, like the next two.
+        seed: Draws everything.
+        arguments: Of a world.
+        agent: What chooses the actions; a planner goes where the second sensor is on
+            and the first is off.
+        **more: Any other options.
+    """
+    given = dict(arguments or {})
+    opened = open_source(source, seed, given)
+    opened.close()
+    if agent == "planner":
+        more.setdefault("target", (opened.sensors[1], f"{opened.sensors[0]}*"))
+    return RunOptions(
+        source=source,
+        arguments=given,
+        body=body_of(opened, agent),
+        agent=agent,
+        seed=seed,
+        **more,  # type: ignore[arg-type]
+    )
