@@ -49,6 +49,12 @@ INDEX_ENTRY = 16
 """Bytes of a message index that stand for one message."""
 FOOTER = struct.Struct("<QQI")
 """Where the summary starts, and its offsets; its checksum, up to here."""
+CRC = struct.Struct("<I")
+"""A checksum."""
+DATA_END = HEAD.size + CRC.size
+"""Bytes of the record that ends the data."""
+MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
+"""What reading the body of a record raises."""
 
 _Record = TypeVar("_Record")
 
