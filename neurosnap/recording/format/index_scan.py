@@ -12,6 +12,7 @@ unpacked. `neurosnap.recording.format.full_scan` verifies all there is.
 
 import io
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,14 +23,12 @@ from mcap.records import Attachment
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
-    CHUNK_HEAD,
     CRC,
     DATA_END,
     FOOTER,
     HEAD,
     INDEX_ENTRY,
     INDEX_HEAD,
-    LIMIT,
     MAGIC,
     MALFORMED,
     Attached,
@@ -42,10 +41,10 @@ from neurosnap.recording.format.records import (
     opened,
     parse,
 )
-from neurosnap.recording.format.resync import chunk_at, find_record
+from neurosnap.recording.format.resync import HEAD_OF_CHUNK, chunk_at, find_record
 from neurosnap.recording.format.summary import read_summary, summary_place
+from neurosnap.recording.format.walk import Head, heads
 
-_HEAD_OF_CHUNK = CHUNK_HEAD.size + 24  # with the longest name of a compression
 _TORN = 0, b""  # no record has this kind
 _FACTS = (Opcode.METADATA,)
 
@@ -111,7 +110,7 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     try:
         file.seek(0)
         check_magic(path, file.read(len(MAGIC)))
-        layout.library = library_of(path, *_record(path, file, len(MAGIC)))
+        layout.library = library_of(path, *_header(file, layout.size))
         return file.tell()
     except RecordingError:  # ours all the same, if something in it is
         if find_record(path, file, 0, layout.size, only=_FACTS) is None:
@@ -122,30 +121,26 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     return found
 
 
-def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes]:
-    """Return kind and body of the record at a place."""
-    file.seek(at)
-    head = file.read(HEAD.size)
-    if len(head) < HEAD.size:
-        return _TORN
-    opcode, length = HEAD.unpack(head)
-    if length > LIMIT:
-        rule = f"a record must have at most {LIMIT} bytes"
-        raise damaged(path, at, rule, length)
-    body = file.read(length)
-    return (opcode, body) if len(body) == length else _TORN
+def _header(file: BinaryIO, size: int) -> tuple[int, bytes]:
+    """Return kind and body of the first record."""
+    try:
+        head = next(heads(file, len(MAGIC), size), None)
+    except ValueError:
+        head = None
+    return _TORN if head is None else (head.opcode, file.read(head.length))
 
 
 def _go_on(path: Path, file: BinaryIO, seen: IndexScan) -> None:
     """Walk on from where the walk stopped, to the end or to where the file was cut."""
-    layout = seen.layout
-    layout.cut = None
+    seen.layout.cut = None
     over = False
     while not over:
         try:
-            over = _take_next(path, file, seen)
-        except RecordingError as error:
-            over = _leap(path, file, seen, str(error))
+            _take_records(path, file, seen)
+        except ValueError as error:
+            over = _leap(path, file, seen, f"at byte {seen.offset}: {error}")
+        else:
+            over = True
 
 
 def _leap(path: Path, file: BinaryIO, seen: IndexScan, why: str) -> bool:
@@ -155,47 +150,47 @@ def _leap(path: Path, file: BinaryIO, seen: IndexScan, why: str) -> bool:
     if found is None:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
-    layout.damage.append(Damage(at, found, why.removeprefix(f"{path}: "), "unknown"))
+    layout.damage.append(Damage(at, found, why, "unknown"))
     seen.offset = found
     return False
 
 
-def _take_next(path: Path, file: BinaryIO, seen: IndexScan) -> bool:
-    """File the next record; return whether there is none."""
-    layout, at = seen.layout, seen.offset
-    file.seek(at)
-    head = file.read(HEAD.size)
-    if len(head) < HEAD.size:
-        layout.cut = Cut(len(layout.chunks), at, layout.size)
-        return True
-    opcode, length = HEAD.unpack(head)
-    after = at + HEAD.size + length
-    if length > LIMIT:
-        raise damaged(path, at, f"a record must have at most {LIMIT} bytes", length)
-    if after > layout.size:
-        raise damaged(path, at, f"a record must end by byte {layout.size}", after)
-    try:
-        match opcode:
-            case Opcode.CHUNK:
-                body = file.read(min(length, _HEAD_OF_CHUNK))
-                number = len(layout.chunks) + 1
-                layout.chunks.append(chunk_at(number, at, length, body))
-            case Opcode.MESSAGE_INDEX:
-                _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
-            case Opcode.METADATA:
-                take_facts(layout, at, file.read(length))
-            case Opcode.ATTACHMENT:
-                _take_attachment(layout, at, file.read(length))
-            case Opcode.DATA_END if length == CRC.size:
-                # Not passed: where what is behind it is torn, more may come.
-                _take_end(path, file, layout, at)
-                return True
-            case _:
-                raise ValueError(f"kind {opcode} of {length} bytes")
-    except MALFORMED as error:
-        raise damaged(path, at, "a record must be well-formed", error) from error
-    seen.offset = after
-    return False
+def _take_records(path: Path, file: BinaryIO, seen: IndexScan) -> None:
+    """File the records up to the end of the data, or of the file.
+
+    Raises:
+        ValueError: What follows is no record of ours.
+    """
+    layout = seen.layout
+    for head in heads(file, seen.offset, layout.size):
+        if head.opcode == Opcode.DATA_END and head.length == CRC.size:
+            # Not passed: where what is behind it is torn, more may come.
+            _take_end(path, file, layout, head.at)
+            return
+        try:
+            _take(file, layout, head)
+        except MALFORMED as error:
+            raise ValueError(f"a record must be well-formed, got {error}") from error
+        seen.offset = head.after
+    layout.cut = Cut(len(layout.chunks), seen.offset, layout.size)
+
+
+def _take(file: BinaryIO, layout: Layout, head: Head) -> None:
+    """File a record, as its kind and body say."""
+    length = head.length
+    match head.opcode:
+        case Opcode.CHUNK:
+            body = file.read(min(length, HEAD_OF_CHUNK))
+            number = len(layout.chunks) + 1
+            layout.chunks.append(chunk_at(number, head.at, length, body))
+        case Opcode.MESSAGE_INDEX:
+            _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
+        case Opcode.METADATA:
+            take_facts(layout, head.at, file.read(length))
+        case Opcode.ATTACHMENT:
+            _take_attachment(layout, head.at, file.read(length))
+        case opcode:
+            raise ValueError(f"kind {opcode} of {length} bytes")
 
 
 def _take_index(layout: Layout, length: int, body: bytes) -> None:
@@ -258,16 +253,13 @@ def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
         layout.damage.append(Damage(end, layout.size, why, "nothing"))
 
 
-def _footer(file: BinaryIO, at: int, size: int) -> int | None:
+def _footer(file: BinaryIO, start: int, size: int) -> int | None:
     """Return where the footer starts, going from record to record; None: nowhere."""
-    while at + HEAD.size <= size:
-        file.seek(at)
-        opcode, length = HEAD.unpack(file.read(HEAD.size))
-        after = at + HEAD.size + length
-        if opcode == Opcode.FOOTER and length == FOOTER.size:
-            file.seek(after)
-            return at if file.read(len(MAGIC)) == MAGIC else None
-        if not opcode or length > LIMIT:
-            return None
-        at = after
+    with suppress(ValueError):
+        for head in heads(file, start, size):
+            if head.opcode == Opcode.FOOTER and head.length == FOOTER.size:
+                file.seek(head.after)
+                return head.at if file.read(len(MAGIC)) == MAGIC else None
+            if not head.opcode:
+                break
     return None

@@ -3,6 +3,7 @@
 It has a checksum of its own, so all of it is what was written, or none of it is taken.
 """
 
+import io
 import struct
 import zlib
 from pathlib import Path
@@ -29,6 +30,7 @@ from neurosnap.recording.format.records import (
     damaged,
     parse,
 )
+from neurosnap.recording.format.walk import heads
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _OFFSET = struct.Struct("<HQ")
@@ -76,12 +78,10 @@ def read_summary(
         rule = f"the summary must have checksum {noted:#010x}"
         raise damaged(path, start, rule, f"{computed:#010x}")
     try:
-        at = 0
-        while at < len(summary):
-            opcode, length = HEAD.unpack_from(summary, at)
-            at += HEAD.size
-            _take_summed(path, file, layout, opcode, summary[at : at + length])
-            at += length
+        records = io.BytesIO(summary)
+        for head in heads(records, 0, len(summary)):
+            body = records.read(head.length)
+            _take_summed(path, file, layout, head.opcode, body)
     except MALFORMED as error:
         rule = "the summary must be well-formed"
         raise damaged(path, start, rule, error) from error
