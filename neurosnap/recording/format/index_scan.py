@@ -43,7 +43,7 @@ from neurosnap.recording.format.records import (
 )
 from neurosnap.recording.format.resync import HEAD_OF_CHUNK, chunk_at, find_record
 from neurosnap.recording.format.summary import read_summary, summary_place
-from neurosnap.recording.format.walk import Head, heads
+from neurosnap.recording.format.walk import heads
 
 _TORN = 0, b""  # no record has this kind
 _FACTS = (Opcode.METADATA,)
@@ -127,7 +127,10 @@ def _header(file: BinaryIO, size: int) -> tuple[int, bytes]:
         head = next(heads(file, len(MAGIC), size), None)
     except ValueError:
         head = None
-    return _TORN if head is None else (head.opcode, file.read(head.length))
+    if head is None:
+        return _TORN
+    opcode, body, after = head
+    return opcode, file.read(after - body)
 
 
 def _go_on(path: Path, file: BinaryIO, seen: IndexScan) -> None:
@@ -162,34 +165,34 @@ def _take_records(path: Path, file: BinaryIO, seen: IndexScan) -> None:
         ValueError: What follows is no record of ours.
     """
     layout = seen.layout
-    for head in heads(file, seen.offset, layout.size):
-        if head.opcode == Opcode.DATA_END and head.length == CRC.size:
+    for opcode, body, after in heads(file, seen.offset, layout.size):
+        if opcode == Opcode.DATA_END and after - body == CRC.size:
             # Not passed: where what is behind it is torn, more may come.
-            _take_end(path, file, layout, head.at)
+            _take_end(path, file, layout, seen.offset)
             return
         try:
-            _take(file, layout, head)
+            _take(file, layout, opcode, body, after - body)
         except MALFORMED as error:
             raise ValueError(f"a record must be well-formed, got {error}") from error
-        seen.offset = head.after
+        seen.offset = after
     layout.cut = Cut(len(layout.chunks), seen.offset, layout.size)
 
 
-def _take(file: BinaryIO, layout: Layout, head: Head) -> None:
-    """File a record, as its kind and body say."""
-    length = head.length
-    match head.opcode:
-        case Opcode.CHUNK:
-            body = file.read(min(length, HEAD_OF_CHUNK))
-            number = len(layout.chunks) + 1
-            layout.chunks.append(chunk_at(number, head.at, length, body))
+def _take(file: BinaryIO, layout: Layout, opcode: int, body: int, length: int) -> None:
+    """File the record whose body is next in the file."""
+    at = body - HEAD.size
+    match opcode:
         case Opcode.MESSAGE_INDEX:
             _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
+        case Opcode.CHUNK:
+            start = file.read(min(length, HEAD_OF_CHUNK))
+            number = len(layout.chunks) + 1
+            layout.chunks.append(chunk_at(number, at, length, start))
         case Opcode.METADATA:
-            take_facts(layout, head.at, file.read(length))
+            take_facts(layout, at, file.read(length))
         case Opcode.ATTACHMENT:
-            _take_attachment(layout, head.at, file.read(length))
-        case opcode:
+            _take_attachment(layout, at, file.read(length))
+        case _:
             raise ValueError(f"kind {opcode} of {length} bytes")
 
 
@@ -256,10 +259,11 @@ def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
 def _footer(file: BinaryIO, start: int, size: int) -> int | None:
     """Return where the footer starts, going from record to record; None: nowhere."""
     with suppress(ValueError):
-        for head in heads(file, start, size):
-            if head.opcode == Opcode.FOOTER and head.length == FOOTER.size:
-                file.seek(head.after)
-                return head.at if file.read(len(MAGIC)) == MAGIC else None
-            if not head.opcode:
+        for opcode, body, after in heads(file, start, size):
+            if opcode == Opcode.FOOTER and after - body == FOOTER.size:
+                file.seek(after)
+                at = body - HEAD.size
+                return at if file.read(len(MAGIC)) == MAGIC else None
+            if not opcode:
                 break
     return None

@@ -207,6 +207,11 @@ def damaged(path: Path, offset: int, rule: str, got: object) -> RecordingError:
     return RecordingError(f"{path}: at byte {offset}: {rule}, got {got}")
 
 
+def damaged_in(path: Path, chunk: Chunk, rule: str, got: object) -> RecordingError:
+    """Return the error for a chunk that holds what was not written."""
+    return damaged(path, chunk.offset, f"chunk {chunk.number}: {rule}", got)
+
+
 def check_magic(path: Path, magic: bytes) -> None:
     """Refuse a file by its first bytes.
 

@@ -7,6 +7,7 @@ checksum of its own. Bytes that merely look like one are passed over.
 import re
 import struct
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -73,17 +74,15 @@ def find_record(
 
 def is_sure(path: Path, file: BinaryIO, at: int, end: int) -> bool:
     """Tell whether a sure record starts at a place, and ends by `end`."""
-    try:
-        head = next(heads(file, at, end), None)
-        if head is None:
-            return False
-        if head.opcode == Opcode.METADATA:
-            return is_proved(file.read(head.length))
-        body = file.read(min(head.length, HEAD_OF_CHUNK))
-        unpack(path, file, chunk_at(0, at, head.length, body))
-    except (RecordingError, *MALFORMED):
-        return False
-    return True
+    with suppress(RecordingError, *MALFORMED):
+        for opcode, body, after in heads(file, at, end):
+            length = after - body
+            if opcode == Opcode.METADATA:
+                return is_proved(file.read(length))
+            start = file.read(min(length, HEAD_OF_CHUNK))
+            unpack(path, file, chunk_at(0, at, length, start))
+            return True
+    return False
 
 
 def chunk_at(number: int, at: int, length: int, body: bytes) -> Chunk:

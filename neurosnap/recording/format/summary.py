@@ -78,10 +78,8 @@ def read_summary(
         rule = f"the summary must have checksum {noted:#010x}"
         raise damaged(path, start, rule, f"{computed:#010x}")
     try:
-        records = io.BytesIO(summary)
-        for head in heads(records, 0, len(summary)):
-            body = records.read(head.length)
-            _take_summed(path, file, layout, head.opcode, body)
+        for opcode, body, after in heads(io.BytesIO(summary), 0, len(summary)):
+            _take_summed(path, file, layout, opcode, summary[body:after])
     except MALFORMED as error:
         rule = "the summary must be well-formed"
         raise damaged(path, start, rule, error) from error

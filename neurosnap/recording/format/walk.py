@@ -4,24 +4,12 @@ The records in a chunk are walked in `neurosnap.recording.format.chunk_index`, c
 """
 
 from collections.abc import Iterator
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, TypeAlias
 
 from neurosnap.recording.format.records import HEAD, LIMIT
 
-
-class Head(NamedTuple):
-    """What stands before the body of a record."""
-
-    opcode: int
-    at: int
-    """Where the record starts."""
-    length: int
-    """Bytes of its body."""
-
-    @property
-    def after(self) -> int:
-        """Where the record ends."""
-        return self.at + HEAD.size + self.length
+Head: TypeAlias = tuple[int, int, int]
+"""Of a record: its kind, where its body starts, and where it ends."""
 
 
 def heads(file: BinaryIO, start: int, end: int) -> Iterator[Head]:
@@ -42,13 +30,13 @@ def heads(file: BinaryIO, start: int, end: int) -> Iterator[Head]:
     while at < end:
         file.seek(at)
         data = file.read(HEAD.size)
+        body = at + HEAD.size
         if len(data) < HEAD.size:
             raise ValueError(f"a record must have a whole head, got {len(data)} bytes")
         opcode, length = HEAD.unpack(data)
-        head = Head(opcode, at, length)
         if length > LIMIT:
             raise ValueError(f"a record must have at most {LIMIT} bytes, got {length}")
-        if head.after > end:
-            raise ValueError(f"a record must end by byte {end}, got {head.after}")
-        yield head
-        at = head.after
+        at = body + length
+        if at > end:
+            raise ValueError(f"a record must end by byte {end}, got {at}")
+        yield opcode, body, at

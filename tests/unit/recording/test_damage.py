@@ -2,6 +2,7 @@
 
 import random
 import re
+import struct
 import tracemalloc
 import zlib
 from collections.abc import Iterator
@@ -351,6 +352,20 @@ def test_a_message_outside_chunks_is_left_out(tmp_path: Path) -> None:
     assert recording.cut is not None
 
 
+def message_of(channel: int) -> bytes:
+    """Return the record of an empty message."""
+    return b"\x05" + struct.pack("<QHIQQ", 22, channel, 0, 0, 0)
+
+
+def channel(number: int, topic: str) -> bytes:
+    """Return the record that registers a channel."""
+    texts = (f"/{topic}".encode(), b"json")
+    body = struct.pack("<HH", number, 0)
+    body += b"".join(struct.pack("<I", len(text)) + text for text in texts)
+    body += bytes(4)  # no metadata
+    return b"\x04" + struct.pack("<Q", len(body)) + body
+
+
 @pytest.mark.parametrize(
     ("content", "rule"),
     [
@@ -372,6 +387,8 @@ def test_a_message_outside_chunks_is_left_out(tmp_path: Path) -> None:
             b"\x04" + (1).to_bytes(8, "little") + b"x",
             "channel must be well-formed, got",
         ),
+        (message_of(1) + channel(1, "wave"), "channel must be registered, got 1"),
+        (channel(1, "wave") + channel(1, "tally"), "must keep its topic, got /tally"),
     ],
 )
 def test_a_chunk_that_holds_nonsense_under_a_good_checksum_is_refused(
