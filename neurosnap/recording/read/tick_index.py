@@ -159,6 +159,17 @@ class TickIndex:
             self._observations -= len(self._observed.popitem(last=False)[1])
         return found
 
+    def observations(self, first: int, last: int) -> Iterator[wire.Observation]:
+        """Yield the observations there are of some ticks, in order, each once."""
+        due = first
+        for number in range(self.chunk_of(first), len(self)):
+            for observation in self.observed(number):
+                if due <= observation.tick <= last:
+                    yield observation
+                due = max(due, observation.tick + 1)
+            if due > last:
+                return
+
     def chunk_of(self, tick: int) -> int:
         """Return the chunk in which a tick was observed, or would have been.
 
