@@ -19,13 +19,13 @@ from typing import TypeAlias
 
 import msgspec
 
-from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_path, part_paths
+from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.system.durable import sync_file, sync_folder
 
@@ -239,25 +239,12 @@ def _is_sound(path: Path) -> bool:
 
 
 def _ticks(files: Sequence[Path]) -> Iterator[_Tick]:
-    """Yield the ticks that have an observation and a state, in order.
-
-    One of both may overtake the other on the way to the recorder.
-    """
-    observed: dict[int, wire.Observation] = {}
-    stated: set[int] = set()
+    """Yield the ticks that have an observation and a state, in order."""
     for path in files:
-        for recorded in Recording.open(path).messages(("observe", "state")):
-            match recorded.message:
-                case wire.Observation(tick=tick) as message:
-                    observed[tick] = message
-                case wire.State(tick=tick):
-                    stated.add(tick)
-                case _:
-                    continue
-            if tick in observed and tick in stated:
-                stated.remove(tick)
-                seen = observed.pop(tick)
-                yield tick, seen.bits, seen.known, seen.begins
+        for tick in ticks(Recording.open(path)):
+            if tick.observation is not None and tick.state is not None:
+                seen = tick.observation
+                yield tick.number, seen.bits, seen.known, seen.begins
 
 
 def _has_chunk(path: Path, offset: int) -> bool:

@@ -12,7 +12,7 @@ from playwright.async_api import expect
 from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.recording.replay.verify import Replay
+from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.recorded_runs import (

@@ -19,8 +19,9 @@ from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.info import describe as describe_recording
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.playback import play
+from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.recording.replay.verify import Replay, verify
+from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe, run

@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.replay.verify import Replay
+from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
 from tools.browser import NO_BROWSER, Scheme, chromium, new_page, started, wait_shown
 

@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.replay.verify import Replay
+from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import Argument

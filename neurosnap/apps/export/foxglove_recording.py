@@ -23,7 +23,7 @@ from neurosnap.apps.export.foxglove_layout import (
 from neurosnap.apps.export.foxglove_scene import order_scene, state_scene
 from neurosnap.apps.export.foxglove_schemas import UNKNOWN
 from neurosnap.apps.export.foxglove_writer import COPIED, Sink
-from neurosnap.apps.export.learned_orders import Learning
+from neurosnap.apps.export.learned_orders import LearnedOrders
 from neurosnap.apps.export.log_lines import line_of, lost_line, resumed_line
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.protocol.observations import readings, selection
@@ -91,7 +91,7 @@ class _Drawing:
         self._names = options.sensors
         self._resumed = frozenset(resumed_at(recording))
         self._order = InOrder(recording)
-        self._scenes = _Scenes(sink, Learning(recording, options), options.sensors)
+        self._scenes = _Scenes(sink, LearnedOrders(recording, options), options.sensors)
 
     def take(self, recorded: Recorded) -> None:
         """Draw a message.
@@ -150,7 +150,9 @@ class _Drawing:
 class _Scenes:
     """Draws the order and the state, each where it changed, and not too often."""
 
-    def __init__(self, sink: Sink, learning: Learning, names: tuple[str, ...]) -> None:
+    def __init__(
+        self, sink: Sink, learning: LearnedOrders, names: tuple[str, ...]
+    ) -> None:
         self._sink = sink
         self._learning = learning
         self._sensorium = Sensorium(names)
@@ -173,7 +175,7 @@ class _Scenes:
             self._draw(np.zeros(len(self._learning.graph), np.bool_))
 
     def offer(self, frame: wire.KeyFrame) -> None:
-        """Take note of a key-frame; see `Learning.offer`."""
+        """Take note of a key-frame; see `LearnedOrders.offer`."""
         self._learning.offer(frame)
 
     def take(self, tick: Tick) -> None:

@@ -3,6 +3,13 @@
 The schemas of scenes and log lines are Foxglove's own, from its npm package
 ``@foxglove/schemas`` 2.1.0. They leave the type of enumerations unsaid, which some
 viewers refuse, as `neurosnap.recording.format.schemas` tells; so it is said here.
+
+`foxglove-sdk` (0.30.3) was measured and does not take their place. Its writer numbers
+messages by itself and knows one time for each, so that of what is copied the sender's
+running number and the time of sending would be lost. Its schemas are protobuf only. It
+writes 12,000 messages in 30 ms for 58 ms here, of 270 ms that the export takes, and the
+file has 0.39 MB for 0.48 MB; for that it is a wheel of 19 MB, 55 MB once installed,
+where the two schemas have 38 kB and no dependency.
 """
 
 from collections.abc import Sequence

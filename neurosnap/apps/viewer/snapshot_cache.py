@@ -5,15 +5,13 @@ recorded are learned again, as the coordinator did. Snapshots that were come by 
 way are kept: whoever goes on from a tick, or back a little, has not far to go.
 """
 
-import copy
 from collections import OrderedDict
 from collections.abc import Iterator
 
 from neurosnap import wire
-from neurosnap.errors import RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.learning import Learning, snapshot_in
 from neurosnap.recording.read.tick_index import TickIndex
 
 _STRIDE = 100
@@ -35,7 +33,7 @@ class SnapshotCache:
     def __init__(self, tick_index: TickIndex, options: RunOptions) -> None:
         self._tick_index = tick_index
         self._options = options
-        self._kept: OrderedDict[int, Snapshot] = OrderedDict()
+        self._kept: OrderedDict[int, Learning] = OrderedDict()
         pairs = len(options.sensors) ** 2 // 2
         self._most = max(3, _ROOM // (_A_PAIR * pairs + 1024))
         self._most = min(self._most, 256)
@@ -65,27 +63,17 @@ class SnapshotCache:
             RecordingError: While iterating: an observation that is needed is not
                 recorded, or a key-frame that is needed cannot be read.
         """
-        tick, snapshot = self._nearest(first, _STRIDE)
-        if not self._leads(tick, first):
-            tick, snapshot = self._nearest(first, 0)
-        if tick >= first:
-            yield tick, snapshot
-        for observation in self._observations(tick + 1, last):
-            if observation.tick != tick + 1:
-                break
-            tick += 1
-            self._learn(snapshot, observation)
+        learning = self._nearest(first, _STRIDE)
+        if not self._leads(learning.tick, first):
+            learning = self._nearest(first, 0)
+        if learning.tick >= first:
+            yield learning.tick, learning.snapshot
+        ahead = self._tick_index.observations(learning.tick + 1, last)
+        for tick in learning.learn_to(last, ahead):
             if tick % _STRIDE == 0 or tick == last:
-                self._keep(tick, snapshot)
+                self._keep(learning)
             if tick >= first:
-                yield tick, snapshot
-            if tick == last:
-                return
-        if tick < last:
-            rule = f"must hold the observation of tick {tick + 1}"
-            raise RecordingError(
-                f"{self._tick_index.files.first.path}: {rule}, got none"
-            )
+                yield tick, learning.snapshot
 
     def weigh(self, frame: wire.KeyFrame) -> Snapshot:
         """Return the snapshot of a key-frame.
@@ -93,43 +81,15 @@ class SnapshotCache:
         Raises:
             RecordingError: It holds none, or one of other sensors.
         """
-        rule = f"{self._tick_index.files.first.path}: key-frame of tick {frame.tick}"
-        try:
-            snapshot = Snapshot.from_bytes(frame.snapshot)
-        except ValueError as error:
-            raise RecordingError(f"{rule}: must hold a snapshot, {error}") from error
-        if tuple(snapshot.sensorium) != self._options.sensors:
-            found = len(snapshot.sensorium)
-            raise RecordingError(f"{rule}: must be of the run's sensors, got {found}")
-        return snapshot
-
-    def _learn(self, snapshot: Snapshot, observation: wire.Observation) -> None:
-        try:
-            bits, known = readings(observation, len(self._options.sensors))
-        except ShapeError as error:
-            place = f"{self._tick_index.files.first.path}: tick {observation.tick}"
-            raise RecordingError(f"{place}: /observe: {error}") from error
-        snapshot.learn(bits, known)
-
-    def _observations(self, first: int, last: int) -> Iterator[wire.Observation]:
-        """Yield the recorded observations of some ticks, each once."""
-        due = first
-        start = self._tick_index.chunk_of(first)
-        for number in range(start, len(self._tick_index)):
-            for observation in self._tick_index.observed(number):
-                if due <= observation.tick <= last:
-                    yield observation
-                due = max(due, observation.tick + 1)
-            if due > last:
-                return
+        return snapshot_in(frame, self._options, self._tick_index.files.first.path)
 
     def _leads(self, known: int, tick: int) -> bool:
         """Return whether every observation is there from one tick to another."""
-        there = [each.tick for each in self._observations(known + 1, tick)]
+        there = [each.tick for each in self._tick_index.observations(known + 1, tick)]
         return there == list(range(known + 1, tick + 1))
 
-    def _nearest(self, tick: int, far: int) -> tuple[int, Snapshot]:
-        """Return the nearest tick up to one whose snapshot is known, and a copy of it.
+    def _nearest(self, tick: int, far: int) -> Learning:
+        """Return a copy of what is known of the nearest tick up to one.
 
         Args:
             tick: The one asked for.
@@ -139,14 +99,19 @@ class SnapshotCache:
         if tick - known > far or known < 0:
             frame = self._tick_index.keyframe(tick)
             if frame is not None and frame.tick > known:
-                return frame.tick, self.weigh(frame)
+                learning = self._blank()
+                learning.restore(frame)
+                return learning
         if known < 0:
-            return 0, self._options.new_snapshot()
+            return self._blank()
         self._kept.move_to_end(known)
-        return known, copy.deepcopy(self._kept[known])
+        return self._kept[known].copy()
 
-    def _keep(self, tick: int, snapshot: Snapshot) -> None:
-        self._kept[tick] = copy.deepcopy(snapshot)
-        self._kept.move_to_end(tick)
+    def _blank(self) -> Learning:
+        return Learning(self._tick_index.files.first.path, self._options)
+
+    def _keep(self, learning: Learning) -> None:
+        self._kept[learning.tick] = learning.copy()
+        self._kept.move_to_end(learning.tick)
         while len(self._kept) > self._most:
             self._kept.popitem(last=False)

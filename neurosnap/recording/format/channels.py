@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
-from mcap.opcode import Opcode
+import numpy as np
 from mcap.records import Channel
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.chunks import MESSAGE_HEAD, unpack
-from neurosnap.recording.format.records import HEAD, Chunk, parse
+from neurosnap.recording.format.chunk_index import ChunkIndex, index_chunk
+from neurosnap.recording.format.records import Chunk
 
-_MESSAGE = MESSAGE_HEAD.size
 _decode = msgspec.json.Decoder(wire.Message).decode
 
 
@@ -32,32 +31,23 @@ def channels_in(
     found: dict[int, Channel] = {}
     for chunk in chunks:
         try:
-            data = unpack(path, file, chunk)
+            index = index_chunk(path, file, chunk)
         except RecordingError:
             continue
-        _take(data, found)
+        _take(index, found)
         if len({channel.topic for channel in found.values()}) >= len(wire.TOPICS):
             break
     return found
 
 
-def _take(data: bytes, found: dict[int, Channel]) -> None:
+def _take(index: ChunkIndex, found: dict[int, Channel]) -> None:
     """Note the channels of a chunk; those registered go before those that show."""
-    at = 0
-    while at + HEAD.size <= len(data):
-        opcode, length = HEAD.unpack_from(data, at)
-        after = at + HEAD.size + length
-        if opcode == Opcode.CHANNEL:
-            try:
-                channel: Channel = parse(Channel.read, data[at + HEAD.size : after])
-            except ValueError:  # said where its messages are read
-                return
-            found[channel.id] = channel
-        elif opcode == Opcode.MESSAGE and length >= _MESSAGE - HEAD.size:
-            number = MESSAGE_HEAD.unpack_from(data, at)[2]
-            if number not in found:
-                _guess(number, data[at + _MESSAGE : after], found)
-        at = after
+    found.update(index.registered)
+    for number in index.present():
+        for message in np.flatnonzero(index.channels == number).tolist():
+            if number in found:
+                break
+            _guess(number, index.payload(message), found)
 
 
 def _guess(number: int, payload: bytes, found: dict[int, Channel]) -> None:

@@ -1,4 +1,4 @@
-"""Offsets of the messages in an unpacked chunk.
+"""The messages of a chunk: where each lies, once the chunk is unpacked.
 
 A chunk has thousands of messages, most of them pulses, and whoever looks at a run wants
 a few hundred of them. The walk from record to record is compiled, and lets other
@@ -6,14 +6,16 @@ threads run meanwhile.
 """
 
 import struct
-from typing import NamedTuple
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from neurosnap.recording.format.records import parse
+from neurosnap.recording.format.chunks import unpack
+from neurosnap.recording.format.records import HEAD, Chunk, damaged_in, parse
 from neurosnap.system.compiled import njit
 
 _MESSAGE = int(Opcode.MESSAGE)
@@ -21,7 +23,8 @@ _CHANNEL = int(Opcode.CHANNEL)
 _SCHEMA = int(Opcode.SCHEMA)
 _HEAD = 9  # opcode and length
 _BEFORE = 22  # channel, sequence and two times, before a message's payload
-_SEQUENCE = struct.Struct("<I")
+FACTS = struct.Struct("<IQQ")
+"""Sequence, log time and time sent, which stand right before a message's payload."""
 
 
 class ChunkIndex(NamedTuple):
@@ -36,6 +39,8 @@ class ChunkIndex(NamedTuple):
     """``(n,)``: where that stops."""
     registered: dict[int, Channel]
     """The channels that are registered in the chunk."""
+    late: frozenset[int]
+    """Those of them that have a message before."""
 
     def payload(self, message: int) -> bytes:
         """Return the payload of a message."""
@@ -43,32 +48,65 @@ class ChunkIndex(NamedTuple):
 
     def sequence(self, message: int) -> int:
         """Return the running number of a message."""
-        at = int(self.starts[message]) - _BEFORE + 2
-        number: int = _SEQUENCE.unpack_from(self.data, at)[0]
+        number: int = FACTS.unpack_from(
+            self.data, int(self.starts[message]) - FACTS.size
+        )[0]
         return number
 
+    def present(self) -> list[int]:
+        """Return the channels that have messages here, ascending."""
+        numbers: list[int] = np.flatnonzero(np.bincount(self.channels)).tolist()
+        return numbers
 
-def sieve(data: bytes) -> ChunkIndex:
-    """Walk through the records of a chunk.
+
+def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
+    """Unpack and verify a chunk, and find its messages.
 
     Raises:
-        ValueError: They are not records, or are of a kind that no chunk of ours holds.
+        RecordingError: The chunk is not what was written, or does not hold records of
+            the kinds that a chunk of ours holds.
     """
+    data = unpack(path, file, chunk)
     octets = np.frombuffer(data, np.uint8)
     count = _walk(octets, np.empty((0, 4), np.int64))
     if count < 0:
-        raise ValueError("a record that is longer than it can be")
+        raise damaged_in(path, chunk, *_malformed(data, -1 - count))
     found = np.empty((count, 4), np.int64)
     _walk(octets, found)
     opcodes = found[:, 0]
-    if not np.isin(opcodes, (_MESSAGE, _CHANNEL, _SCHEMA)).all():
-        raise ValueError("a record that is no message and no channel")
-    registered = {}
-    for start, stop in found[opcodes == _CHANNEL, 2:].tolist():
-        channel: Channel = parse(Channel.read, data[start:stop])
-        registered[channel.id] = channel
-    _, channels, starts, stops = found[opcodes == _MESSAGE].T
-    return ChunkIndex(data, channels, starts, stops, registered)
+    strange = opcodes[~np.isin(opcodes, (_MESSAGE, _CHANNEL, _SCHEMA))]
+    if strange.size:
+        rule = "record must be a message or its channel"
+        raise damaged_in(path, chunk, rule, strange[0])
+    is_message = opcodes == _MESSAGE
+    registered: dict[int, Channel] = {}
+    late: set[int] = set()
+    for row in np.flatnonzero(opcodes == _CHANNEL).tolist():
+        try:
+            channel: Channel = parse(Channel.read, data[found[row, 2] : found[row, 3]])
+        except ValueError as error:
+            raise damaged_in(path, chunk, "channel must be well-formed", error) from (
+                error
+            )
+        known = registered.setdefault(channel.id, channel)
+        if known.topic != channel.topic:
+            raise damaged_in(path, chunk, "channel must keep its topic", channel.topic)
+        before = found[:row, 1][is_message[:row]]
+        if known is channel and (before == channel.id).any():
+            late.add(channel.id)
+    _, channels, starts, stops = found[is_message].T
+    return ChunkIndex(data, channels, starts, stops, registered, frozenset(late))
+
+
+def _malformed(data: bytes, at: int) -> tuple[str, int]:
+    """Return the rule that the record at a place breaks, and what it has."""
+    left = len(data) - at
+    if left < HEAD.size:
+        return "record must have a whole head", left
+    _, length = HEAD.unpack_from(data, at)
+    if HEAD.size + length > left:
+        return f"record must end by {len(data)}", at + HEAD.size + length
+    return "message must have a whole head", length
 
 
 @njit(nogil=True)
@@ -76,7 +114,8 @@ def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
     """Note opcode, channel, start and stop of each record, as far as there is room.
 
     Returns:
-        How many records there are; -1 if one of them ends where it cannot.
+        How many records there are; where one ends where it cannot, the place where it
+        starts, taken from -1.
     """
     at, count, size = np.int64(0), 0, data.size
     while at < size:
@@ -92,7 +131,7 @@ def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
             or length > np.uint64(size - start)
             or (message and length < np.uint64(_BEFORE))
         ):
-            return -1
+            return -1 - int(at)
         stop = start + np.int64(length)
         if count < found.shape[0]:
             found[count, 0] = opcode

@@ -11,27 +11,27 @@ unpacked. `neurosnap.recording.format.full_scan` verifies all there is.
 """
 
 import io
-import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, MetadataIndex
+from mcap.records import Attachment
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
-    CHUNK_HEAD,
+    CRC,
+    DATA_END,
     FOOTER,
     HEAD,
     INDEX_ENTRY,
     INDEX_HEAD,
-    LIMIT,
     MAGIC,
+    MALFORMED,
     Attached,
-    Chunk,
     Cut,
     Damage,
     Layout,
@@ -41,18 +41,12 @@ from neurosnap.recording.format.records import (
     opened,
     parse,
 )
-from neurosnap.recording.format.resync import chunk_at, find_record
+from neurosnap.recording.format.resync import HEAD_OF_CHUNK, chunk_at, find_record
+from neurosnap.recording.format.summary import read_summary, summary_place
+from neurosnap.recording.format.walk import heads
 
-_CHUNK_INDEX = struct.Struct("<QQQQI")
-_OFFSET = struct.Struct("<HQ")
-_PACKING = struct.Struct("<QI")
-_SIZES = struct.Struct("<QQ")
-_CRC = struct.Struct("<I")
-_HEAD_OF_CHUNK = CHUNK_HEAD.size + 24  # with the longest name of a compression
 _TORN = 0, b""  # no record has this kind
 _FACTS = (Opcode.METADATA,)
-_DATA_END = HEAD.size + _CRC.size
-_MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
 
 
 class IndexScan(msgspec.Struct):
@@ -73,10 +67,10 @@ def glance(path: Path) -> IndexScan:
     with opened(path) as file:
         layout = Layout(size=file.seek(0, io.SEEK_END))
         offset = _read_start(path, file, layout)
-        if (place := _summary_place(file, layout.size)) is not None:
+        if (place := summary_place(file, layout.size)) is not None:
             whole = _begun(layout)
             try:
-                _read_summary(path, file, whole, *place)
+                read_summary(path, file, whole, *place)
             except RecordingError:
                 pass  # noted where the walk gets there
             else:
@@ -116,7 +110,7 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     try:
         file.seek(0)
         check_magic(path, file.read(len(MAGIC)))
-        layout.library = library_of(path, *_record(path, file, len(MAGIC)))
+        layout.library = library_of(path, *_header(file, layout.size))
         return file.tell()
     except RecordingError:  # ours all the same, if something in it is
         if find_record(path, file, 0, layout.size, only=_FACTS) is None:
@@ -127,168 +121,29 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     return found
 
 
-def _record(path: Path, file: BinaryIO, at: int) -> tuple[int, bytes]:
-    """Return kind and body of the record at a place."""
-    file.seek(at)
-    head = file.read(HEAD.size)
-    if len(head) < HEAD.size:
-        return _TORN
-    opcode, length = HEAD.unpack(head)
-    if length > LIMIT:
-        rule = f"a record must have at most {LIMIT} bytes"
-        raise damaged(path, at, rule, length)
-    body = file.read(length)
-    return (opcode, body) if len(body) == length else _TORN
-
-
-# By the summary -----------------------------------------------------------------------
-
-
-def _summary_place(file: BinaryIO, size: int) -> tuple[int, int] | None:
-    """Return where the summary starts and its footer does, by the end of the file."""
-    tail = HEAD.size + FOOTER.size + len(MAGIC)
-    end = size - tail
-    if end < len(MAGIC):
-        return None
-    file.seek(end)
-    last = file.read(tail)
-    if not last.endswith(MAGIC) or last[0] != Opcode.FOOTER:
-        return None
-    start, _, _ = FOOTER.unpack_from(last, HEAD.size)
-    return start, end
-
-
-def _read_summary(
-    path: Path, file: BinaryIO, layout: Layout, start: int, end: int
-) -> None:
-    """Take over what a summary says.
-
-    Args:
-        path: The recording.
-        file: The same, open.
-        layout: Where to note it.
-        start: Where it starts.
-        end: Where its footer starts.
-
-    Raises:
-        RecordingError: It is not what was written.
-    """
-    if not _DATA_END <= start <= end or end - start > LIMIT:
-        rule = "the footer must say where the summary starts"
-        raise damaged(path, end, rule, start)
-    file.seek(start)
-    summary, footer = file.read(end - start), file.read(HEAD.size + FOOTER.size)
-    _, _, noted = FOOTER.unpack_from(footer, HEAD.size)
-    computed = zlib.crc32(footer[: -_CRC.size], zlib.crc32(summary))
-    if noted != computed:
-        rule = f"the summary must have checksum {noted:#010x}"
-        raise damaged(path, start, rule, f"{computed:#010x}")
+def _header(file: BinaryIO, size: int) -> tuple[int, bytes]:
+    """Return kind and body of the first record."""
     try:
-        at = 0
-        while at < len(summary):
-            opcode, length = HEAD.unpack_from(summary, at)
-            at += HEAD.size
-            _take_summed(path, file, layout, opcode, summary[at : at + length])
-            at += length
-    except _MALFORMED as error:
-        rule = "the summary must be well-formed"
-        raise damaged(path, start, rule, error) from error
-    layout.data_end = start - _DATA_END
-    layout.summarized = True
-
-
-def _take_summed(
-    path: Path, file: BinaryIO, layout: Layout, opcode: int, body: bytes
-) -> None:
-    match opcode:
-        case Opcode.CHUNK_INDEX:
-            layout.chunks.append(_indexed(layout, body))
-        case Opcode.CHANNEL:
-            channel: Channel = parse(Channel.read, body)
-            layout.channels[channel.id] = channel
-        case Opcode.ATTACHMENT_INDEX:
-            attached: AttachmentIndex = parse(AttachmentIndex.read, body)
-            layout.attachments[attached.name] = Attached(
-                name=attached.name,
-                media_type=attached.media_type,
-                size=attached.data_size,
-                offset=attached.offset + HEAD.size,
-                length=attached.length - HEAD.size,
-            )
-        case Opcode.METADATA_INDEX:
-            noted: MetadataIndex = parse(MetadataIndex.read, body)
-            _take_noted(path, file, layout, noted)
-        case _:
-            pass
-
-
-def _take_noted(
-    path: Path, file: BinaryIO, layout: Layout, noted: MetadataIndex
-) -> None:
-    """File the metadata an index entry is of, or that it is damaged."""
-    at, stop = noted.offset, noted.offset + noted.length
-    # No file system seeks as far as a stranger's number may go.
-    if stop > layout.size or noted.length < HEAD.size:
-        raise ValueError(f"metadata up to byte {stop}")
-    file.seek(at)
-    record = file.read(noted.length)
-    head = HEAD.pack(Opcode.METADATA, noted.length - HEAD.size)
-    got = "another record"
-    if record.startswith(head):
-        try:
-            take_facts(layout, at, record[HEAD.size :])
-        except ValueError as error:
-            got = str(error)
-        else:
-            return
-    why = f"metadata must be what was written, got {got}"
-    layout.damage.append(Damage(at, stop, why, "nothing"))
-
-
-def _indexed(layout: Layout, body: bytes) -> Chunk:
-    """Return the chunk an index entry is of.
-
-    How many messages of a channel it has is told by where the channel's message index
-    ends: there the next one starts, or all of them end.
-    """
-    start, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
-    entries = body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size]
-    after = _CHUNK_INDEX.size + size
-    indexes, name = _PACKING.unpack_from(body, after)
-    after += _PACKING.size
-    compression = body[after : after + name].decode()
-    packed, unpacked = _SIZES.unpack_from(body, after + name)
-    if unpacked > LIMIT or packed > LIMIT:
-        raise ValueError(f"a chunk of {max(packed, unpacked)} bytes")
-    placed = sorted((place, channel) for channel, place in _OFFSET.iter_unpack(entries))
-    ends = [place for place, _ in placed[1:]] + [at + length + indexes]
-    counts = {
-        channel: (upto - place - HEAD.size - INDEX_HEAD.size) // INDEX_ENTRY
-        for (place, channel), upto in zip(placed, ends, strict=True)
-    }
-    offset = at + length - packed
-    if offset + packed > layout.size:
-        raise ValueError(f"a chunk up to byte {offset + packed}")
-    number = len(layout.chunks) + 1
-    chunk = Chunk(number, offset, packed, unpacked, compression, start, end, counts)
-    if chunk.start_offset != at:
-        raise ValueError(f"a chunk of {length} bytes")
-    return chunk
-
-
-# From head to head --------------------------------------------------------------------
+        head = next(heads(file, len(MAGIC), size), None)
+    except ValueError:
+        head = None
+    if head is None:
+        return _TORN
+    opcode, body, after = head
+    return opcode, file.read(after - body)
 
 
 def _go_on(path: Path, file: BinaryIO, seen: IndexScan) -> None:
     """Walk on from where the walk stopped, to the end or to where the file was cut."""
-    layout = seen.layout
-    layout.cut = None
+    seen.layout.cut = None
     over = False
     while not over:
         try:
-            over = _take_next(path, file, seen)
-        except RecordingError as error:
-            over = _leap(path, file, seen, str(error))
+            _take_records(path, file, seen)
+        except ValueError as error:
+            over = _leap(path, file, seen, f"at byte {seen.offset}: {error}")
+        else:
+            over = True
 
 
 def _leap(path: Path, file: BinaryIO, seen: IndexScan, why: str) -> bool:
@@ -298,47 +153,47 @@ def _leap(path: Path, file: BinaryIO, seen: IndexScan, why: str) -> bool:
     if found is None:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
-    layout.damage.append(Damage(at, found, why.removeprefix(f"{path}: "), "unknown"))
+    layout.damage.append(Damage(at, found, why, "unknown"))
     seen.offset = found
     return False
 
 
-def _take_next(path: Path, file: BinaryIO, seen: IndexScan) -> bool:
-    """File the next record; return whether there is none."""
-    layout, at = seen.layout, seen.offset
-    file.seek(at)
-    head = file.read(HEAD.size)
-    if len(head) < HEAD.size:
-        layout.cut = Cut(len(layout.chunks), at, layout.size)
-        return True
-    opcode, length = HEAD.unpack(head)
-    after = at + HEAD.size + length
-    if length > LIMIT:
-        raise damaged(path, at, f"a record must have at most {LIMIT} bytes", length)
-    if after > layout.size:
-        raise damaged(path, at, f"a record must end by byte {layout.size}", after)
-    try:
-        match opcode:
-            case Opcode.CHUNK:
-                body = file.read(min(length, _HEAD_OF_CHUNK))
-                number = len(layout.chunks) + 1
-                layout.chunks.append(chunk_at(number, at, length, body))
-            case Opcode.MESSAGE_INDEX:
-                _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
-            case Opcode.METADATA:
-                take_facts(layout, at, file.read(length))
-            case Opcode.ATTACHMENT:
-                _take_attachment(layout, at, file.read(length))
-            case Opcode.DATA_END if length == _CRC.size:
-                # Not passed: where what is behind it is torn, more may come.
-                _take_end(path, file, layout, at)
-                return True
-            case _:
-                raise ValueError(f"kind {opcode} of {length} bytes")
-    except _MALFORMED as error:
-        raise damaged(path, at, "a record must be well-formed", error) from error
-    seen.offset = after
-    return False
+def _take_records(path: Path, file: BinaryIO, seen: IndexScan) -> None:
+    """File the records up to the end of the data, or of the file.
+
+    Raises:
+        ValueError: What follows is no record of ours.
+    """
+    layout = seen.layout
+    for opcode, body, after in heads(file, seen.offset, layout.size):
+        if opcode == Opcode.DATA_END and after - body == CRC.size:
+            # Not passed: where what is behind it is torn, more may come.
+            _take_end(path, file, layout, seen.offset)
+            return
+        try:
+            _take(file, layout, opcode, body, after - body)
+        except MALFORMED as error:
+            raise ValueError(f"a record must be well-formed, got {error}") from error
+        seen.offset = after
+    layout.cut = Cut(len(layout.chunks), seen.offset, layout.size)
+
+
+def _take(file: BinaryIO, layout: Layout, opcode: int, body: int, length: int) -> None:
+    """File the record whose body is next in the file."""
+    at = body - HEAD.size
+    match opcode:
+        case Opcode.MESSAGE_INDEX:
+            _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
+        case Opcode.CHUNK:
+            start = file.read(min(length, HEAD_OF_CHUNK))
+            number = len(layout.chunks) + 1
+            layout.chunks.append(chunk_at(number, at, length, start))
+        case Opcode.METADATA:
+            take_facts(layout, at, file.read(length))
+        case Opcode.ATTACHMENT:
+            _take_attachment(layout, at, file.read(length))
+        case _:
+            raise ValueError(f"kind {opcode} of {length} bytes")
 
 
 def _take_index(layout: Layout, length: int, body: bytes) -> None:
@@ -352,8 +207,8 @@ def _take_index(layout: Layout, length: int, body: bytes) -> None:
 def _take_attachment(layout: Layout, at: int, body: bytes) -> None:
     """File an attachment, whose record has a checksum."""
     attachment: Attachment = parse(Attachment.read, body)
-    (noted,) = _CRC.unpack(body[-_CRC.size :])
-    if zlib.crc32(memoryview(body)[: -_CRC.size]) != noted:
+    (noted,) = CRC.unpack(body[-CRC.size :])
+    if zlib.crc32(memoryview(body)[: -CRC.size]) != noted:
         raise ValueError("an attachment of another checksum")
     layout.attachments[attachment.name] = Attached(
         name=attachment.name,
@@ -374,7 +229,7 @@ def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
         at: Where the record starts that ends the data.
     """
     layout.data_end = at
-    start = at + _DATA_END
+    start = at + DATA_END
     footer = _footer(file, start, layout.size)
     if footer is None:
         file.seek(max(start, layout.size - len(MAGIC)))
@@ -386,7 +241,7 @@ def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
         if footer is None:
             rule = "the summary must end with its footer"
             raise damaged(path, start, rule, "something else")
-        _read_summary(path, file, whole, start, footer)
+        read_summary(path, file, whole, start, footer)
     except RecordingError as error:
         why = str(error).removeprefix(f"{path}: ")
         layout.damage.append(Damage(start, layout.size, why, "nothing"))
@@ -401,16 +256,14 @@ def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
         layout.damage.append(Damage(end, layout.size, why, "nothing"))
 
 
-def _footer(file: BinaryIO, at: int, size: int) -> int | None:
+def _footer(file: BinaryIO, start: int, size: int) -> int | None:
     """Return where the footer starts, going from record to record; None: nowhere."""
-    while at + HEAD.size <= size:
-        file.seek(at)
-        opcode, length = HEAD.unpack(file.read(HEAD.size))
-        after = at + HEAD.size + length
-        if opcode == Opcode.FOOTER and length == FOOTER.size:
-            file.seek(after)
-            return at if file.read(len(MAGIC)) == MAGIC else None
-        if not opcode or length > LIMIT:
-            return None
-        at = after
+    with suppress(ValueError):
+        for opcode, body, after in heads(file, start, size):
+            if opcode == Opcode.FOOTER and after - body == FOOTER.size:
+                file.seek(after)
+                at = body - HEAD.size
+                return at if file.read(len(MAGIC)) == MAGIC else None
+            if not opcode:
+                break
     return None

@@ -49,6 +49,12 @@ INDEX_ENTRY = 16
 """Bytes of a message index that stand for one message."""
 FOOTER = struct.Struct("<QQI")
 """Where the summary starts, and its offsets; its checksum, up to here."""
+CRC = struct.Struct("<I")
+"""A checksum."""
+DATA_END = HEAD.size + CRC.size
+"""Bytes of the record that ends the data."""
+MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
+"""What reading the body of a record raises."""
 
 _Record = TypeVar("_Record")
 
@@ -199,6 +205,11 @@ def opened(path: Path) -> Iterator[BinaryIO]:
 def damaged(path: Path, offset: int, rule: str, got: object) -> RecordingError:
     """Return the error for a recording that is not what was written."""
     return RecordingError(f"{path}: at byte {offset}: {rule}, got {got}")
+
+
+def damaged_in(path: Path, chunk: Chunk, rule: str, got: object) -> RecordingError:
+    """Return the error for a chunk that holds what was not written."""
+    return damaged(path, chunk.offset, f"chunk {chunk.number}: {rule}", got)
 
 
 def check_magic(path: Path, magic: bytes) -> None:

@@ -7,6 +7,7 @@ checksum of its own. Bytes that merely look like one are passed over.
 import re
 import struct
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,11 +16,14 @@ from mcap.opcode import Opcode
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.facts import is_proved
-from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, LIMIT, Chunk
+from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, LIMIT, MALFORMED, Chunk
+from neurosnap.recording.format.walk import heads
 
 _WINDOW = 1 << 20
 _LONGEST = 16  # bytes a compression's name may have
 _PACKED = struct.Struct("<Q")
+HEAD_OF_CHUNK = CHUNK_HEAD.size + _LONGEST + _PACKED.size
+"""Bytes of a chunk's body that stand before what is packed, at most."""
 _CANDIDATE = re.compile(
     # A chunk: its length, of which the upper bytes are 0; two times, size, checksum;
     # and its compression. Metadata: its length, and a name of ours.
@@ -70,19 +74,15 @@ def find_record(
 
 def is_sure(path: Path, file: BinaryIO, at: int, end: int) -> bool:
     """Tell whether a sure record starts at a place, and ends by `end`."""
-    file.seek(at)
-    head = file.read(HEAD.size + CHUNK_HEAD.size + _LONGEST + _PACKED.size)
-    opcode, length = HEAD.unpack_from(head)
-    if length > LIMIT or at + HEAD.size + length > end:
-        return False
-    if opcode == Opcode.METADATA:
-        file.seek(at + HEAD.size)
-        return is_proved(file.read(length))
-    try:
-        unpack(path, file, chunk_at(0, at, length, head[HEAD.size :]))
-    except (RecordingError, ValueError, struct.error):
-        return False
-    return True
+    with suppress(RecordingError, *MALFORMED):
+        for opcode, body, after in heads(file, at, end):
+            length = after - body
+            if opcode == Opcode.METADATA:
+                return is_proved(file.read(length))
+            start = file.read(min(length, HEAD_OF_CHUNK))
+            unpack(path, file, chunk_at(0, at, length, start))
+            return True
+    return False
 
 
 def chunk_at(number: int, at: int, length: int, body: bytes) -> Chunk:

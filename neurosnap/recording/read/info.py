@@ -15,7 +15,7 @@ from neurosnap import wire
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged
+from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged_in
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import first_path, part_paths
 
@@ -184,8 +184,8 @@ def _noted_counts(recording: Recording) -> Counter[str]:
     for chunk in layout.chunks:
         for channel, count in chunk.counts.items():
             if (topic := topics.get(channel)) not in wire.TOPICS:
-                rule = f"chunk {chunk.number}: an index must be of a topic"
-                raise damaged(recording.path, chunk.offset, rule, f"channel {channel}")
+                rule, got = "an index must be of a topic", f"channel {channel}"
+                raise damaged_in(recording.path, chunk, rule, got)
             counts[topic] += count
     return counts
 

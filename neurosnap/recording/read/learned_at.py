@@ -1,10 +1,10 @@
 """The snapshot at any tick, learned from the nearest key-frame on."""
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.keyframes import Start
+from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.stretches import last_tick
@@ -13,7 +13,7 @@ from neurosnap.recording.read.stretches import last_tick
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:
     """Return a tick and the snapshot after it; its state is left unset.
 
-    Cost: reading every state, beside `learned_by`.
+    Cost: reading every state, beside `learned_at`.
 
     Args:
         recording: A run's.
@@ -30,7 +30,7 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
         raise InvalidValueError("tick", f"must be in [0, {last}]", wanted)
     if tick is None and not recording.whole:
         wanted = _last_known(recording, last)
-    return wanted, learned_by(recording, wanted)
+    return wanted, learned_at(recording, wanted)
 
 
 def _last_known(recording: Recording, last: int) -> int:
@@ -51,7 +51,7 @@ def _last_known(recording: Recording, last: int) -> int:
     return known
 
 
-def learned_by(recording: Recording, tick: int) -> Snapshot:
+def learned_at(recording: Recording, tick: int) -> Snapshot:
     """Return the snapshot after a tick; its state is left unset.
 
     Cost: learning the ticks since the last key-frame before it, and reading key-frames
@@ -65,23 +65,20 @@ def learned_by(recording: Recording, tick: int) -> Snapshot:
     Raises:
         RecordingError: The recording is damaged, or lacks an observation.
     """
-    options = options_of(recording)
-    now, since, snapshot = 0, 0, options.new_snapshot()
+    learning, since = Learning(recording.path, options_of(recording)), 0
     if (last := _last_frame(recording, tick)) is not None:
-        now, since = last.frame.tick, last.since
-        snapshot = Snapshot.from_bytes(last.frame.snapshot)
+        learning.restore(last.frame)
+        since = last.since
     observations = {
         recorded.message.tick: recorded.message
         for recorded in recording.messages(("observe",), start=since)
         if isinstance(recorded.message, wire.Observation)
-        and now < recorded.message.tick <= tick
+        and learning.tick < recorded.message.tick <= tick
     }
-    for following in range(now + 1, tick + 1):
-        if following not in observations:
-            rule = f"must hold the observation of tick {following}"
-            raise RecordingError(f"{recording.path}: {rule}, got none")
-        snapshot.learn(*readings(observations[following], len(options.sensors)))
-    return snapshot
+    in_order = (observations[each] for each in sorted(observations))
+    for _ in learning.learn_to(tick, in_order):
+        pass
+    return learning.snapshot
 
 
 def _last_frame(recording: Recording, tick: int) -> Start | None:

@@ -19,9 +19,9 @@ from mcap.records import Attachment
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
-from neurosnap.recording.format.chunks import EVER, raw_messages
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.full_scan import scan
+from neurosnap.recording.format.messages import EVER, raw_messages
 from neurosnap.recording.format.records import (
     CLOSING,
     PLACES,
@@ -33,6 +33,7 @@ from neurosnap.recording.format.records import (
     Cut,
     Layout,
     damaged,
+    damaged_in,
     opened,
     parse,
 )
@@ -392,5 +393,5 @@ class Recording:
                 yield Recorded(message, payload, sequence, sent, log_time)
 
     def _wrong(self, chunk: Chunk, topic: str, got: object) -> RecordingError:
-        rule = f"chunk {chunk.number}: /{topic} must hold its own messages"
-        return damaged(self.path, chunk.offset, rule, got)
+        rule = f"/{topic} must hold its own messages"
+        return damaged_in(self.path, chunk, rule, got)

@@ -11,8 +11,8 @@ from itertools import chain, pairwise
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.chunks import EVER
 from neurosnap.recording.format.completeness import Completeness, added_up
+from neurosnap.recording.format.messages import EVER
 from neurosnap.recording.format.records import Cut
 from neurosnap.recording.read.reader import Noted, Recorded, Recording
 

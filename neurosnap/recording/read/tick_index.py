@@ -17,9 +17,8 @@ from mcap.records import Channel
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.channels import channels_in
-from neurosnap.recording.format.chunk_index import ChunkIndex, sieve
-from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.records import Chunk, damaged, opened
+from neurosnap.recording.format.chunk_index import ChunkIndex, index_chunk
+from neurosnap.recording.format.records import opened
 from neurosnap.recording.read.growing_files import File, Files
 
 M = TypeVar("M")
@@ -160,6 +159,17 @@ class TickIndex:
             self._observations -= len(self._observed.popitem(last=False)[1])
         return found
 
+    def observations(self, first: int, last: int) -> Iterator[wire.Observation]:
+        """Yield the observations there are of some ticks, in order, each once."""
+        due = first
+        for number in range(self.chunk_of(first), len(self)):
+            for observation in self.observed(number):
+                if due <= observation.tick <= last:
+                    yield observation
+                due = max(due, observation.tick + 1)
+            if due > last:
+                return
+
     def chunk_of(self, tick: int) -> int:
         """Return the chunk in which a tick was observed, or would have been.
 
@@ -247,7 +257,8 @@ class TickIndex:
     def _read(self, number: int) -> Strip:
         """Return a chunk, unpacked and verified."""
         file, chunk = self.files.place(number)
-        found = _unpacked(file, chunk)
+        with opened(file.path) as stream:
+            found = index_chunk(file.path, stream, chunk)
         topics = _named(found.registered.values()) or self._topics_of(file)
         place = f"{file.path}: at byte {chunk.offset}: chunk {chunk.number}"
         return Strip(found, topics, place)
@@ -261,17 +272,6 @@ class TickIndex:
                     said = channels_in(file.path, stream, file.chunks)
             self._topics[file] = _named(said.values())
         return self._topics[file]
-
-
-def _unpacked(file: File, chunk: Chunk) -> ChunkIndex:
-    """Return the messages of a chunk, verified."""
-    with opened(file.path) as stream:
-        data = unpack(file.path, stream, chunk)
-    try:
-        return sieve(data)
-    except ValueError as error:
-        rule = f"chunk {chunk.number} must hold messages"
-        raise damaged(file.path, chunk.offset, rule, error) from error
 
 
 def _named(channels: Iterable[Channel]) -> dict[int, str]:

@@ -18,7 +18,7 @@ from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.recording.read.learned_at import learned_by
+from neurosnap.recording.read.learned_at import learned_at
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.stretches import last_tick
 
@@ -120,7 +120,7 @@ async def play(
     on_begin()
     played, began = Played(), time.perf_counter()
     if start > 1:
-        snapshot = learned_by(recording, start - 1)
+        snapshot = learned_at(recording, start - 1)
         fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
     pace = _TickSchedule(rate)
     for count, recorded in enumerate(_from(recording, start)):

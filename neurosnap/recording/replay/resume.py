@@ -27,7 +27,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.split_files import first_path, part_path, part_paths
 from neurosnap.recording.read.stretches import stretches
-from neurosnap.recording.replay.verify import DifferenceError, Replay, start_of
+from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
 from neurosnap.sensorium import pack
 
 _DATED = (

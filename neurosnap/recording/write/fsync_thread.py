@@ -1,4 +1,4 @@
-"""Syncs files to disk, and deletes those no longer kept, on a thread of its own.
+"""Syncs files to disk on a thread of its own.
 
 Waiting for the disk may take long, and the recorder must not. One file that has its end
 is saved at a time: a run that writes faster than the disk takes it waits there, so that
@@ -10,7 +10,7 @@ dropped it, so that a second sync would succeed and say nothing.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -67,18 +67,18 @@ class FsyncThread:
             for descriptor, _ in opened:
                 os.close(descriptor)
 
-    def save(self, file: Writer, unwanted: Sequence[Path]) -> None:
+    def save(self, file: Writer, then: Callable[[], None] = lambda: None) -> None:
         """Let a file be saved; wait first until the one before is.
 
         Args:
             file: It has its end.
-            unwanted: What to delete, once it is saved.
+            then: What to do once it is saved, on the thread; not done if it cannot be.
 
         Raises:
             RecordingError: As `wait`.
         """
         self.wait()
-        self._under_way = self._thread.submit(_save, file, unwanted)
+        self._under_way = self._thread.submit(_save, file, then)
 
     def check(self) -> None:
         """Raise what `wait` and `close` would, as far as that is known."""
@@ -96,7 +96,7 @@ class FsyncThread:
         """Wait until the last file is saved.
 
         Raises:
-            RecordingError: It cannot be, or others cannot be deleted. It is said once.
+            RecordingError: It cannot be, or what was to follow failed. It is said once.
         """
         saved, self._under_way = self._under_way, None
         if saved is not None:
@@ -113,12 +113,6 @@ class FsyncThread:
         self._wait_for_sync()
 
 
-def _save(file: Writer, unwanted: Sequence[Path]) -> None:
+def _save(file: Writer, then: Callable[[], None]) -> None:
     file.save()
-    for path in unwanted:
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            rule = "files that are not kept must be deletable"
-            got = f"{error.strerror} for {str(path)!r}"
-            raise RecordingError(f"keep: {rule}, got {got}") from error
+    then()

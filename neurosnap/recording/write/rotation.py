@@ -31,6 +31,7 @@ sync to disk is done by `neurosnap.recording.write.fsync_thread`.
 import contextlib
 import logging
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Annotated, NamedTuple, Self
@@ -48,6 +49,7 @@ from neurosnap.recording.read.split_files import part_path, part_paths
 from neurosnap.recording.write.carry_over import begin_recording, facts_of
 from neurosnap.recording.write.causal_order import CausalOrder, Heard, is_beyond
 from neurosnap.recording.write.fsync_thread import FsyncThread
+from neurosnap.recording.write.kept_files import delete, not_kept
 from neurosnap.recording.write.writer import Writer
 
 _log = logging.getLogger(__name__)
@@ -329,14 +331,10 @@ class SplitWriter:
             CLOSING: wire.encode(closing).decode(),
         }
         self._closed.append(older.end(totals, ends))
-        self._saving.save(older, self._unwanted())
-
-    def _unwanted(self) -> list[Path]:
-        """Return the files that are not kept."""
-        if self._split is None or not self._split.keep:
-            return []
-        last = self._number - self._split.keep
-        return [path for n, path in part_paths(self._log).items() if n <= last]
+        keep = 0 if self._split is None else self._split.keep
+        unwanted = not_kept(self._log, self._number, keep)
+        # Deleted once this file is on the disk, and not before.
+        self._saving.save(older, partial(delete, unwanted))
 
     def flush(self, now: int) -> None:
         """Give what there is to the operating system; see `Writer.flush`.

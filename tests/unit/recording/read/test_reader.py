@@ -132,7 +132,7 @@ def test_chunks_without_the_topic_are_not_unpacked(
         unpacked.append(chunk.number)
         return unpack(path, file, chunk)
 
-    monkeypatch.setattr("neurosnap.recording.format.chunks.unpack", note)
+    monkeypatch.setattr("neurosnap.recording.format.chunk_index.unpack", note)
     assert len(list(recording.messages({"observe"}))) == 5
     assert unpacked == [1, 3, 5, 7, 9]
     unpacked.clear()

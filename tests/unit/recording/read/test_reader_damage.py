@@ -2,6 +2,7 @@
 
 import random
 import re
+import struct
 import tracemalloc
 import zlib
 from collections.abc import Iterator
@@ -115,6 +116,16 @@ def flipped(whole: bytes, seed: int, count: int) -> Iterator[tuple[int, bytes]]:
         yield offset, bytes(damaged)
 
 
+def lost_from(path: Path, damaged: bytes) -> int:
+    """Return how many messages damage cost; the others come as they were, in order."""
+    path.write_bytes(damaged)
+    recording = Recording.open(path)
+    read = [recorded.delivery for recorded in recording.messages()]
+    assert read == [one for one in DELIVERIES if one in read]
+    assert not recording.whole
+    return len(DELIVERIES) - len(read)
+
+
 @pytest.mark.slow
 def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
     finished: bytes, tmp_path: Path
@@ -122,13 +133,9 @@ def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
     path = tmp_path / "flipped.mcap"
     lost = set()
     for offset, damaged in flipped(finished, 1, 800):
-        path.write_bytes(damaged)
-        recording = Recording.open(path)
-        read = [recorded.delivery for recorded in recording.messages()]
-        assert read == [one for one in DELIVERIES if one in read]
-        assert not recording.whole, offset
-        assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": "2"}
-        lost.add(len(DELIVERIES) - len(read))
+        lost.add(lost_from(path, damaged))
+        facts = Recording.open(path).metadata
+        assert facts == {"seed": "7", "world": "Test-v0", "schema": "2"}, offset
     assert lost == {0, 11, 20}
 
 
@@ -136,15 +143,8 @@ def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
 def test_a_flipped_bit_in_a_cut_recording_costs_one_chunk_at_most(
     abandoned: bytes, tmp_path: Path
 ) -> None:
-    path = tmp_path / "flipped.mcap"
-    lost = set()
-    for _, damaged in flipped(abandoned, 2, 800):
-        path.write_bytes(damaged)
-        recording = Recording.open(path)
-        read = [recorded.delivery for recorded in recording.messages()]
-        assert read == [one for one in DELIVERIES if one in read]
-        assert not recording.whole
-        lost.add(len(DELIVERIES) - len(read))
+    copies = flipped(abandoned, 2, 800)
+    lost = {lost_from(tmp_path / "flipped.mcap", damaged) for _, damaged in copies}
     assert lost == {0, 11, 20}
 
 
@@ -351,6 +351,20 @@ def test_a_message_outside_chunks_is_left_out(tmp_path: Path) -> None:
     assert recording.cut is not None
 
 
+def message_of(channel: int) -> bytes:
+    """Return the record of an empty message."""
+    return b"\x05" + struct.pack("<QHIQQ", 22, channel, 0, 0, 0)
+
+
+def channel(number: int, topic: str) -> bytes:
+    """Return the record that registers a channel."""
+    texts = (f"/{topic}".encode(), b"json")
+    body = struct.pack("<HH", number, 0)
+    body += b"".join(struct.pack("<I", len(text)) + text for text in texts)
+    body += bytes(4)  # no metadata
+    return b"\x04" + struct.pack("<Q", len(body)) + body
+
+
 @pytest.mark.parametrize(
     ("content", "rule"),
     [
@@ -372,6 +386,8 @@ def test_a_message_outside_chunks_is_left_out(tmp_path: Path) -> None:
             b"\x04" + (1).to_bytes(8, "little") + b"x",
             "channel must be well-formed, got",
         ),
+        (message_of(1) + channel(1, "wave"), "channel must be registered, got 1"),
+        (channel(1, "wave") + channel(1, "tally"), "must keep its topic, got /tally"),
     ],
 )
 def test_a_chunk_that_holds_nonsense_under_a_good_checksum_is_refused(

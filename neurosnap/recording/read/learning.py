@@ -1,0 +1,107 @@
+"""Learns again what a run learned: from a key-frame, or from nothing, tick by tick."""
+
+import copy
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Self
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError, ShapeError
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.observations import readings
+from neurosnap.protocol.run_options import RunOptions
+
+
+class Learning:
+    """What was learned up to a tick. Its snapshot's state is left unset.
+
+    Args:
+        path: The recording, for errors.
+        options: The run's.
+    """
+
+    def __init__(self, path: Path, options: RunOptions) -> None:
+        self._path = path
+        self._options = options
+        self.tick = 0
+        """The last tick learned from; 0: none."""
+        self.snapshot = options.new_snapshot()
+        """What was learned by then; to be changed by this class alone."""
+
+    def copy(self) -> Self:
+        """Return another one at the same tick. O(N²) time and memory."""
+        other = copy.copy(self)
+        other.snapshot = copy.deepcopy(self.snapshot)
+        return other
+
+    def restore(self, frame: wire.KeyFrame) -> None:
+        """Be at the tick of a key-frame.
+
+        Raises:
+            RecordingError: As from `snapshot_in`.
+        """
+        self.snapshot = snapshot_in(frame, self._options, self._path)
+        self.tick = frame.tick
+
+    def learn(self, observation: wire.Observation) -> None:
+        """Learn from the observation of the next tick. O(N²/2) time.
+
+        Raises:
+            RecordingError: It is of another tick, or of other sensors.
+        """
+        tick = self.tick + 1
+        if observation.tick != tick:
+            raise self._lacks(tick)
+        try:
+            bits, known = readings(observation, len(self._options.sensors))
+        except ShapeError as error:
+            place = f"{self._path}: tick {tick}"
+            raise RecordingError(f"{place}: /observe: {error}") from error
+        self.snapshot.learn(bits, known)
+        self.tick = tick
+
+    def learn_to(
+        self, last: int, observations: Iterable[wire.Observation]
+    ) -> Iterator[int]:
+        """Learn up to a tick, and yield each tick when it is learned from.
+
+        Args:
+            last: The tick; nothing is done if it is not ahead.
+            observations: Those of the ticks ahead, in order.
+
+        Raises:
+            RecordingError: While iterating: as `learn`, or one is missing.
+        """
+        for observation in observations:
+            if self.tick >= last:
+                return
+            self.learn(observation)
+            yield self.tick
+        if self.tick < last:
+            raise self._lacks(self.tick + 1)
+
+    def _lacks(self, tick: int) -> RecordingError:
+        rule = f"must hold the observation of tick {tick}"
+        return RecordingError(f"{self._path}: {rule}, got none")
+
+
+def snapshot_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Snapshot:
+    """Return the snapshot of a key-frame.
+
+    Args:
+        frame: The key-frame.
+        options: The run's.
+        path: The recording, for errors.
+
+    Raises:
+        RecordingError: It holds none, or one of other sensors.
+    """
+    place = f"{path}: key-frame of tick {frame.tick}"
+    try:
+        snapshot = Snapshot.from_bytes(frame.snapshot)
+    except ValueError as error:
+        raise RecordingError(f"{place}: must hold a snapshot, {error}") from error
+    if tuple(snapshot.sensorium) != options.sensors:
+        found = len(snapshot.sensorium)
+        raise RecordingError(f"{place}: must be of the run's sensors, got {found}")
+    return snapshot

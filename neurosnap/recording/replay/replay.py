@@ -1,0 +1,352 @@
+"""Derives a run again from its observations and reports, and compares.
+
+The coordinator's core is a pure function of what it was given. A replay gives it the
+recorded observations and the cells' recorded reports, and demands that it says, byte
+for byte, what the recording says it said: every wiring, every wave, every state, every
+decision. What the agent sensed of its own actions must follow from the decision and the
+state before. Beside that, every wave's reports must name exactly what the in-process
+propagation over the derived graph reaches: so it is the cells that are checked, and not
+only the coordinator's arithmetic.
+
+All of this can begin at any key-frame, which is taken at its word then; one that is
+passed on the way is compared like the rest.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import NoReturn, TypeAlias
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.agent.body import Senses
+from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.keyframes import Start, last_start
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.run_facts import options_of, resumed_at
+from neurosnap.recording.replay.comparison import is_same
+from neurosnap.sensorium import unpack
+
+_INPUTS = ("observe", "settle", "tally")
+_OUTPUTS = ("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly")
+_SHOWN = 300  # characters of a message shown in a difference
+
+_Report: TypeAlias = wire.CellReport | wire.WorkerReport
+
+
+class DifferenceError(NeurosnapError):
+    """What was derived is not what was recorded."""
+
+
+def start_of(recording: Recording, tick: int = 0) -> Start | None:
+    """Return where to begin with a recording; None: with the run.
+
+    Args:
+        recording: A run's.
+        tick: The start is not after it; 0: it is the first there is.
+
+    Raises:
+        RecordingError: There is no key-frame to start from, and it does not begin with
+            the run.
+    """
+    first = recording.begins
+    start = last_start(recording, max(tick, first))
+    if start is None and first:
+        rule = f"must hold the key-frame of tick {first}"
+        raise RecordingError(f"{recording.path}: {rule}, got none")
+    return start if tick or first else None
+
+
+class Replay:
+    """A recorded run, derived again as far as one iterates over `ticks`.
+
+    Args:
+        recording: What to replay.
+        start: One of its key-frames, to begin there; None: with the run.
+
+    Raises:
+        RecordingError: It is not a run's, or the key-frame not one of it.
+    """
+
+    def __init__(self, recording: Recording, start: Start | None = None) -> None:
+        self.path = recording.path
+        self.options = options_of(recording)
+        frame = None if start is None else start.frame
+        try:
+            self.core = Coordinator.of(self.options, frame)
+            self._known = None if frame is None else known_in(frame, self.options)
+        except ValueError as error:
+            raise RecordingError(
+                f"{recording.path}: keyframe: must be of this run, got {error}"
+            ) from error
+        self.first = self.core.tick
+        self._start = start
+        self._senses = Senses(self.options.body)
+        self.compared = dict.fromkeys(_OUTPUTS, 0)
+        self.complete = recording.whole
+        self._closing = recording.closing
+        self._resumed = deque(t for t in resumed_at(recording) if t > self.first)
+        self._messages = recording.messages(
+            _INPUTS + _OUTPUTS, start=0 if start is None else start.since
+        )
+        # Read ahead: senders overtake each other in a recording, too.
+        self._outputs: deque[Recorded] = deque()
+        self._observations: dict[int, wire.Observation] = {}
+        self._reports: dict[int, list[tuple[_Report, bool]]] = {}
+        self._told: dict[str, int] = {}  # epoch of each part's last wiring
+        self._reached: dict[int, set[int]] = {}
+        self._observed = np.zeros(0, dtype=np.bool_)
+        # A key-frame to begin with has been said.
+        said = self.core.begin() if frame is None else [self.core.decision]
+        self._said: deque[wire.Message] = deque(said)
+        self._under_way = self.first  # the tick of what is derived now
+        self._exhausted = False  # read to the end in search of an input
+
+    def ticks(self) -> Iterator[int]:
+        """Yield each tick once it is whole: the core is then as it was at that point.
+
+        Whole means that its state and all its waves are compared; its key-frame and
+        decision follow. A recording that lacks messages is followed to the first that
+        is needed: nothing can be derived beyond, and nothing held against it.
+
+        Raises:
+            DifferenceError: What was derived is not what was recorded.
+            RecordingError: The recording is damaged.
+        """
+        tick = self.first
+        while self._outputs or self._read_until(lambda: bool(self._outputs)):
+            recorded = self._outputs.popleft()
+            derived = self._derive(recorded)
+            if derived is None and self._exhausted and not self.complete:
+                return
+            self._compare(recorded, derived)
+            if self.core.tick == tick or not self._only_closing_words():
+                continue
+            tick = self.core.tick
+            yield tick
+            if self._resumed and self._resumed[0] == tick:
+                self._resumed.popleft()
+                self._said = deque(self._begin_again())
+        self._check_closing(tick)
+
+    def _check_closing(self, tick: int) -> None:
+        """Hold the last decision against what the file after this one opens with."""
+        closing, derived = self._closing, self.core.decision
+        if closing is None or not (self.complete or tick == closing.tick):
+            return
+        if derived != closing:
+            raise DifferenceError(
+                f"tick {tick}: the decision of the last tick: recorded {closing},"
+                f" derived {derived}"
+            )
+        self.compared["decide"] += 1
+
+    def _begin_again(self) -> list[wire.Message]:
+        """Return what the core says where the run is taken up again."""
+        self._read_until(lambda: bool(self._outputs))
+        from_frame = self._outputs and isinstance(
+            self._outputs[0].message, wire.KeyFrame
+        )
+        return self.core.begin() if from_frame else self.core.begin_rewired()
+
+    def _only_closing_words(self) -> bool:
+        closing = (wire.KeyFrame, wire.Decision)
+        return all(isinstance(message, closing) for message in self._said)
+
+    # Comparing -----------------------------------------------------------------------
+
+    def _derive(self, recorded: Recorded) -> wire.Message | None:
+        """Bring the core to say what it said then; None if it says nothing."""
+        message = recorded.message
+        if isinstance(message, wire.KeyFrame) and (
+            not self._said or isinstance(self._said[0], wire.Decision)
+        ):
+            # Only the one who asked the run to stop here knew that it would.
+            self._said = deque(self.core.stop())
+        if not self._said:
+            said = self._feed(recorded)
+            # Faults were said of what came in bad, which was not always recorded.
+            self._said.extend(m for m in said if not isinstance(m, wire.Fault))
+        return self._said.popleft() if self._said else None
+
+    def _compare(self, recorded: Recorded, derived: wire.Message | None) -> None:
+        """Hold what was derived against what was recorded."""
+        message = recorded.message
+        if not is_same(derived, recorded):
+            self._differ(recorded, derived)
+        match message:
+            case wire.State():
+                self._check_reached(recorded, message.wave, self._observed)
+            case wire.Reached():
+                self._check_reached(recorded, message.wave, message.signal)
+            case wire.Wiring():
+                self._told[f"cell/{message.cell}"] = message.epoch
+            case wire.WorkerWiring():
+                self._told[f"worker/{message.worker}"] = message.epoch
+            case wire.KeyFrame(waves=0):  # from before: the wiring went on by changes
+                self.core.recall()
+            case _:
+                pass
+        self.compared[wire.topic(message.key)] += 1
+
+    def _check_reached(
+        self, recorded: Recorded, wave: int, signal: Iterable[int]
+    ) -> None:
+        """Hold what the cells reported against the propagation in process."""
+        above = set(np.flatnonzero(self.core.graph.up(signal)).tolist())
+        reached = self._reached.pop(wave, set())
+        if reached != above:
+            raise DifferenceError(
+                f"{self._where(recorded)}: cells reported {sorted(reached)},"
+                f" the derived order gives {sorted(above)}"
+            )
+
+    def _differ(self, recorded: Recorded, derived: wire.Message | None) -> NoReturn:
+        was = recorded.payload.decode()[:_SHOWN]
+        would = "nothing" if derived is None else wire.encode(derived).decode()[:_SHOWN]
+        raise DifferenceError(
+            f"{self._where(recorded)}: recorded {was}, derived {would}"
+        )
+
+    def _where(self, recorded: Recorded) -> str:
+        return (
+            f"tick {self._under_way}: /{wire.topic(recorded.message.key)}"
+            f" {recorded.message.sender} {recorded.sequence}"
+        )
+
+    # Giving the core what it was given -----------------------------------------------
+
+    def _feed(self, recorded: Recorded) -> list[wire.Message]:
+        """Give the core what made it say `recorded`; return what it says now."""
+        match recorded.message:
+            case wire.State(wave=wave) | wire.Reached(wave=wave):
+                return self._feed_reports(wave)
+            case wire.Wiring() | wire.WorkerWiring() | wire.WaveStart() if (
+                self.core.in_flight
+            ):
+                return self._feed_deadline(recorded)
+            case (
+                wire.Anomaly() | wire.Wiring() | wire.WorkerWiring() | wire.WaveStart()
+            ):
+                return self._feed_observation()
+            case _:
+                return []
+
+    def _feed_observation(self) -> list[wire.Message]:
+        tick = self._under_way = self.core.tick + 1
+        if not self._read_until(lambda: tick in self._observations):
+            return []
+        observation = self._observations.pop(tick)
+        count = len(self.options.sensors)
+        try:
+            bits, known = readings(observation, count)
+        except ShapeError as error:
+            raise DifferenceError(f"tick {tick}: /observe: {error}") from error
+        self._check_senses(tick, bits, known, observation.begins)
+        self._known = known
+        self._observed = selection(bits, known)
+        return self.core.receive(observation)
+
+    def _check_senses(
+        self,
+        tick: int,
+        bits: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+        begins: bool,
+    ) -> None:
+        """Hold what was sensed of the last step against what was decided in it."""
+        own = slice(len(self.options.body.own))
+        step = (-1 if begins else self.core.decision.action, self.core.snapshot.state)
+        before = None if self._known is None else self._known[own]
+        derived = selection(
+            self._senses.observe(bits[own], *step),
+            self._senses.known(None if known is None else known[own], *step, before),
+        )
+        differs = derived != selection(bits, known)
+        if differs.any():
+            wrong = self.options.sensors[int(differs.argmax()) >> 1]
+            raise DifferenceError(
+                f"tick {tick}: /observe: {wrong} does not follow from the decision and"
+                f" the state of tick {tick - 1}"
+            )
+
+    def _feed_reports(self, wave: int) -> list[wire.Message]:
+        """Give the core the reports on one wave until it says something."""
+        reached = self._reached.setdefault(wave, set())
+        while wave in self.core.in_flight:
+            if not self._read_until(lambda: wave in self._reports):
+                break
+            for report, dated in self._reports.pop(wave):
+                said = self.core.receive(report if dated else self._dated(report))
+                if any(isinstance(message, wire.Fault) for message in said):
+                    continue  # it was refused then, too
+                reached.update(wire.fired(report))
+                if said:
+                    return said
+        return []
+
+    def _dated(self, report: _Report) -> _Report:
+        """Return a report of schema 1, which does not say by which wiring it is.
+
+        It is taken to be by the last: if it was not, what it says shows.
+        """
+        epoch = self._told.get(report.sender, 0)
+        return msgspec.structs.replace(report, epoch=epoch)
+
+    def _feed_deadline(self, recorded: Recorded) -> list[wire.Message]:
+        """Let the wave be late that was repeated here."""
+
+        def start() -> wire.WaveStart | None:
+            ahead = (r.message for r in (recorded, *self._outputs))
+            return next((m for m in ahead if isinstance(m, wire.WaveStart)), None)
+
+        self._read_until(lambda: start() is not None)
+        following = start()
+        if following is None or following.repeats not in self.core.in_flight:
+            return []
+        return self.core.overdue(following.repeats)
+
+    def _read_until(self, found: Callable[[], bool]) -> bool:
+        """Read on until there is what is looked for; tell whether there is."""
+        while not found():
+            recorded = next(self._messages, None)
+            if recorded is None:
+                self._exhausted = True
+                return False
+            if self._is_before(recorded):
+                continue
+            match recorded.message:
+                case wire.Observation() as observation:
+                    self._observations.setdefault(observation.tick, observation)
+                case wire.CellReport() | wire.WorkerReport() as report:
+                    dated = b'"epoch":' in recorded.payload
+                    self._reports.setdefault(report.wave, []).append((report, dated))
+                case _:
+                    self._outputs.append(recorded)
+        return True
+
+    def _is_before(self, recorded: Recorded) -> bool:
+        """Tell whether a message was sent before the key-frame to begin with."""
+        if self._start is None:
+            return False
+        match recorded.message:
+            case wire.Observation(tick=tick):
+                return tick <= self.first
+            case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
+                return wave <= self._start.frame.waves
+            case _:
+                return recorded.sequence <= self._start.sequence
+
+
+def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:
+    """Return which readings of a key-frame's tick were known: ``(N,)``; None: all.
+
+    Raises:
+        ShapeError: It is of another number of sensors.
+    """
+    return unpack(frame.known, len(options.sensors)) if frame.known else None
