@@ -71,6 +71,7 @@ def simulate(
         Walker(3, seed),
         wiring=wiring,
         ticks=len(rows),
+        keyframe_every=1000,
         workers=workers,
     )
     hub = MemoryHub(schedule, Faults(duplicate=0.1))
@@ -122,6 +123,7 @@ def recovered(
         Walker(3, seed),
         wiring=chance.choice(["hasse", "derived"]),
         ticks=len(rows),
+        keyframe_every=1000,
         repeats=1000,
         workers=workers,
     )

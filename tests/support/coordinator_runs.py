@@ -56,6 +56,7 @@ def new(
     return Coordinator(
         EmpiricalSnapshot(SENSORS, threshold=0.2),
         policy or Walker(2, 7),
+        wiring="hasse",
         ticks=ticks,
         keyframe_every=options.get("keyframe_every", 1000),
         repeats=options.get("repeats", 2),

@@ -138,7 +138,9 @@ def counting_swarm(
     core = Coordinator(
         EmpiricalSnapshot(sensors, threshold=THRESHOLD),
         Walker(2, seed),
+        wiring="hasse",
         ticks=len(rows),
+        keyframe_every=1000,
         workers=workers,
     )
     if workers:
