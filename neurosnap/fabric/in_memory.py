@@ -292,6 +292,9 @@ class MemoryFabric:
         """Show this part as alive."""
         self._hub.announce(self.who)
 
+    async def confirm(self) -> None:
+        """Do nothing: what is declared is in force at once."""
+
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
         self._hub.watch(self.who, handler)

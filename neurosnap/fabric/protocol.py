@@ -70,6 +70,14 @@ class Fabric(Protocol):
         """Show this part as alive, after all its subscriptions are in place."""
         ...
 
+    async def confirm(self) -> None:
+        """Wait until every message that is published from now on comes here.
+
+        A declaration takes its time to the hub. Who waits for another part's presence
+        need not ask for this: what that part declared before is in force by then.
+        """
+        ...
+
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
         ...

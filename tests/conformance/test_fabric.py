@@ -105,6 +105,21 @@ async def test_what_was_sent_before_leaving_arrives(network: Network) -> None:
         assert heard.sequences() == list(range(1001))
 
 
+async def test_what_is_published_after_a_listener_has_confirmed_arrives(
+    network: Network,
+) -> None:
+    async with network.end("world") as sender:
+        for turn in range(1, 11):
+            heard = Heard()
+            async with network.end(f"cell/{turn}") as end:
+                await end.subscribe(("**",), heard)
+                await end.announce()
+                await end.confirm()
+                sender.publish(wire.Observation(turn, b"\1"))
+                (delivery,) = await heard.wait(1)
+                assert delivery.sequence == turn - 1
+
+
 async def test_own_messages_reach_own_subscriptions(network: Network) -> None:
     heard, seen = Heard(), Seen()
     async with network.end("both") as end:

@@ -316,6 +316,9 @@ class Meddled:
     async def announce(self) -> None:
         await self._inner.announce()
 
+    async def confirm(self) -> None:
+        await self._inner.confirm()
+
     async def watch(self, handler: PresenceHandler) -> None:
         await self._inner.watch(handler)
 

@@ -226,6 +226,21 @@ class ZenohFabric:
             token = await self._off_loop(declare, self._prefix + key)
             self._declared.append(token)
 
+    async def confirm(self) -> None:
+        """Wait until the hub has what was declared here; see the protocol.
+
+        It takes what one session sends in order, so its answer to a query comes after
+        the declarations.
+        """
+        key = f"{self._prefix}alive/{self.who}"
+        get = self._session.liveliness().get
+
+        def ask() -> None:
+            for _ in get(key, timeout=_ANSWER):
+                pass
+
+        await self._off_loop(ask)
+
     async def present(self) -> set[str]:
         """Return the parts that are there now."""
         prefix = f"{self._prefix}alive/"

@@ -59,6 +59,7 @@ async def run_recorder(
     await fabric.locate(listener.locate)
     await fabric.watch(listener.change)
     await fabric.announce()
+    await fabric.confirm()
     on_ready()
     flushing = asyncio.create_task(
         _flush(writer, fabric, lambda: listener.framed, journal), name="recorder/flush"

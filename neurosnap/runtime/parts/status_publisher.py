@@ -134,6 +134,7 @@ async def publish_status(
                 listener.take(wire.decode(delivery.key, delivery.payload))
 
     await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
+    await fabric.confirm()
     on_ready()
     over = asyncio.Event()
     hearing = asyncio.create_task(fabric.serve(stop), name="status/hear")
