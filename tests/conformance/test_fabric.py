@@ -8,14 +8,7 @@ import time
 import pytest
 
 from neurosnap import wire
-from tests.support.fabrics import (
-    Heard,
-    Hub,
-    Network,
-    Seen,
-    ZenohNetwork,
-    listening,
-)
+from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
 SMALL = wire.KeyFrame(1, b"")

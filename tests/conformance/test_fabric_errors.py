@@ -13,14 +13,7 @@ from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
-from tests.support.fabrics import (
-    Heard,
-    Hub,
-    Network,
-    Seen,
-    ZenohNetwork,
-    listening,
-)
+from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
 from tests.support.patience import PATIENCE
 
 # Errors -------------------------------------------------------------------------------

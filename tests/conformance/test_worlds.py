@@ -14,14 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import world
 from neurosnap.errors import InvalidValueError
-from tests.support.worlds import (
-    IDS,
-    NAMED,
-    SHAPES,
-    make,
-    rollout,
-    started,
-)
+from tests.support.worlds import IDS, NAMED, SHAPES, make, rollout, started
 from world.implications import implications, inclusions
 
 

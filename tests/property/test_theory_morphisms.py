@@ -16,13 +16,7 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection
 from neurosnap.poc.order.pocset import PocSet
 from tests.support.hypothesis_settings import examples
-from tests.support.theory_strategies import (
-    Drawn,
-    array,
-    frozen,
-    order_of,
-    poc_sets,
-)
+from tests.support.theory_strategies import Drawn, array, frozen, order_of, poc_sets
 
 
 def morphisms(p: PocSet, q: PocSet) -> list[PocMorphism]:

@@ -1,15 +1,7 @@
 """What a cell keeps until its wave is announced, and when it forgets it."""
 
 from neurosnap import wire
-from tests.support.cell_messages import (
-    OWN,
-    ask,
-    given_out,
-    pulse,
-    reports,
-    sent,
-    wired,
-)
+from tests.support.cell_messages import OWN, ask, given_out, pulse, reports, sent, wired
 from tests.support.wave_messages import share, start
 
 # Holding ------------------------------------------------------------------------------

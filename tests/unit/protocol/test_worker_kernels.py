@@ -5,10 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.protocol.credit import split_evenly
-from neurosnap.protocol.worker_kernels import (
-    carried,
-    split,
-)
+from neurosnap.protocol.worker_kernels import carried, split
 from tests.support.wave_messages import share
 
 

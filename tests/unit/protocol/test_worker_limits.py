@@ -5,13 +5,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.wave import DEEPEST
-from neurosnap.protocol.worker_kernels import (
-    Fired,
-    Ints,
-    Net,
-    Pulses,
-    outgoing,
-)
+from neurosnap.protocol.worker_kernels import Fired, Ints, Net, Pulses, outgoing
 from tests.support.wave_messages import packed, start, state_wave
 from tests.support.worker_messages import (
     ME,

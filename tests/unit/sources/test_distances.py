@@ -1,29 +1,12 @@
 """Distances in actions, held against a search from every place."""
 
-from collections import deque
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.sources.distances import distances_to
-
-
-def fewest_actions(moves: NDArray[np.intp], target: int) -> list[float]:
-    """One breadth-first search forwards from each place, as slowly as can be."""
-    found = []
-    for start in range(moves.shape[1]):
-        depth = {start: 0}
-        queue = deque([start])
-        while queue:
-            here = queue.popleft()
-            for there in moves[:, here].tolist():
-                if there not in depth:
-                    depth[there] = depth[here] + 1
-                    queue.append(there)
-        found.append(depth.get(target, float("inf")))
-    return found
+from tests.support.distances import fewest_actions
 
 
 @st.composite

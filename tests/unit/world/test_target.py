@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from neurosnap.errors import InvalidValueError
-from tests.unit.sources.test_distances import fewest_actions
+from tests.support.distances import fewest_actions
 from world.cycle import CycleWorld
 from world.grid import GridWorld
 from world.path import PathWorld

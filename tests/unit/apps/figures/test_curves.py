@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.apps.figures.curves import Curve, fitted
-from tests.unit.apps.figures.experiments.test_learning_error import CELL
+from tests.support.figure_entries import ENTRY
 
 
 def curve(*rows: list[int] | list[float]) -> Curve:
     table = np.array(rows).round().astype(np.uint16)
     runs, steps = table.shape
-    return Curve.of(msgspec.structs.replace(CELL, runs=runs, steps=steps), table)
+    return Curve.of(msgspec.structs.replace(ENTRY, runs=runs, steps=steps), table)
 
 
 def falling(half_life: float, steps: int = 400, floor: float = 0) -> Curve:

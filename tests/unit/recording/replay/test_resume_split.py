@@ -7,9 +7,7 @@ import pytest
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import (
-    part_path,
-)
+from neurosnap.recording.read.split_files import part_path
 from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer

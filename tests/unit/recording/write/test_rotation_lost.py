@@ -8,11 +8,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import (
-    open_whole,
-    part_path,
-    part_paths,
-)
+from neurosnap.recording.read.split_files import open_whole, part_path, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation

@@ -9,17 +9,12 @@ import pytest
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import (
-    part_paths,
-)
+from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from tests.support.split_runs import (
-    EVERY,
-    upto,
-)
+from tests.support.split_runs import EVERY, upto
 
 
 class Disk:

@@ -17,18 +17,9 @@ from neurosnap.apps.figures.experiments.learning_error import (
 from neurosnap.apps.figures.experiments.walks import SETTINGS, Walk, walks
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from tests.support.figure_entries import ENTRY
 from tools.bench.learn import pace
 
-CELL = LearningEntry(
-    setting="path",
-    threshold=1 / 8000,
-    decay=None,
-    truth="contained",
-    equivalences=False,
-    runs=2,
-    steps=300,
-    seed=5,
-)
 DECAYS = st.none() | st.sampled_from([0.0, 0.5, 0.75, 0.9, 1 - 2**-6])
 
 
@@ -100,7 +91,7 @@ def test_errors_are_those_of_a_snapshot_and_its_graph(
     equivalences: bool,
 ) -> None:
     learner = msgspec.structs.replace(
-        CELL,
+        ENTRY,
         threshold=threshold,
         decay=decay,
         truth=truth,
@@ -116,7 +107,7 @@ def test_the_thresholded_truth_is_that_of_the_learners_threshold() -> None:
     walk = Walk(fields, np.stack([(here + 1) % 7, (here - 1) % 7]), np.array([0]))
     first = {
         tau: errors(
-            walk, msgspec.structs.replace(CELL, threshold=tau, truth="thresholded")
+            walk, msgspec.structs.replace(ENTRY, threshold=tau, truth="thresholded")
         ).tolist()
         for tau in (0.14, 0.15)
     }
@@ -130,7 +121,7 @@ def test_a_row_is_the_errors_of_its_walk(
     setting: str, decay: float | None, equivalences: bool
 ) -> None:
     cell = msgspec.structs.replace(
-        CELL, setting=setting, decay=decay, equivalences=equivalences
+        ENTRY, setting=setting, decay=decay, equivalences=equivalences
     )
     walk = walks(setting, cell.seed, cell.runs, cell.steps)[1]
     row = cell.row(1)
@@ -142,7 +133,7 @@ def test_a_row_is_the_errors_of_its_walk(
 @pytest.mark.parametrize("setting", [each.name for each in SETTINGS])
 @pytest.mark.parametrize("decay", [None, 0.9])
 def test_plain_numpy_finds_the_same(setting: str, decay: float | None) -> None:
-    cell = msgspec.structs.replace(CELL, setting=setting, decay=decay, threshold=0.1)
+    cell = msgspec.structs.replace(ENTRY, setting=setting, decay=decay, threshold=0.1)
     ours, theirs = pace(cell, 200)  # raises where they differ
     assert min(ours, theirs) > 0
 
@@ -158,9 +149,9 @@ def test_all_that_matters_is_in_the_key() -> None:
         "steps": 301,
         "seed": 6,
     }
-    assert set(changes) == set(CELL.__struct_fields__)
-    others = {msgspec.structs.replace(CELL, **{k: v}).key for k, v in changes.items()}
-    assert len(others | {CELL.key}) == len(changes) + 1
+    assert set(changes) == set(ENTRY.__struct_fields__)
+    others = {msgspec.structs.replace(ENTRY, **{k: v}).key for k, v in changes.items()}
+    assert len(others | {ENTRY.key}) == len(changes) + 1
 
 
 @pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
