@@ -1,0 +1,69 @@
+from pathlib import Path
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import RecordingError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.learning import Learning
+
+LOG = Path("run.mcap")
+
+
+def options(sensors: int = 3) -> RunOptions:
+    names = tuple(f"s{number}" for number in range(sensors))
+    return RunOptions(source="readings.csv", body=Body(own=names))
+
+
+def observed(*ticks: int) -> list[wire.Observation]:
+    """Return readings of three sensors, which change from tick to tick."""
+    return [wire.Observation(tick, bytes((tick % 8,))) for tick in ticks]
+
+
+def learned(last: int) -> Learning:
+    learning = Learning(LOG, options())
+    assert list(learning.learn_to(last, observed(*range(1, last + 1)))) == [
+        *range(1, last + 1)
+    ]
+    return learning
+
+
+def test_from_a_key_frame_on_it_learns_the_same() -> None:
+    whole, half = learned(20), learned(10)
+    later = Learning(LOG, options())
+    later.restore(wire.KeyFrame(10, half.snapshot.to_bytes()))
+    assert list(later.learn_to(20, observed(*range(11, 40)))) == [*range(11, 21)]
+    assert later.snapshot.to_bytes() == whole.snapshot.to_bytes()
+
+
+def test_a_copy_stays_where_it_was() -> None:
+    learning = learned(10)
+    other = learning.copy()
+    before = other.snapshot.to_bytes()
+    learning.learn(*observed(11))
+    assert (other.tick, other.snapshot.to_bytes()) == (10, before)
+
+
+@pytest.mark.parametrize("ticks", [(1, 2, 4), (1, 2)])
+def test_an_observation_that_is_missing_is_an_error(ticks: tuple[int, ...]) -> None:
+    learning = Learning(LOG, options())
+    rule = r"^run\.mcap: must hold the observation of tick 3, got none$"
+    with pytest.raises(RecordingError, match=rule):
+        list(learning.learn_to(4, observed(*ticks)))
+    assert learning.tick == 2
+
+
+def test_an_observation_of_other_sensors_is_an_error() -> None:
+    learning = Learning(LOG, options(20))
+    with pytest.raises(RecordingError, match=r"^run\.mcap: tick 1: /observe: "):
+        learning.learn(*observed(1))
+
+
+def test_a_key_frame_of_another_run_is_an_error() -> None:
+    learning = Learning(LOG, options())
+    other = options(4).new_snapshot().to_bytes()
+    for snapshot, rule in ((other, "of the run's sensors, got 4"), (b"", "a snapshot")):
+        with pytest.raises(RecordingError, match=rf"key-frame of tick 7: .*{rule}"):
+            learning.restore(wire.KeyFrame(7, snapshot))
+    assert learning.tick == 0
