@@ -12,6 +12,7 @@ hub delivers as part of it.
 
 import asyncio
 import contextlib
+import functools
 import random
 import time
 from collections import Counter, deque
@@ -47,6 +48,7 @@ class Faults:
     """Parts that mostly get what is for them when nobody else has anything waiting."""
 
 
+@functools.lru_cache(maxsize=1 << 16)
 def matches(expression: str, key: str) -> bool:
     """Tell whether `key` is one of those `expression` stands for.
 

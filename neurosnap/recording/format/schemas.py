@@ -6,6 +6,7 @@ every property names its `type`, arrays name the type of their items, and nothin
 root and leaves the type of an enumeration unsaid; both are mended here.
 """
 
+import functools
 from typing import Any
 
 import msgspec
@@ -46,6 +47,7 @@ def schema(message: type[Message]) -> dict[str, Any]:
     return {"$schema": _DIALECT, **titled, "properties": properties}
 
 
+@functools.cache
 def encoded(message: type[Message]) -> bytes:
     """Return the flat JSON schema of a message as JSON."""
     return msgspec.json.encode(schema(message))
