@@ -30,7 +30,7 @@ from tests.support import run_options
 
 pytestmark = [pytest.mark.slow]
 
-TICKS = 40
+TICKS = 25
 SEED = 3
 GRID = "neurosnap/Grid-v0"
 WAYS: list[tuple[CellKind, int]] = [
@@ -289,9 +289,9 @@ def test_a_run_of_workers_goes_on_where_it_ended(tmp_path: Path) -> None:
     options = options_for(GRID, "planner", "worker", 2)
     whole, first, rest = (tmp_path / f"{name}.mcap" for name in ("whole", "a", "b"))
     inline(options, whole)
-    inline(options, first, stop_at=17)
+    inline(options, first, stop_at=8)
     again, past = find_resume_point(first)
-    assert 17 <= past.tick < TICKS
+    assert 8 <= past.tick < TICKS
     assert again == options
     assert {"worker/0", "worker/1"} <= past.counts.keys()
     inline(msgspec.structs.replace(again, ticks=TICKS), rest, past)

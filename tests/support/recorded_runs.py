@@ -71,7 +71,8 @@ def large_run(path: Path) -> RunOptions:
         places = [chance.randrange(26) for _ in range(20)]
         lines.append(",".join(f"{x <= k:d}" for x in places for k in range(25)))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return _options(str(path), {}, 6)
+    # A message for each pulse among 500 cells takes many seconds.
+    return _options(str(path), {}, 6, cells="worker", workers=2)
 
 
 def unread_run(log: Path) -> Path:

@@ -74,14 +74,14 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     found = np.empty((count, 4), np.int64)
     _walk(octets, found)
     opcodes = found[:, 0]
-    strange = opcodes[~np.isin(opcodes, (_MESSAGE, _CHANNEL, _SCHEMA))]
+    is_message, is_channel = opcodes == _MESSAGE, opcodes == _CHANNEL
+    strange = opcodes[~(is_message | is_channel | (opcodes == _SCHEMA))]
     if strange.size:
         rule = "record must be a message or its channel"
         raise damaged_in(path, chunk, rule, strange[0])
-    is_message = opcodes == _MESSAGE
     registered: dict[int, Channel] = {}
     late: set[int] = set()
-    for row in np.flatnonzero(opcodes == _CHANNEL).tolist():
+    for row in np.flatnonzero(is_channel).tolist():
         try:
             channel: Channel = parse(Channel.read, data[found[row, 2] : found[row, 3]])
         except ValueError as error:
