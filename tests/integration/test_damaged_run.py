@@ -14,8 +14,8 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime import launch
 from neurosnap.runtime.restart import Restart
-from tests.integration.test_endure import ENDLESS, Disturbed, options_for
 from tests.support.commands import Command
+from tests.support.disturbed_runs import ENDLESS, Disturbed, options_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(300)]
 

@@ -22,15 +22,9 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
-from tests.integration.test_security import (
-    SWARM,
-    Heard,
-    Hub,
-    Seen,
-    hub_with,
-    options,
-    run_swarm,
-)
+from tests.support.secured_hub import SWARM, Hub, hub_with
+from tests.support.secured_swarm import options, run_swarm
+from tests.support.witnesses import Heard, Seen
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

@@ -12,7 +12,8 @@ from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.pieces import LARGEST
 from neurosnap.fabric.zenoh.session import configuration
-from tests.integration.test_security import SWARM, Heard, Hub, Seen, hub_with
+from tests.support.secured_hub import SWARM, Hub, hub_with
+from tests.support.witnesses import Heard, Seen
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 

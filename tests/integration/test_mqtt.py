@@ -1,56 +1,23 @@
-"""Sources and outlets on a real Mosquitto, which every test starts for itself.
+"""Sources on a real Mosquitto, which every test starts for itself.
 
 Nothing waits for a time: a broker is there once it says so, a client once its status
 topic says ``online``, and readings show in ticks.
 """
 
 import asyncio
-import json
-import logging
 import re
 import resource
 import socket
 import struct
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import closing
-from datetime import UTC, datetime, timedelta
-from ipaddress import ip_address
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
 
-import aiomqtt
 import msgspec
-import numpy as np
 import pytest
-from amqtt.broker import Broker  # type: ignore[import-untyped]
-from cryptography import x509
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.hashes import SHA256
-from cryptography.hazmat.primitives.serialization import (
-    Encoding,
-    NoEncryption,
-    PrivateFormat,
-)
-from cryptography.x509.oid import NameOID
 
-from neurosnap import wire
-from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sensorium import pack
-from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.mqtt.embedded_broker import EmbeddedBroker
-from neurosnap.sources.mqtt.mqtt_source import mqtt_source
-from neurosnap.sources.mqtt.options import (
-    MqttAction,
-    MqttBroker,
-    MqttOptions,
-    MqttPublish,
-    MqttSensor,
-    MqttTick,
-)
-from neurosnap.sources.mqtt.publisher import MqttPublisher
+from neurosnap.sources.mqtt.options import MqttAction, MqttSensor
 from tests.support.mosquitto import (
     HOST,
     Mosquitto,
@@ -59,10 +26,7 @@ from tests.support.mosquitto import (
     peer,
     started,
 )
-
-SECRET = "correct-horse"
-AT_ONCE = MqttTick(min_interval=0)
-PREFIX = "neurosnap/house"
+from tests.support.mqtt_sources import PREFIX, options, source_of, until
 
 pytestmark = [
     pytest.mark.slow,
@@ -74,38 +38,6 @@ pytestmark = [
 def broker(tmp_path: Path) -> Iterator[Mosquitto]:
     with started(tmp_path, "allow_anonymous true") as broker:
         yield broker
-
-
-def options(broker: MqttBroker, *sensors: MqttSensor, **more: object) -> MqttOptions:
-    """Sensors of a house, with ticks on every change."""
-    given = sensors or (MqttSensor(name="door", topic="house/door"),)
-    table = MqttOptions(broker=broker, sensors=given, tick=AT_ONCE)
-    return msgspec.structs.replace(table, publish=MqttPublish(prefix=PREFIX), **more)
-
-
-def source_of(table: MqttOptions) -> "closing[LiveSource]":
-    return closing(mqtt_source(table))
-
-
-def reading(source: LiveSource) -> dict[str, bool | None]:
-    """The next tick, by name."""
-    bits = source.step(0)
-    assert bits is not None
-    known = np.ones(len(bits), np.bool_) if source.known is None else source.known
-    return {
-        name: bool(bit) if sure else None
-        for name, bit, sure in zip(source.sensors, bits, known, strict=True)
-    }
-
-
-async def until(
-    source: LiveSource, wanted: Callable[[dict[str, bool | None]], bool]
-) -> dict[str, bool | None]:
-    """The first tick that is as wanted."""
-    while True:
-        found = await asyncio.to_thread(reading, source)
-        if wanted(found):
-            return found
 
 
 async def test_what_the_broker_kept_is_the_first_reading(broker: Mosquitto) -> None:
@@ -190,207 +122,6 @@ async def test_a_restarted_broker_is_found_again(
     lost = [text for text in said if text.startswith(f"{address}: not connected, got")]
     assert 1 <= len(lost) <= 2  # dropped, and perhaps refused meanwhile
     assert said[-1] == f"{address}: connected"
-
-
-@pytest.mark.parametrize("given", ["wrong-staple", ""])
-async def test_a_refused_password_ends_the_start_and_is_not_shown(
-    tmp_path: Path, given: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.DEBUG)
-    passwords = tmp_path / "passwords"
-    subprocess.run(  # noqa: ASYNC221 - nothing else goes on yet
-        ["mosquitto_passwd", "-b", "-c", str(passwords), "neuro", SECRET], check=True
-    )
-    place = tmp_path / "secret"
-    place.write_text(f"{given}\n")
-    lines = ("allow_anonymous false", f"password_file {passwords}")
-    with started(tmp_path, *lines) as broker:
-        right = tmp_path / "right"
-        right.write_text(f"{SECRET}\n")
-        named = msgspec.structs.replace(
-            broker.options, username="neuro", password_file=str(right)
-        )
-        table = options(named)
-        with source_of(table) as source:
-            table = options(msgspec.structs.replace(named, password_file=str(place)))
-            if given:
-                with (
-                    source_of(table) as other,
-                    pytest.raises(
-                        InvalidValueError,
-                        match=rf"^username: must be taken by {HOST}:{broker.port}, "
-                        r"with its password \(.*[Nn]ot authori[sz]ed\), got 'neuro'$",
-                    ),
-                ):
-                    await asyncio.to_thread(other.first)
-            else:
-                with pytest.raises(InvalidValueError, match=r"^password_file: must"):
-                    mqtt_source(table)
-            with ThreadedFirst(source) as waiting:
-                async with aiomqtt.Client(
-                    HOST, broker.port, username="neuro", password=SECRET
-                ) as client:
-                    await client.publish("house/door", "ON", qos=1, retain=True)
-                    assert await asyncio.to_thread(waiting.result) == [True]
-    text = caplog.text + repr(table) + msgspec.json.encode(table).decode()
-    assert SECRET not in text
-    assert "wrong-staple" not in text
-
-
-class ThreadedFirst:
-    """A source's first tick, waited for in a thread."""
-
-    def __init__(self, source: LiveSource) -> None:
-        self._source = source
-        self._bits: list[bool] = []
-        self._thread = threading.Thread(target=self._run)
-
-    def _run(self) -> None:
-        bits = self._source.first()
-        self._bits = [] if bits is None else bits.tolist()
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def result(self) -> list[bool]:
-        self._thread.join()
-        return self._bits
-
-    def __exit__(self, *_: object) -> None:
-        self._source.close()
-        self._thread.join()
-
-
-def certificates(folder: Path) -> tuple[Path, Path, Path]:
-    """Make an authority, and a broker's key and certificate signed by it."""
-    keys = [ec.generate_private_key(ec.SECP256R1()) for _ in range(2)]
-    names = [
-        x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-        for name in ("authority", "broker")
-    ]
-    now = datetime.now(UTC)
-    files = [folder / name for name in ("ca.pem", "broker.pem", "broker.key")]
-    for k in range(2):
-        building = (
-            x509.CertificateBuilder()
-            .subject_name(names[k])
-            .issuer_name(names[0])
-            .public_key(keys[k].public_key())
-            .serial_number(x509.random_serial_number())
-            .not_valid_before(now - timedelta(hours=1))
-            .not_valid_after(now + timedelta(hours=1))
-            .add_extension(x509.BasicConstraints(ca=k == 0, path_length=None), True)
-        )
-        if k == 1:
-            address = x509.IPAddress(ip_address(HOST))
-            building = building.add_extension(
-                x509.SubjectAlternativeName([address]), critical=False
-            )
-        signed = building.sign(keys[0], SHA256())
-        files[k].write_bytes(signed.public_bytes(Encoding.PEM))
-    files[2].write_bytes(
-        keys[1].private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    )
-    return files[0], files[1], files[2]
-
-
-# The library does not close the socket of a failed handshake, and Python says so.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-async def test_with_tls_only_a_broker_that_is_trusted_is_spoken_to(
-    tmp_path: Path,
-) -> None:
-    authority, certificate, key = certificates(tmp_path)
-    lines = ("allow_anonymous true", f"certfile {certificate}", f"keyfile {key}")
-    with started(tmp_path, *lines) as broker:
-        trusting = msgspec.structs.replace(
-            broker.options, tls=True, ca_file=str(authority)
-        )
-        sensor = MqttSensor(name="up", topic=f"{PREFIX}/world/status")
-        with source_of(options(trusting, sensor)) as source:
-            await until(source, lambda r: r["up"] is True)
-        blind = msgspec.structs.replace(broker.options, tls=True)
-        with (
-            source_of(options(blind)) as source,
-            pytest.raises(
-                InvalidValueError,
-                match=r"^broker: must have a certificate that is trusted \(.*verify fa",
-            ),
-        ):
-            await asyncio.to_thread(source.first)
-    nothing = msgspec.structs.replace(trusting, ca_file=str(tmp_path / "none.pem"))
-    with pytest.raises(
-        InvalidValueError, match=r"^ca_file: must be PEM .*No such file"
-    ):
-        mqtt_source(options(nothing))
-
-
-@pytest.mark.parametrize("host", [HOST, "no-such-host.invalid"])
-async def test_a_broker_that_is_not_there_ends_the_start_when_the_patience_is_over(
-    tmp_path: Path, host: str
-) -> None:
-    port = Mosquitto(tmp_path).port
-    gone = MqttBroker(host=host, port=port, patience=0.1)
-    with (
-        source_of(options(gone)) as source,
-        pytest.raises(
-            NeurosnapError,
-            match=rf"^broker: must answer within 0.1 s, got nothing from {host}:{port} ",
-        ),
-    ):
-        await asyncio.to_thread(source.first)
-
-
-async def test_a_broker_that_says_nothing_ends_the_start_too(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("neurosnap.sources.mqtt.connection._ANSWER", 0.2)
-    with closing(socket.create_server((HOST, 0))) as mute:
-        port = mute.getsockname()[1]
-        broker = MqttBroker(host=HOST, port=port, patience=0.1)
-        with (
-            source_of(options(broker)) as source,
-            pytest.raises(NeurosnapError, match=r"\(Operation timed out\)$"),
-        ):
-            await asyncio.to_thread(source.first)
-
-
-async def test_who_is_stopped_while_connecting_does_not_fail_of_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("neurosnap.sources.mqtt.connection._ANSWER", 0.2)
-    stop = asyncio.Event()
-    with closing(socket.create_server((HOST, 0))) as mute:
-        broker = MqttBroker(host=HOST, port=mute.getsockname()[1], patience=0.1)
-        outlet = MqttPublisher(broker, MqttPublish(), ["door"])
-        serving = asyncio.create_task(outlet.serve(stop))
-        connection, _ = await asyncio.to_thread(mute.accept)
-        stop.set()
-        await serving
-        connection.close()
-
-
-async def test_a_source_can_be_closed_while_it_looks_for_its_broker(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    failed = threading.Event()
-
-    class Watch(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            failed.set()
-
-    gone = MqttBroker(host=HOST, port=Mosquitto(tmp_path).port, patience=3600)
-    logger = logging.getLogger("neurosnap.sources.mqtt.connection")
-    watch = Watch()
-    logger.addHandler(watch)
-    try:
-        source = mqtt_source(options(gone))
-        waiting = asyncio.create_task(asyncio.to_thread(source.first))
-        await asyncio.to_thread(failed.wait)
-        await asyncio.to_thread(source.close)
-        assert await waiting is None
-    finally:
-        logger.removeHandler(watch)
 
 
 def flood(port: int, count: int, topics: int) -> None:
@@ -494,177 +225,3 @@ async def test_the_last_will_speaks_for_who_is_killed(broker: Mosquitto) -> None
         await heard(other, status, b"offline")
     async with peer(broker, status) as other:
         assert (await heard(other, status, b"offline")).retain
-
-
-STATE = wire.State(
-    tick=1,
-    wave=1,
-    literals=pack([1, 0, 0, 1, 0, 0]),
-    incoherent=False,
-    depth=0,
-    longest=0,
-    height=0,
-    edges=0,
-    pulses=0,
-)
-
-
-async def kept(broker: Mosquitto, topic: str, last: str) -> dict[str, bytes]:
-    """What the broker retains below `topic`, after it has retained `last`."""
-    async with peer(broker, last) as other:
-        await anext(other.messages)
-    async with peer(broker, topic) as other:
-        # Its own comes after all that was retained.
-        await other.publish(f"{topic[:-1]}mark", b"", qos=1)
-        found = {}
-        async for message in other.messages:
-            if not message.retain:
-                break
-            found[message.topic.value] = message.payload
-        return found
-
-
-@pytest.mark.parametrize("forget", [False, True])
-async def test_home_assistant_finds_beliefs_predictions_and_anomalies(
-    broker: Mosquitto, forget: bool
-) -> None:
-    publish = MqttPublish(prefix=PREFIX, device="House", forget=forget)
-    names = ["door", "hall motion", "light", "light&door"]
-    outlet = MqttPublisher(broker.options, publish, names, own=3, actions=["off", "on"])
-    state = msgspec.structs.replace(STATE, literals=pack([1, 0, 0, 1, 0, 0, 1, 0]))
-    outlet.state(state, np.array([True, False, False, True]))
-    stop = asyncio.Event()
-    async with asyncio.TaskGroup() as group:
-        serving = group.create_task(outlet.serve(stop))
-        outlet.decision(wire.Decision(1, 1, "greedy"))
-        outlet.anomaly({"tick": 1, "culprits": ["door"]})
-        async with peer(broker, f"{PREFIX}/#") as other:
-            await heard(other, f"{PREFIX}/sensor/hall_motion", b"OFF")
-            outlet.state(msgspec.structs.replace(state, tick=2))
-            outlet.anomaly(None)
-            await heard(
-                other,
-                f"{PREFIX}/anomaly",
-                b'{"now":"OFF","last":{"tick":1,"culprits":["door"]}}',
-            )
-        found = await kept(broker, f"{PREFIX}/#", f"{PREFIX}/decision")
-        assert found == {
-            f"{PREFIX}/status": b"online",
-            f"{PREFIX}/sensor/door": b"ON",
-            f"{PREFIX}/sensor/hall_motion": b"OFF",
-            f"{PREFIX}/sensor/light": b"unknown",
-            f"{PREFIX}/predictions": b"{}",
-            f"{PREFIX}/decision": b'{"action":"on","why":"greedy"}',
-            f"{PREFIX}/anomaly": b'{"now":"OFF","last":{"tick":1,"culprits":["door"]}}',
-        }
-        told = await kept(broker, "homeassistant/#", "homeassistant/#")
-        stop.set()
-        await serving
-    assert list(told) == ["homeassistant/device/neurosnap_house/config"]
-    device = json.loads(told["homeassistant/device/neurosnap_house/config"])
-    assert device["availability"] == [{"topic": f"{PREFIX}/status"}]
-    topics = {each["state_topic"] for each in device["components"].values()}
-    assert topics == set(found) - {f"{PREFIX}/status"}
-    offline = {f"{PREFIX}/status": b"offline"}
-    assert await left(broker) == ({} if forget else found | told | offline)
-
-
-async def left(broker: Mosquitto) -> dict[str, bytes]:
-    """All that the broker retains."""
-    async with peer(broker, "#") as other:
-        await other.publish("mark", b"", qos=1)
-        found = {}
-        async for message in other.messages:
-            if not message.retain:
-                break
-            found[message.topic.value] = message.payload
-    return found
-
-
-@pytest.mark.parametrize("forget", [False, True])
-async def test_the_status_of_who_reads_is_taken_back_with_the_rest(
-    broker: Mosquitto, forget: bool
-) -> None:
-    table = msgspec.structs.replace(
-        options(broker.options), publish=MqttPublish(prefix=PREFIX, forget=forget)
-    )
-    status = f"{PREFIX}/world/status"
-    async with peer(broker, status) as other:
-        with source_of(table) as source:
-            waiting = asyncio.create_task(asyncio.to_thread(source.first))
-            await heard(other, status, b"online")
-            await asyncio.to_thread(source.close)
-            assert await waiting is None
-    assert await left(broker) == ({} if forget else {status: b"offline"})
-
-
-async def test_predictions_are_of_what_was_not_read(broker: Mosquitto) -> None:
-    outlet = MqttPublisher(
-        broker.options,
-        MqttPublish(prefix=PREFIX, discovery=False),
-        ["door", "hall", "light"],
-    )
-    stop = asyncio.Event()
-    async with peer(broker, f"{PREFIX}/predictions") as other, asyncio.TaskGroup() as g:
-        g.create_task(outlet.serve(stop))
-        outlet.state(STATE, np.array([False, False, True]))
-        await heard(other, f"{PREFIX}/predictions", b'{"door":"ON","hall":"OFF"}')
-        outlet.state(STATE, np.array([True, False, False]))
-        await heard(other, f"{PREFIX}/predictions", b'{"hall":"OFF"}')
-        stop.set()
-    assert await kept(broker, "homeassistant/#", f"{PREFIX}/status") == {}
-
-
-async def test_an_outlet_tells_a_restarted_broker_everything_again(
-    broker: Mosquitto,
-) -> None:
-    outlet = MqttPublisher(broker.options, MqttPublish(prefix=PREFIX), ["a", "b", "c"])
-    outlet.state(STATE)
-    stop = asyncio.Event()
-    async with asyncio.TaskGroup() as group:
-        group.create_task(outlet.serve(stop))
-        async with peer(broker, f"{PREFIX}/#") as other:
-            await heard(other, f"{PREFIX}/sensor/a", b"ON")
-        broker.stop()
-        broker.start()
-        async with peer(broker, "#") as other:
-            await heard(other, f"{PREFIX}/sensor/b", b"OFF")
-        told = await kept(broker, "homeassistant/#", "homeassistant/#")
-        stop.set()
-    assert len(told) == 1
-
-
-async def test_the_embedded_broker_serves_a_source() -> None:
-    with EmbeddedBroker() as broker:
-        table = options(MqttBroker(host=HOST, port=broker.port))
-        with source_of(table) as source:
-            async with aiomqtt.Client(HOST, broker.port) as other:
-                await other.publish("house/door", "ON", qos=1, retain=True)
-                await until(source, lambda r: r["door"] is True)
-                await other.publish("house/door", "OFF", qos=1)
-                await until(source, lambda r: r["door"] is False)
-
-
-def test_what_the_embedded_broker_fails_of_is_raised_at_its_end(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    shutdown = Broker.shutdown
-
-    async def fails(broker: Broker) -> None:
-        await shutdown(broker)
-        raise OSError("broken off")
-
-    monkeypatch.setattr(Broker, "shutdown", fails)
-    with pytest.raises(OSError, match=r"^broken off$"), EmbeddedBroker():
-        pass
-
-
-def test_the_embedded_broker_says_that_its_port_is_taken() -> None:
-    with (
-        EmbeddedBroker() as broker,
-        pytest.raises(
-            InvalidValueError, match=rf"^port: .* in use\), got {broker.port}$"
-        ),
-        EmbeddedBroker(broker.port),
-    ):
-        pass

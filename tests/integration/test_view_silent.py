@@ -10,7 +10,7 @@ import pytest
 from neurosnap.apps.viewer import connection
 from neurosnap.apps.viewer.server import Address, serving
 from neurosnap.apps.viewer.session import ViewSession
-from tests.integration.test_view import get, status_of
+from tests.support.page_requests import get, status_of
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import path_run, recorded
 

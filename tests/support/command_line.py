@@ -17,6 +17,50 @@ def call(*arguments: object, stdin: str | None = None) -> Result:
 
 def facts_of(result: Result) -> dict[str, Any]:
     """Return the JSON that a verb ends with."""
-    facts = json.loads(result.stdout.splitlines()[-1])
+    return last_json(result.stdout)
+
+
+RUN_KEYS = {
+    "log",
+    "ticks",
+    "cells",
+    "waves",
+    "pulses",
+    "depth",
+    "height",
+    "incoherent",
+    "seconds",
+}
+
+
+def last_json(stdout: str) -> dict[str, Any]:
+    facts = json.loads(stdout.splitlines()[-1])
     assert isinstance(facts, dict)
     return facts
+
+
+def happy(*arguments: object, stdin: str | None = None) -> dict[str, Any]:
+    """Run a command that succeeds; return the JSON object it prints last."""
+    result = call(*arguments, "--json", stdin=stdin)
+    assert result.exit_code == 0, result.stderr
+    return last_json(result.stdout)
+
+
+def refused(*arguments: object) -> str:
+    """Run a command that is used wrongly; return what it says of it, on one line."""
+    result = call(*arguments)
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    return flat(result.stderr)
+
+
+def failed(*arguments: object) -> str:
+    """Run a command that fails; return what it says of it, on one line."""
+    result = call(*arguments)
+    assert result.exit_code == 1, result.output
+    return flat(result.stderr)
+
+
+def flat(text: str) -> str:
+    """Return a text without the frames and line breaks of its layout."""
+    return " ".join(text.translate(str.maketrans("│─╭╮╰╯", " " * 6)).split())

@@ -1,0 +1,101 @@
+"""Verbs that look into a recording, or at the machine."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from neurosnap.recording.read.reader import Recording
+from tests.support.command_line import call, failed, flat, happy, last_json, refused
+from tests.support.command_line_files import cut, record_path
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_path(tmp_path_factory.mktemp("log") / "path.mcap")
+
+
+def test_info_says_what_is_in_a_recording(log: Path, tmp_path: Path) -> None:
+    facts = happy("info", log)
+    assert facts["path"] == str(log)
+    assert facts["messages"] == sum(1 for _ in Recording.open(log).messages())
+    assert "/observe" in call("info", log).stdout
+    lacking = call("info", cut(log, tmp_path / "cut"), "--json")
+    assert lacking.exit_code == 3
+    assert json.loads(lacking.stdout)["messages"] < facts["messages"]
+
+
+def test_graph_names_what_was_learned(log: Path) -> None:
+    facts = happy("graph", log)
+    assert facts["tick"] == 30
+    assert ["below_18", "below_19"] in facts["implications"]
+    earlier = happy("graph", log, "--at", 0)
+    assert (earlier["tick"], earlier["implications"]) == (0, [])
+    assert json.loads(call("graph", log).stdout) == facts
+
+
+@pytest.mark.parametrize(
+    ("form", "start"), [("dot", "digraph"), ("graphml", "<?xml"), ("json", "{")]
+)
+def test_graph_speaks_other_formats(log: Path, form: str, start: str) -> None:
+    result = call("graph", log, "--format", form, "--at", 12)
+    assert result.exit_code == 0
+    assert result.stdout.startswith(start)
+    assert result.stderr == ""
+
+
+def test_a_wrong_graph_is_refused(log: Path) -> None:
+    assert "tick: must be in [0, 30], got 31" in refused("graph", log, "--at", 31)
+    assert "tick: must be in [0, 30], got -1" in refused("graph", log, "--at", -1)
+    assert "format: must be json, dot or graphml, got 'png'" in refused(
+        "graph", log, "--format", "png"
+    )
+
+
+def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "folder"
+    facts = happy("depth", log, "--out", out)
+    assert facts["waves"] == len(facts["rows"]) == 60
+    lines = (out / "depth.csv").read_text().splitlines()
+    assert lines[0] == "sensors,wiring,height,depth,longest,pulses,seconds"
+    assert len(lines) == 1 + 60
+    assert (out / "depth.png").read_bytes().startswith(b"\x89PNG")
+    assert {path.name for path in out.iterdir()} == {"depth.csv", "depth.png"}
+
+
+def test_depth_needs_a_folder_to_write_to(log: Path, tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("precious")
+    assert f"{taken}: File exists" in failed("depth", log, "--out", taken)
+    assert taken.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--heights", "1,two"), "heights: must be whole numbers, got '1,two'"),
+        (("--heights", ""), "heights: must be whole numbers, got ''"),
+        (("--heights", "1,,2"), "heights: must be whole numbers"),
+        (("--heights", "-1,2"), "heights: must be one or more numbers, each at least"),
+        (("--heights", "4", "--sensors", "4"), "sensors: must be more than the larg"),
+        (("--heights", "4", "--sensors", "x"), "sensors: must be whole numbers"),
+        (("--heights", "1", "--waves", 0), "waves: must be at least 1, got 0"),
+        (("--wiring", "wired"), "'wired' is not one of 'hasse'"),
+    ],
+)
+def test_a_wrong_depth_is_refused(
+    tmp_path: Path, arguments: tuple[object, ...], said: str
+) -> None:
+    result = call("depth", *arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert said in flat(result.stderr)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_doctor_exits_by_what_it_finds() -> None:
+    result = call("doctor", "--json")
+    findings = last_json(result.stdout)["findings"]
+    assert findings
+    assert result.exit_code == (0 if all(f["ok"] for f in findings) else 1)

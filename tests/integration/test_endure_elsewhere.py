@@ -1,0 +1,74 @@
+"""A run goes on when a part of it dies, also one on another host."""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from neurosnap.runtime.hosts import remote_parts
+from neurosnap.runtime.hosts.service import Served, serve
+from neurosnap.runtime.network import Network
+from neurosnap.runtime.run import Outcome
+from tests.support.disturbed_runs import (
+    ENDLESS,
+    Disturbed,
+    check_same,
+    no_part_is_left,
+    options_for,
+)
+from tests.support.ports import free_port
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+ELSEWHERE = (1, 3)  # cells
+SWARM = "demo"
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left() -> Iterator[None]:
+    with no_part_is_left():
+        yield
+
+
+def endpoint() -> str:
+    """Where a hub may listen now."""
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+@pytest.mark.parametrize(
+    "victims",
+    [("coordinator",), ("cell/1",), ("cell/0",), ("hub",), ("recorder", "cell/3")],
+    ids="+".join,
+)
+def test_a_run_with_cells_elsewhere_comes_to_the_same(
+    victims: tuple[str, ...], tmp_path: Path
+) -> None:
+    options = options_for(ENDLESS)
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    disturbed, served, where = Disturbed(options, log), list[Served](), endpoint()
+
+    async def both() -> Outcome:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(
+                serve(
+                    remote_parts.cells(ELSEWHERE),
+                    Network(connect=where),
+                    SWARM,
+                    asyncio.Event(),
+                    on_served=served.append,
+                )
+            )
+            return await disturbed.running(
+                (20, victims),
+                (20, victims),
+                network=Network(listen=where),
+                swarm=SWARM,
+                elsewhere=frozenset(f"cell/{cell}" for cell in ELSEWHERE),
+            )
+
+    outcome = asyncio.run(both())
+    check_same(outcome, disturbed, log, options, calm)
+    assert [one.swarm for one in served] == ["demo", "demo-1", "demo-2"]
+    assert [bool(one.trouble) for one in served] == [True, True, False]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]

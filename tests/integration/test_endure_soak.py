@@ -1,0 +1,29 @@
+"""A short soak: a run of which each role and each pair of them is killed."""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.disturbed_runs import no_part_is_left, options_for
+from tools.soak.__main__ import SERVICES, soak
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left() -> Iterator[None]:
+    with no_part_is_left():
+        yield
+
+
+def test_a_short_soak(tmp_path: Path) -> None:
+    every = len(SERVICES) + 1
+    kills = every + every * (every - 1) // 2
+    found = asyncio.run(soak(options_for(1), kills, 7, tmp_path))
+    assert found.fine, found
+    assert found.restarts >= kills == len(found.killings)
+    # Each role once, and each pair.
+    assert set(found.killed.values()) == {1}
+    assert len(found.killed) == kills

@@ -1,0 +1,45 @@
+"""A run in several files goes on when a part of it dies, and comes to the same."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap.protocol.run_options import SMALLEST
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.verify import verify
+from tests.support.disturbed_runs import (
+    ENDLESS,
+    Disturbed,
+    check_same,
+    no_part_is_left,
+    options_for,
+)
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left() -> Iterator[None]:
+    with no_part_is_left():
+        yield
+
+
+@pytest.mark.parametrize("victim", ["recorder", "coordinator", "cell/2"])
+def test_a_run_in_several_files_comes_to_the_same(victim: str, tmp_path: Path) -> None:
+    options = msgspec.structs.replace(
+        options_for(ENDLESS), keyframe_every=50, split=SMALLEST
+    )
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    disturbed = Disturbed(options, log)
+    # A file takes some 250 ticks.
+    outcome = disturbed.run((300, (victim,)), (300, (victim,)))
+    check_same(outcome, disturbed, log, options, calm)
+    files = part_paths(log)
+    assert verify(log).files == len(files) > 2
+    assert list(files) == list(range(len(files)))
+    for path in list(files.values())[1:]:
+        alone = verify(path)
+        assert (alone.same, alone.complete) == (True, True)
+    assert sorted(tmp_path.iterdir()) == sorted([calm, *files.values()])

@@ -1,0 +1,177 @@
+"""A recorded run goes on where it ended, was stopped or was cut."""
+
+import random
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.writer import Writer
+from tests.support.lossy_runs import LOST, Simulation, lost_once
+from tests.support.recorded_messages import course, first
+from tests.support.replayed_runs import (
+    PATH,
+    TICKS,
+    Run,
+    Runs,
+    every_run,
+    options_for,
+    recorded_run,
+    resumed_run,
+)
+from tests.support.rewritten_recordings import changing, flipped, rewritten, write_again
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    return Runs(tmp_path_factory.mktemp("runs"))
+
+
+def cut_at(log: Path, target: Path, size: int) -> Path:
+    target.write_bytes(log.read_bytes()[:size])
+    return target
+
+
+def cut_in(log: Path, target: Path, share: float) -> Path:
+    """Cut in the middle of the chunk behind a share of them."""
+    chunks = Recording.open(log).layout.chunks
+    number = int(share * len(chunks))
+    return cut_at(log, target, (chunks[number].offset + chunks[number + 1].offset) // 2)
+
+
+def assert_went_on(log: Path, uninterrupted: Run, resumed: list[int]) -> None:
+    """Check that `log` is a true run, and the one that was never interrupted."""
+    verdict = verify(log)
+    assert verdict.difference is None
+    assert verdict.complete
+    assert verdict.ticks == uninterrupted.options.ticks
+    assert course(log) == course(uninterrupted.log)
+    recording = Recording.open(log)
+    assert msgspec.json.decode(recording.metadata["resumed"]) == resumed
+    assert recording.completeness().whole
+
+
+@every_run
+def test_a_finished_run_goes_on_twice(
+    runs: Runs,
+    tmp_path: Path,
+    name: str,
+    wiring: WiringKind,
+    snapshot: SnapshotKind,
+) -> None:
+    source = runs.csv if name == "csv" else PATH
+    start, once, twice = (tmp_path / part for part in ("start", "once", "twice"))
+    recorded_run(options_for(source, wiring, snapshot, ticks=12), start)
+    resumed_run(start, once, 21)
+    resumed_run(once, twice, TICKS)
+    assert_went_on(twice, runs.of(name, wiring, snapshot), [12, 21])
+
+
+@pytest.mark.parametrize("name", ["path", "csv"])
+def test_a_stopped_run_goes_on(runs: Runs, tmp_path: Path, name: str) -> None:
+    uninterrupted = runs.of(name)
+    stopped, new = tmp_path / "stopped", tmp_path / "new"
+    outcome = recorded_run(uninterrupted.options, stopped, stop_at=9)
+    resumed_run(stopped, new, TICKS)
+    assert_went_on(new, uninterrupted, [outcome.totals.ticks])
+
+
+@pytest.mark.parametrize("seed", [None, 2])
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_a_cut_run_goes_on_and_is_cut_and_goes_on(
+    runs: Runs, tmp_path: Path, seed: int | None, share: float
+) -> None:
+    uninterrupted = runs.of("csv")
+    recording = Recording.open(uninterrupted.log)
+    recorded = list(recording.messages())
+    if seed is not None:
+        recorded = jittered(recorded, seed)
+    small = write_again(recording, tmp_path / "small", recorded, chunk=1500)
+    cut = cut_in(small, tmp_path / "cut", share)
+    tick = verify(cut).ticks
+    resumed_run(cut, tmp_path / "once", TICKS)
+    assert_went_on(tmp_path / "once", uninterrupted, [tick])
+
+    again = Recording.open(tmp_path / "once")
+    small = write_again(again, tmp_path / "again", again.messages(), chunk=1500)
+    cut = cut_in(small, tmp_path / "cut again", 0.9)
+    following = verify(cut).ticks
+    assert tick < following < TICKS
+    resumed_run(cut, tmp_path / "twice", TICKS)
+    assert_went_on(tmp_path / "twice", uninterrupted, [tick, following])
+
+
+def jittered(recorded: list[Recorded], seed: int) -> list[Recorded]:
+    """Let senders overtake each other by a few messages, as they do on a network."""
+    chance = random.Random(seed)
+    due: dict[str, float] = {}
+    keyed = []
+    for place, each in enumerate(recorded):
+        who = each.message.sender
+        due[who] = max(due.get(who, 0.0), place + chance.random() * 12)
+        keyed.append((due[who], place, each))
+    return [each for _, _, each in sorted(keyed, key=lambda entry: entry[:2])]
+
+
+def test_a_run_with_a_repeated_wave_goes_on(runs: Runs, tmp_path: Path) -> None:
+    log, new = tmp_path / "log", tmp_path / "new"
+    options = options_for(runs.csv, ticks=15)
+    Simulation(options, log, 4, lost_once(LOST["pulse"])).run()
+    resumed_run(log, new, TICKS)
+    assert_went_on(new, runs.of("csv"), [15])
+
+
+def test_without_a_whole_tick_there_is_nothing_to_go_on_from(
+    runs: Runs, tmp_path: Path
+) -> None:
+    recording = Recording.open(runs.of("csv").log)
+    recorded = list(recording.messages())
+    state, _ = first(recorded, wire.State, lambda _: True)
+    log = write_again(recording, tmp_path / "log", recorded[:state], expected={})
+    with pytest.raises(RecordingError, match=r"must hold a whole tick .*, got none$"):
+        find_resume_point(log)
+
+
+def test_a_tampered_run_is_not_gone_on_with(runs: Runs, tmp_path: Path) -> None:
+    """What counts is what follows the last key-frame but one, that of tick 28."""
+    tamper = changing(
+        wire.State,
+        lambda s: s.tick == 29,
+        lambda s: {"literals": flipped(s.literals)},
+    )
+    log = rewritten(runs.of("csv").log, tmp_path / "log", tamper)
+    with pytest.raises(RecordingError, match=r"must be a true run: tick 29: /state"):
+        find_resume_point(log)
+
+
+def test_a_run_that_lacks_a_pulse_is_not_gone_on_with(
+    runs: Runs, tmp_path: Path
+) -> None:
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        place, _ = first(recorded, wire.Pulse, lambda _: True)
+        return recorded[:place] + recorded[place + 1 :]
+
+    log = rewritten(runs.of("csv").log, tmp_path / "log", change)
+    rule = rf"must be whole up to tick {TICKS}, lacks \{{'cell/\d': 1\}}$"
+    with pytest.raises(RecordingError, match=rule):
+        find_resume_point(log)
+
+
+def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with Writer(log) as writer:
+        writer.start({"world": "none"})
+        writer.finish({}, {})
+    rule = r"log: options: must be those of a run, got 'options'$"
+    with pytest.raises(RecordingError, match=rule):
+        verify(log)
+    with pytest.raises(RecordingError, match=rule):
+        find_resume_point(log)

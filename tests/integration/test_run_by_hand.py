@@ -1,0 +1,346 @@
+"""Swarms put together part by part, with somebody in between."""
+
+import asyncio
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Self
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import SwarmError, WaveLostError
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.parts.cell_process import run_cell
+from neurosnap.runtime.parts.coordinator_loop import run_coordinator
+from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.world_process import run_world
+from neurosnap.sensorium import complete, unpack
+from neurosnap.sources.open import open_source
+from tests.support.left_processes import assert_no_process_is_left
+from tests.support.played_runs import SEED, SENSORS, TICKS, options_for, write_readings
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left() -> Iterator[None]:
+    yield
+    assert_no_process_is_left()
+
+
+@pytest.fixture
+def readings(tmp_path: Path) -> str:
+    return write_readings(tmp_path / "readings.csv", TICKS)
+
+
+class Meddled:
+    """A part's end of the network with somebody in between.
+
+    Args:
+        inner: The end proper.
+        outgoing: What becomes of a message that is sent; None: it is withheld.
+        incoming: What becomes of a message that arrives.
+    """
+
+    def __init__(
+        self,
+        inner: MemoryFabric,
+        outgoing: Callable[[wire.Message], wire.Message | None] = lambda m: m,
+        incoming: Callable[[wire.Message], wire.Message] = lambda m: m,
+    ) -> None:
+        self._inner = inner
+        self._outgoing = outgoing
+        self._incoming = incoming
+
+    @property
+    def who(self) -> str:
+        return self._inner.who
+
+    @property
+    def sent(self) -> int:
+        return self._inner.sent
+
+    def publish(self, *messages: wire.Message) -> None:
+        for message in messages:
+            passed = self._outgoing(message)
+            if passed is not None:
+                self._inner.publish(passed)
+
+    async def subscribe(
+        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+    ) -> None:
+        def handle(deliveries: list[wire.Delivery]) -> None:
+            for delivery in deliveries:
+                message = self._incoming(wire.decode(delivery.key, delivery.payload))
+                handler([delivery._replace(payload=wire.encode(message))])
+
+        await self._inner.subscribe(keys, handle, poll=poll)
+
+    async def announce(self) -> None:
+        await self._inner.announce()
+
+    async def confirm(self) -> None:
+        await self._inner.confirm()
+
+    async def watch(self, handler: PresenceHandler) -> None:
+        await self._inner.watch(handler)
+
+    async def locate(self, handler: PlaceHandler) -> None:
+        await self._inner.locate(handler)
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        await self._inner.serve(stop)
+
+    def fail(self, error: BaseException) -> None:
+        self._inner.fail(error)
+
+    async def __aenter__(self) -> Self:
+        await self._inner.__aenter__()
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        await self._inner.__aexit__(None, None, None)
+
+
+Meddle = Callable[[MemoryFabric], Meddled]
+
+
+async def by_hand(
+    options: RunOptions,
+    heard: list[wire.Message],
+    meddle: Meddle = Meddled,
+    absent: Collection[str] = (),
+    patience: float = 10.0,
+) -> None:
+    """Run a swarm part by part; `heard` gets what the coordinator said."""
+    hub, leave = MemoryHub(), asyncio.Event()
+    source = open_source(options.source, options.seed)
+    cells = options.host_names()
+
+    def listen(deliveries: list[wire.Delivery]) -> None:
+        heard.extend(wire.decode(d.key, d.payload) for d in deliveries)
+
+    async def be_cell(number: int) -> None:
+        async with meddle(hub.fabric(cells[number])) as fabric:
+            await take_part(fabric, run_cell(number, fabric, leave))
+
+    async def be_world() -> None:
+        async with hub.fabric("world") as fabric:
+            await take_part(
+                fabric, run_world(source, Body(own=source.sensors), fabric, leave)
+            )
+
+    hub.fabric("listener").listen(("state", "reach"), listen)
+    try:
+        async with asyncio.TaskGroup() as group:
+            for number, who in enumerate(cells):
+                if who not in absent:
+                    group.create_task(be_cell(number), name=who)
+            group.create_task(be_world(), name="world")
+            async with hub.fabric("coordinator") as fabric:
+                await run_coordinator(
+                    Coordinator.of(options),
+                    fabric,
+                    asyncio.Event(),
+                    parts=["world", *cells],
+                    deadline=options.deadline,
+                    patience=patience,
+                )
+            leave.set()
+    except BaseExceptionGroup as errors:
+        (error,) = errors.exceptions
+        raise error from None
+    finally:
+        source.close()
+
+
+def states_in(heard: Sequence[wire.Message]) -> list[list[bool]]:
+    return [
+        unpack(message.literals, 2 * SENSORS).tolist()
+        for message in heard
+        if isinstance(message, wire.State)
+    ]
+
+
+async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
+    readings: str,
+) -> None:
+    def withhold(end: MemoryFabric) -> Meddled:
+        def outgoing(message: wire.Message) -> wire.Message | None:
+            mute = isinstance(message, wire.CellReport) and message.cell == 5
+            return None if mute else message
+
+        return Meddled(end, outgoing)
+
+    heard: list[wire.Message] = []
+    expected = (
+        r"^wave 3 \(tick 1\): must settle within its deadline, got 3 tries;"
+        r" missing credit 0\.\d+, silent cells: cell/5$"
+    )
+    with pytest.raises(WaveLostError, match=expected):
+        await by_hand(options_for(readings, deadline=0.2), heard, withhold)
+    assert heard == []
+
+
+async def test_with_one_report_too_few_the_run_goes_on_after_a_repeat(
+    readings: str,
+) -> None:
+    lost: list[wire.CellReport] = []
+
+    def lose_one(end: MemoryFabric) -> Meddled:
+        def outgoing(message: wire.Message) -> wire.Message | None:
+            if isinstance(message, wire.CellReport) and message.wave == 9 and not lost:
+                lost.append(message)
+                return None
+            return message
+
+        return Meddled(end, outgoing)
+
+    options = options_for(readings, deadline=0.2)
+    undisturbed: list[wire.Message] = []
+    heard: list[wire.Message] = []
+    await by_hand(options, undisturbed)
+    await by_hand(options, heard, lose_one)
+    assert len(lost) == 1
+    assert states_in(heard) == states_in(undisturbed)
+    assert len(states_in(heard)) == TICKS
+
+
+def reach(edges: NDArray[np.bool_], start: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return all that paths from `start` lead to."""
+    found = start.copy()
+    while True:
+        more = found | edges[found].any(axis=0)
+        if (more == found).all():
+            return found
+        found = more
+
+
+async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -> None:
+    # The cell of s6 is told that s6 implies not s7, which nobody has learned.
+    source, target = 12, 15
+
+    def mislead(end: MemoryFabric) -> Meddled:
+        def incoming(message: wire.Message) -> wire.Message:
+            if isinstance(message, wire.Wiring) and message.cell == source // 2:
+                return msgspec.structs.replace(
+                    message,
+                    add=tuple(sorted({*message.add, target})),
+                    drop=tuple(b for b in message.drop if b != target),
+                )
+            return message
+
+        return Meddled(end, incoming=incoming)
+
+    options = options_for(readings)
+    heard: list[wire.Message] = []
+    await by_hand(options, heard, mislead)
+
+    snapshot, honest = options.new_snapshot(), []
+    expected, graphs = [], []
+    opened = open_source(readings, SEED)
+    bits: NDArray[np.bool_] | None = opened.first()
+    while bits is not None:
+        honest.append(snapshot.observe(bits).tolist())
+        edges = snapshot.poc_graph().hasse().copy()
+        edges[source, target] = True
+        graphs.append(edges)
+        above = reach(edges, complete(bits))
+        expected.append((above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)).tolist())
+        bits = opened.step(-1)
+    opened.close()
+    assert states_in(heard) == expected
+    differ = sum(one != other for one, other in zip(expected, honest, strict=True))
+    assert differ > TICKS / 8
+    for message in heard:
+        if isinstance(message, wire.Reached):
+            start = np.zeros(2 * SENSORS, np.bool_)
+            start[list(message.signal)] = True
+            above = reach(graphs[message.tick - 1], start)
+            assert unpack(message.literals, 2 * SENSORS).tolist() == above.tolist()
+
+
+async def test_a_cell_that_never_comes_up_is_named(readings: str) -> None:
+    expected = (
+        r"^swarm: every part must come up within 0\.05 s, missing: cell/2, cell/6$"
+    )
+    with pytest.raises(SwarmError, match=expected):
+        await by_hand(
+            options_for(readings), [], absent=["cell/6", "cell/2"], patience=0.05
+        )
+
+
+async def test_what_is_no_message_is_reported_and_counted_once(readings: str) -> None:
+    hub, stop, reported = MemoryHub(), asyncio.Event(), asyncio.Event()
+    core = Coordinator.of(options_for(readings))
+    async with hub.fabric("coordinator") as fabric, hub.fabric("witness") as witness:
+        conducting = asyncio.create_task(
+            run_coordinator(core, fabric, stop, parts=[], deadline=10)
+        )
+        await asyncio.sleep(0)
+        await witness.subscribe(("fault/**",), lambda _: reported.set())
+        hub.send("stranger", wire.Delivery("settle/cell/0", 0, 0, b"garbage"))
+        await reported.wait()
+        stop.set()
+        await conducting
+    assert core.totals.faults == 1
+
+
+async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
+    hub, there = MemoryHub(), asyncio.Event()
+
+    async def be_there() -> None:
+        async with hub.fabric("cell/0") as end:
+            await end.announce()
+            await there.wait()
+
+    async def conduct_it() -> None:
+        async with hub.fabric("coordinator") as fabric:
+            core = Coordinator.of(options_for(readings))
+            await run_coordinator(core, fabric, stop, parts=["cell/0"], deadline=10)
+
+    stop = asyncio.Event()
+    expected = r"^cell/0: must stay until the run ends, is gone$"
+    with pytest.raises(ExceptionGroup) as caught:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(be_there())
+            group.create_task(conduct_it())
+            await asyncio.sleep(0)
+            there.set()
+    (error,) = caught.value.exceptions
+    assert isinstance(error, SwarmError)
+    assert re.search(expected, str(error))
+
+
+async def test_the_world_answers_each_decision_once_and_in_turn(readings: str) -> None:
+    hub, over = MemoryHub(), asyncio.Event()
+    source = open_source(readings, SEED)
+    told: list[int] = []
+
+    def listen(deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            message = wire.decode(delivery.key, delivery.payload)
+            assert isinstance(message, wire.Observation)
+            told.append(message.tick)
+            if message.tick == 3:
+                over.set()
+
+    hub.fabric("listener").listen(("observe",), listen)
+    async with hub.fabric("world") as end:
+        world = asyncio.create_task(
+            run_world(source, Body(own=source.sensors), end, over)
+        )
+        await asyncio.sleep(0)
+        for tick in (0, 0, 5, 1, 0, 1, 2):
+            hub.fabric("coordinator").publish(wire.Decision(tick, -1, ""))
+        await world
+    source.close()
+    assert told == [1, 2, 3]

@@ -1,0 +1,253 @@
+"""How runs end: in order, or naming who failed."""
+
+import asyncio
+import contextlib
+import multiprocessing.process
+import resource
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import NeurosnapError, RecordingError, SwarmError
+from neurosnap.protocol.run_options import CellKind
+from neurosnap.recording.read.reader import Recording
+from neurosnap.runtime.run import run
+from tests.support.left_processes import assert_no_process_is_left
+from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left() -> Iterator[None]:
+    yield
+    assert_no_process_is_left()
+
+
+@pytest.fixture
+def readings(tmp_path: Path) -> str:
+    return write_readings(tmp_path / "readings.csv", TICKS)
+
+
+@pytest.fixture
+def endless(tmp_path: Path) -> str:
+    """Return a source of few sensors that nobody comes to the end of."""
+    return write_readings(tmp_path / "endless.csv", 100_000, sensors=4)
+
+
+def at(
+    tick: int, act: Callable[[], object], also: Callable[[], bool] = lambda: True
+) -> Callable[[int], None]:
+    """Return what watches the progress and acts once, when `tick` is reached."""
+    done: list[int] = []
+
+    def on_progress(reached: int) -> None:
+        if reached >= tick and not done and also():
+            done.append(reached)
+            act()
+
+    return on_progress
+
+
+def holds_states(log: Path) -> bool:
+    """Return whether any state has reached the file."""
+    return any(Recording.open(log).messages(["state"]))
+
+
+def child(name: str) -> psutil.Process:
+    """Return one process of the swarm under way."""
+    # Not `active_children`, which waits for those that have ended.
+    active = vars(multiprocessing.process)["_children"]
+    (found,) = [p for p in active if p.name == name]
+    return psutil.Process(found.pid)
+
+
+@pytest.mark.parametrize("cells", ["inline", "process"])
+async def test_asked_to_stop_it_ends_in_order(
+    endless: str, tmp_path: Path, cells: CellKind
+) -> None:
+    options = options_for(endless, cells=cells, ticks=100_000)
+    stop = asyncio.Event()
+    played = await play(options, tmp_path / "log.mcap", stop, at(5, stop.set))
+    assert played.outcome is not None
+    assert played.outcome.stopped
+    assert played.recording.finished
+    assert played.recording.completeness().whole
+    ticks = [state.tick for state in played.of(wire.State)]
+    assert ticks == list(range(1, played.outcome.totals.ticks + 1))
+    assert 5 <= len(ticks) < 100_000
+    assert [frame.tick for frame in played.of(wire.KeyFrame)][-1] == ticks[-1]
+    assert {leave.who for leave in played.of(wire.Leave)} == {
+        "coordinator",
+        "world",
+        *options.host_names(),
+    }
+
+
+@pytest.mark.parametrize("cells", ["inline", "process"])
+async def test_a_source_that_is_over_ends_the_run_in_order(
+    readings: str, tmp_path: Path, cells: CellKind
+) -> None:
+    options = options_for(readings, cells=cells, ticks=100_000)
+    played = await play(options, tmp_path / "log.mcap")
+    assert played.outcome is not None
+    assert not played.outcome.stopped
+    assert len(played.states) == played.outcome.totals.ticks == TICKS
+    assert played.recording.completeness().whole
+
+
+async def test_a_cell_that_dies_ends_the_run_and_is_named(
+    endless: str, tmp_path: Path
+) -> None:
+    options = options_for(endless, cells="process", ticks=100_000)
+    log = tmp_path / "log.mcap"
+    with pytest.raises(SwarmError, match=r"^(coordinator: )?cell/2: must "):
+        await run(
+            options,
+            log,
+            asyncio.Event(),
+            at(3, lambda: child("cell/2").send_signal(signal.SIGKILL)),
+        )
+    played = Played(log)
+    assert [tick for tick, _, _ in played.states[:3]] == [1, 2, 3]
+    assert played.recording.finished
+    assert "cell/2" in played.recording.completeness().missing
+
+
+@pytest.mark.parametrize("who", ["recorder", "coordinator", "hub"])
+async def test_whoever_dies_ends_the_run_and_is_named(
+    endless: str, tmp_path: Path, who: str
+) -> None:
+    options = options_for(endless, cells="process", ticks=100_000)
+    log = tmp_path / "log.mcap"
+    with pytest.raises(SwarmError, match=rf"\b{who}: must "):
+        await run(
+            options,
+            log,
+            asyncio.Event(),
+            at(
+                3,
+                lambda: child(who).send_signal(signal.SIGKILL),
+                lambda: holds_states(log),
+            ),
+        )
+    assert len(Played(log).states) >= 1
+
+
+BROKEN = """
+import gymnasium
+from gymnasium.spaces import Discrete, MultiBinary
+import numpy as np
+
+
+class Broken(gymnasium.Env):
+    observation_space = MultiBinary(3)
+    action_space = Discrete(2)
+
+    def __init__(self, how="raise"):
+        self.how = how
+        self.taken = 0
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros(3, np.int8), {}
+
+    def step(self, action):
+        self.taken += 1
+        if self.taken == 5 and self.how == "raise":
+            raise OSError("the camera is gone")
+        seen = np.zeros(3 if self.taken < 5 else 4, np.int8)
+        return seen, 0.0, False, False, {}
+
+
+for how in ("raise", "grow"):
+    gymnasium.register(
+        id=f"Broken-{how}-v0",
+        entry_point=Broken,
+        kwargs={"how": how},
+        disable_env_checker=True,
+        order_enforce=False,
+    )
+"""
+
+
+@pytest.mark.parametrize("cells", ["inline", "process"])
+@pytest.mark.parametrize(
+    ("how", "expected"),
+    [
+        ("raise", r"^world: [\s\S]*OSError: the camera is gone"),
+        ("grow", r"^(world: )?broken_world:Broken-grow-v0: observation: "),
+    ],
+)
+async def test_a_world_that_fails_on_the_way_is_named(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    cells: CellKind,
+    how: str,
+    expected: str,
+) -> None:
+    (tmp_path / "broken_world.py").write_text(BROKEN)
+    monkeypatch.syspath_prepend(tmp_path)
+    options = options_for(f"broken_world:Broken-{how}-v0", cells=cells)
+    log = tmp_path / "log.mcap"
+    with pytest.raises(NeurosnapError, match=expected):
+        await run(options, log, asyncio.Event())
+    played = Played(log)
+    assert [tick for tick, _, _ in played.states] == [1, 2, 3, 4, 5]
+    (fault,) = played.of(wire.Fault)
+    assert fault.who == "world"
+
+
+LIMIT = 150_000  # bytes, far more than what is flushed at once
+
+
+@contextlib.contextmanager
+def files_no_larger_than(size: int) -> Iterator[None]:
+    """Let this process write no file beyond `size` bytes, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+async def test_a_full_disk_ends_the_run_and_the_log_is_named(
+    endless: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    options = options_for(endless, ticks=100_000)
+    with (
+        pytest.raises(
+            RecordingError,
+            match=rf"^log: must take what is recorded, got File too large for '{log}'$",
+        ),
+        files_no_larger_than(LIMIT),
+    ):
+        await run(options, log, asyncio.Event())
+    played = Played(log)
+    assert not played.recording.finished
+    assert played.states[0][0] == 1
+    assert log.stat().st_size <= LIMIT
+
+
+async def test_a_full_disk_under_the_recorders_process_is_named_as_well(
+    endless: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    options = options_for(endless, cells="process", ticks=100_000)
+
+    def fill() -> None:
+        size = log.stat().st_size + 1000
+        child("recorder").rlimit(psutil.RLIMIT_FSIZE, (size, size))
+
+    expected = (
+        rf"^recorder: log: must take what is recorded, got File too large for '{log}'$"
+    )
+    with pytest.raises(SwarmError, match=expected):
+        await run(options, log, asyncio.Event(), at(5, fill, lambda: holds_states(log)))
+    assert len(Played(log).states) >= 1

@@ -1,0 +1,84 @@
+"""Services that do not fit the run, or are called wrongly, are refused."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.ports import free_port
+from tests.support.services import CELLS, PATH, SMALL, SWARM, ended, going, hub_at, up
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A hub on loopback."""
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with hub_at(where):
+        yield where
+
+
+WRONG = {
+    "more cells": (
+        ("join", SWARM, "--cells", "4-9"),
+        2,
+        "part: must be one the run leaves to others: cell/0,",
+    ),
+    "workers": (("join", SWARM, "--workers", "0"), 2, "got 'worker/0'"),
+    "another world": (
+        ("world", SWARM, "neurosnap/Cycle-v0"),
+        2,
+        "source: must be what the coordinator runs, neurosnap/Path-v0, got",
+    ),
+    "a recorder": (("record", SWARM), 2, "got 'recorder'"),
+    "the same cell": (
+        ("join", SWARM, "--cells", "5"),
+        1,
+        "cell/5: must be there once, is in demo already",
+    ),
+    "a coordinator": (
+        ("coordinate", PATH, "--swarm", SWARM),
+        1,
+        "swarm demo: must have one coordinator, has one already",
+    ),
+}
+
+
+def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
+    endpoint: str, tmp_path: Path
+) -> None:
+    at = ("--connect", endpoint)
+    whole = ("coordinate", PATH, *at, "--swarm", SWARM, *SMALL, "--ticks", 20)
+    with (
+        going(*whole, "--no-record") as coordinator,
+        going("join", SWARM, *at, "--cells", "0-5") as cells,
+    ):
+        up(endpoint, "coordinator", *(f"cell/{n}" for n in range(CELLS)))
+        for name, (line, code, text) in WRONG.items():
+            more = ("--out", tmp_path / "log") if line[0] == "record" else ()
+            with going(*line, *more, *at) as wrong:
+                assert text in ended(wrong, code), name
+        with going("world", SWARM, PATH, *at) as world:
+            assert "20 in" in ended(coordinator)
+            ended(cells)
+            ended(world)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        (("join", "a/b", "--cells", "0"), "swarm: must be letters and digits"),
+        (("join", SWARM), "join: must say which --cells, or which --workers"),
+        (("join", SWARM, "--cells", "0", "--workers", "0"), "join: must say which"),
+        (("join", SWARM, "--cells", "3,3"), "cells: must name each once, got '3,3'"),
+        (("record", SWARM, "--out", "/nowhere/x"), "out: must be in a folder that"),
+        (("coordinate", PATH, "--swarm", ""), "swarm: must be letters and digits"),
+        (("world", SWARM, PATH, "--restart", "now"), "Invalid value for '--restart'"),
+    ],
+    ids=lambda given: " ".join(map(str, given)) if isinstance(given, tuple) else "",
+)
+def test_wrong_usage_is_refused_at_once(line: tuple[str, ...], text: str) -> None:
+    with going(*line, "--connect", "tcp/127.0.0.1:1") as wrong:
+        assert text in ended(wrong, 2)

@@ -1,0 +1,61 @@
+"""Readings and recordings for verbs to work on."""
+
+from pathlib import Path
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.write.writer import Writer
+from tests.support.command_line import happy
+
+
+def readings(rows: int, *, time: bool = False) -> str:
+    """Return a CSV in which `a` implies `b`, and `c` goes its own way."""
+    lines = ["time,a,b,c" if time else "a,b,c"]
+    for row in range(rows):
+        a, b, c = row % 3 == 0, row % 3 != 1, row % 5 < 2
+        stamp = f"{row / 10:.1f}," if time else ""
+        lines.append(f"{stamp}{a:d},{b:d},{c:d}")
+    return "\n".join(lines) + "\n"
+
+
+def record_path(path: Path) -> Path:
+    """Record a path of 20 sensors, 30 ticks."""
+    happy(
+        "run", "neurosnap/Path-v0", "--ticks", 30, "--seed", 4, "--threshold", 0.1,
+        "--cells", "inline", "--out", path,
+    )  # fmt: skip
+    return path
+
+
+def changed(log: Path, target: Path) -> Path:
+    """Record again what `log` holds, with another decision at tick 9."""
+    recording = Recording.open(log)
+    with Writer(target) as writer:
+        writer.start(recording.metadata)
+        for recorded in recording.messages():
+            delivery, message = recorded.delivery, recorded.message
+            if isinstance(message, wire.Decision) and message.tick == 9:
+                lie = msgspec.structs.replace(message, action=message.action + 1)
+                delivery = delivery._replace(payload=wire.encode(lie))
+            writer.add(delivery, recorded.log_time)
+        writer.finish({}, recording.noted().expected)
+    return target
+
+
+def cut(log: Path, target: Path, *, chunk: int = 4000) -> Path:
+    """Record again what `log` holds, in small chunks, and take the second half off."""
+    recording, whole = Recording.open(log), target.with_suffix(".whole")
+    with Writer(whole, chunk=chunk) as writer:
+        writer.start(recording.metadata)
+        for recorded in recording.messages():
+            writer.add(recorded.delivery, recorded.log_time)
+        writer.finish({}, recording.noted().expected)
+    target.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    return target
+
+
+def foreign(target: Path) -> Path:
+    target.write_bytes(b"PK\x03\x04 this is no recording" * 20)
+    return target

@@ -1,0 +1,140 @@
+"""Runs of which parts are killed, and go on."""
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import psutil
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.restart import Restart, run_with_restarts
+from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.run import Outcome, run
+from tests.support import run_options
+from tests.support.course import course
+from tests.support.patience import PATIENCE
+
+PATH = "neurosnap/Path-v0"
+SENSORS = 4
+ENDLESS = 1_000_000  # ticks; whoever runs so many is ended by an event
+
+
+@contextmanager
+def no_part_is_left() -> Iterator[None]:
+    """Fail if a part outlives the block."""
+    before = set(parts())
+    yield
+    _, alive = psutil.wait_procs(set(parts()) - before, timeout=PATIENCE)
+    assert not alive
+
+
+def parts() -> list[psutil.Process]:
+    """The parts of swarms of this process; the fork server stays for the next one."""
+    kinds = ("hub", "recorder", "coordinator", "world", "cell")
+    found = []
+    for one in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):  # it has ended meanwhile
+            if one.name().partition("/")[0] in kinds:
+                found.append(one)
+    return found
+
+
+def options_for(ticks: int) -> RunOptions:
+    return run_options.options_for(PATH, 3, {"places": SENSORS + 1}, ticks=ticks)
+
+
+def on_disk(log: Path) -> int:
+    """Return the last tick of which a recording that grows holds the state."""
+    last = max(part_paths(log).values(), default=log)
+    try:
+        recording = Recording.open(last)
+        states = [recorded.message for recorded in recording.messages(("state",))]
+    except RecordingError:  # it has just begun
+        return 0
+    return max((m.tick for m in states if isinstance(m, wire.State)), default=0)
+
+
+class Disturbed:
+    """A run of which parts are killed, each time once enough of it is on disk.
+
+    It is not bound by its ticks: it ends in order once it has gone on after the last
+    of the killings, however fast or slow the machine is.
+    """
+
+    def __init__(self, options: RunOptions, log: Path, **supervision: object) -> None:
+        self.restarts: list[Restart] = []
+        self.flushed: list[int] = []
+        """The last tick that was on disk, of each killing."""
+        self._options = options
+        self._log = log
+        self._supervision = msgspec.convert(
+            {"backoff": 0.0, **supervision}, Supervision
+        )
+
+    def run(self, *killings: tuple[int, tuple[str, ...]]) -> Outcome:
+        """Make the run; in each of its lives, parts are killed together.
+
+        Args:
+            *killings: How many ticks of this life must be on disk, and who dies then.
+        """
+        return asyncio.run(self.running(*killings))
+
+    async def running(
+        self, *killings: tuple[int, tuple[str, ...]], **where: Any
+    ) -> Outcome:
+        """Make the run; `where` as `run_with_restarts` takes it."""
+        stop = asyncio.Event()
+
+        def on_progress(tick: int) -> None:
+            life = len(self.restarts)
+            begun = self.restarts[-1].tick if self.restarts else 0
+            if life == len(self.flushed) < len(killings):
+                ticks, victims = killings[life]
+                flushed = on_disk(self._log)
+                found = {one.name(): one for one in parts()}
+                if flushed >= begun + ticks and found.keys() >= set(victims):
+                    self.flushed.append(flushed)
+                    for victim in victims:
+                        found[victim].send_signal(signal.SIGKILL)
+            elif killings and life == len(killings) and tick > begun:
+                stop.set()
+
+        return await run_with_restarts(
+            self._options,
+            self._log,
+            stop,
+            self._supervision,
+            on_progress=on_progress,
+            on_restart=self.restarts.append,
+            **where,
+        )
+
+
+def check_same(
+    outcome: Outcome, disturbed: Disturbed, log: Path, options: RunOptions, calm: Path
+) -> None:
+    """Check that a run came to what an undisturbed one of as many ticks comes to."""
+    ticks = outcome.totals.ticks
+    inline = msgspec.structs.replace(options, ticks=ticks, cells="inline", split=0)
+    undisturbed = asyncio.run(run(inline, calm, asyncio.Event()))
+    assert undisturbed.totals.ticks == ticks
+    assert outcome.implications == undisturbed.implications
+    assert course(log, ticks) == course(calm)
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
+    assert (outcome.restarts, len(disturbed.restarts)) == (2, 2)
+    # Of the last tick on disk not all may be there; of the one before it all is.
+    for restart, flushed in zip(disturbed.restarts, disturbed.flushed, strict=True):
+        assert restart.tick >= flushed - 1
+    first, second = disturbed.restarts
+    assert first.tick < second.tick < ticks

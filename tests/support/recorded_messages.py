@@ -1,0 +1,32 @@
+"""Messages found in a recording."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from neurosnap import wire
+from neurosnap.recording.read.reader import Recorded, Recording
+
+M = TypeVar("M")
+
+
+def of_type(log: Path, kind: type[M]) -> list[M]:
+    messages = (recorded.message for recorded in Recording.open(log).messages())
+    return [message for message in messages if isinstance(message, kind)]
+
+
+def first(
+    recorded: Sequence[Recorded], kind: type[M], found: Callable[[M], bool]
+) -> tuple[int, M]:
+    for place, each in enumerate(recorded):
+        if isinstance(each.message, kind) and found(each.message):
+            return place, each.message
+    raise LookupError(f"no {kind.__name__} like that")
+
+
+def course(log: Path) -> tuple[dict[int, bytes], dict[int, wire.Decision]]:
+    """Return the state and the decision of every tick."""
+    return (
+        {state.tick: state.literals for state in of_type(log, wire.State)},
+        {decision.tick: decision for decision in of_type(log, wire.Decision)},
+    )

@@ -1,0 +1,61 @@
+"""Recordings written again with something changed in them."""
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.write.writer import Writer
+from tests.support.recorded_messages import M, first
+
+Change: TypeAlias = Callable[[list[Recorded]], Iterable[Recorded]]
+
+
+def write_again(
+    recording: Recording,
+    target: Path,
+    recorded: Iterable[Recorded],
+    *,
+    expected: Mapping[str, int] | None = None,
+    chunk: int = 1 << 20,
+) -> Path:
+    """Record `recorded` as if it had come from the run of `recording`."""
+    with Writer(target, chunk=chunk) as writer:
+        writer.start(recording.metadata)
+        for each in recorded:
+            writer.add(each.delivery, each.log_time)
+        writer.finish({}, recording.noted().expected if expected is None else expected)
+    return target
+
+
+def rewritten(log: Path, target: Path, change: Change) -> Path:
+    recording = Recording.open(log)
+    return write_again(recording, target, change(list(recording.messages())))
+
+
+def saying(recorded: Recorded, **changes: object) -> Recorded:
+    """Return `recorded` with its message changed, at the same place and number."""
+    message: wire.Message = msgspec.structs.replace(recorded.message, **changes)
+    return recorded._replace(message=message, payload=wire.encode(message))
+
+
+def flipped(data: bytes, bit: int = 0) -> bytes:
+    changed = bytearray(data)
+    changed[bit // 8] ^= 1 << bit % 8
+    return bytes(changed)
+
+
+def changing(
+    kind: type[M], found: Callable[[M], bool], to: Callable[[M], dict[str, object]]
+) -> Change:
+    """Return the change of the first message of one kind of which `found` is true."""
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        place, message = first(recorded, kind, found)
+        recorded[place] = saying(recorded[place], **to(message))
+        return recorded
+
+    return change

@@ -1,0 +1,108 @@
+"""A hub under mutual TLS, in a process of its own that says what it refused."""
+
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import ClassVar
+
+from neurosnap import wire
+from neurosnap.fabric.protocol import Handler, PresenceHandler
+from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.roles import Role, role_of
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
+
+INTRUSION = 1.0  # seconds an intruder goes on trying
+SWARM = "one"
+
+BE_HUB = """
+import sys
+from pathlib import Path
+from neurosnap.fabric.security.load_keys import read_credentials
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.denied_log import telling_refusals
+with telling_refusals(audit=True):
+    credentials = read_credentials(Path(sys.argv[2]), "hub")
+    session = open_hub([sys.argv[1]], 30, credentials=credentials)
+    print("ready", flush=True)
+    sys.stdin.read()
+    session.close()
+"""
+
+
+class Hub:
+    """A hub under TLS, and once it has ended, what it refused."""
+
+    def __init__(self, endpoint: str, keys: Path) -> None:
+        self.endpoint = endpoint
+        self.keys = keys
+        self.refused: list[str] = []
+
+    def end(self, who: str, role: Role | None = None) -> ZenohFabric:
+        """Return an end with the certificate of `role`, by default the right one."""
+        own = who if role is None else role
+        return self.end_with(who, Credentials.in_folder(self.keys, own))
+
+    def end_with(self, who: str, credentials: Credentials) -> ZenohFabric:
+        return Noted(
+            who, SWARM, self.endpoint, patience=INTRUSION, credentials=credentials
+        )
+
+
+@contextmanager
+def hub_with(keys: Path) -> Iterator[Hub]:
+    hub = Hub(f"tls/127.0.0.1:{free_port()}", keys)
+    command = [sys.executable, "-c", BE_HUB, hub.endpoint, str(keys)]
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        try:
+            yield hub
+        finally:
+            _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, errors
+    hub.refused = errors.splitlines()
+
+
+class Noted(ZenohFabric):
+    """Notes what its part does, by role."""
+
+    published: ClassVar[defaultdict[str, set[str]]] = defaultdict(set)
+    read: ClassVar[defaultdict[str, set[str]]] = defaultdict(set)
+    announced: ClassVar[defaultdict[str, set[str]]] = defaultdict(set)
+    watched: ClassVar[set[str]] = set()
+
+    @classmethod
+    def forget(cls) -> None:
+        for noted in (cls.published, cls.read, cls.announced):
+            noted.clear()
+        cls.watched.clear()
+
+    def publish(self, *messages: wire.Message) -> None:
+        topics = {wire.topic(message.key) for message in messages}
+        self.published[role_of(self.who)] |= topics
+        super().publish(*messages)
+
+    async def subscribe(
+        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+    ) -> None:
+        self.read[role_of(self.who)] |= {wire.topic(key) for key in keys}
+        await super().subscribe(keys, handler, poll=poll)
+
+    async def announce(self) -> None:
+        self.announced[role_of(self.who)].add(self.who)
+        await super().announce()
+
+    async def watch(self, handler: PresenceHandler) -> None:
+        self.watched.add(role_of(self.who))
+        await super().watch(handler)

@@ -1,0 +1,143 @@
+"""Parts of a swarm as services, each a verb in a process of its own."""
+
+import asyncio
+import json
+import re
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from neurosnap import wire
+from neurosnap.apps.viewer.members import members
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.fabric.location import Place
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.run import run
+from neurosnap.sources.open import Argument, open_source
+from tests.support.commands import Command
+from tests.support.patience import PATIENCE
+
+PATH = "neurosnap/Path-v0"
+SWARM = "demo"
+SMALL = ("--set", "places=7", "--seed", 3)
+ENDLESS = (*SMALL, "--ticks", 1_000_000)
+CELLS = 6
+going = Command
+"""A verb in a process of its own, which does not outlive the block."""
+
+
+def ended(process: Command, code: int = 0) -> str:
+    """Wait for the end and return what was said, in one line."""
+    out, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == code, said + out
+    return " ".join((said + out).split())
+
+
+@contextmanager
+def hub_at(where: str, *more: object) -> Iterator[None]:
+    with going("hub", "--listen", where, *more) as hub:
+        assert "listening on" in hub.stderr.readline()
+        yield
+        hub.send_signal(signal.SIGINT)
+        ended(hub)
+
+
+def up(endpoint: str, *parts: str, swarm: str = SWARM) -> None:
+    """Return once all of `parts` are there."""
+
+    async def wait() -> None:
+        missing, there = set(parts), asyncio.Event()
+
+        def change(who: str, alive: bool) -> None:
+            missing.difference_update({who} if alive else ())
+            if not missing:
+                there.set()
+
+        async with ZenohFabric("watcher", swarm, endpoint) as fabric:
+            await fabric.watch(change)
+            async with asyncio.timeout(PATIENCE):
+                await there.wait()
+
+    asyncio.run(wait())
+
+
+def begun(endpoint: str, tick: int, swarm: str = SWARM) -> None:
+    """Return once a swarm has come so far."""
+
+    async def wait() -> None:
+        far = asyncio.Event()
+
+        def handle(burst: list[wire.Delivery]) -> None:
+            for each in burst:
+                state = wire.decode(each.key, each.payload)
+                if isinstance(state, wire.State) and state.tick >= tick:
+                    far.set()
+
+        async with ZenohFabric("watcher", swarm, endpoint) as fabric:
+            await fabric.subscribe(("state",), handle)
+            async with asyncio.timeout(PATIENCE):
+                await far.wait()
+
+    asyncio.run(wait())
+
+
+def facts(said: str) -> dict[str, Any]:
+    found = re.search(r"\{.*\}", said)
+    assert found is not None, said
+    told: dict[str, Any] = json.loads(found[0])
+    return told
+
+
+def placed(log: Path) -> set[str]:
+    """Return whose machine is recorded, and shown: for all of those, it is this one."""
+    places = Recording.open(log).places
+    assert len({place.pid for place in places.values()}) == len(places)
+    shown = {part.who: part.host for part in members(RunView(log)).cells if part.host}
+    assert shown == {
+        who: f"host {Place.here().host}, process {place.pid}"
+        for who, place in places.items()
+    }
+    return set(places)
+
+
+def in_one_piece(ticks: int, log: Path) -> Path:
+    """Record the same run in one process."""
+    arguments: dict[str, Argument] = {"places": 7}
+    source = open_source(PATH, 3, arguments)
+    source.close()
+    options = RunOptions(
+        source=PATH,
+        arguments=arguments,
+        body=body_of(source, "walker"),
+        ticks=ticks,
+        seed=3,
+        cells="inline",
+    )
+    asyncio.run(run(options, log, asyncio.Event()))
+    return log
+
+
+def stopped_at(
+    endpoint: str, log: Path, what: tuple[object, ...] = (PATH, *ENDLESS), tick: int = 5
+) -> int:
+    """Make a run of services, stop it after `tick`; return its last whole one."""
+    at = ("--connect", endpoint)
+    lines: tuple[tuple[object, ...], ...] = (
+        ("record", SWARM, "--out", log),
+        ("join", SWARM, "--cells", "0-5"),
+        ("world", SWARM, PATH),
+        ("coordinate", *what, "--swarm", SWARM),
+    )
+    with ExitStack() as stack:
+        services = [stack.enter_context(going(*line, *at)) for line in lines]
+        begun(endpoint, tick)
+        services[-1].send_signal(signal.SIGINT)
+        for service in services:
+            ended(service)
+    return verify(log).ticks

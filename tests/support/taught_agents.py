@@ -1,0 +1,141 @@
+"""Agents after a random walk in a world of toy text, and where they go from a place."""
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.body import Body
+from neurosnap.agent.policies import new_policy
+from neurosnap.agent.policy import AgentKind
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.sensorium import Sensorium
+from neurosnap.sources.gymnasium_source import Continuing
+from tests.support.toy_text_beds import Situation, situations
+from world.implications import recordable
+from world.table import Table, state_fields, transition_fields
+from world.toy_text import cliff_walking, frozen_lake, taxi
+
+THRESHOLDS = {frozen_lake: 1e-4, cliff_walking: 1e-5, taxi: 1e-5}
+WALKS = {frozen_lake: (5000, 0), cliff_walking: (12_000, 0), taxi: (30_000, 2)}
+PATIENCE = 100
+
+
+@dataclass(frozen=True)
+class Taught:
+    """What an agent is after a random walk, and the table it is true of."""
+
+    env: BinarySensors
+    table: Table
+    body: Body
+    memory: bytes
+    truth: NDArray[np.bool_]
+
+    @property
+    def snapshot(self) -> EmpiricalSnapshot:
+        return EmpiricalSnapshot.from_bytes(self.memory)
+
+    def believes(self, a: str, b: str) -> bool:
+        sensorium = Sensorium(self.body.sensors)
+        return self.snapshot.poc_graph().leq(sensorium.literal(a), sensorium.literal(b))
+
+    def at(self, goal: Sequence[str]) -> NDArray[np.bool_]:
+        """At which places all of `goal` holds."""
+        fields = state_fields(self.env, self.table)
+        held = [
+            fields[self.env.sensors.index(literal.rstrip("*"))] ^ literal.endswith("*")
+            for literal in goal
+        ]
+        at: NDArray[np.bool_] = np.logical_and.reduce(held)
+        return at
+
+
+def taught(
+    env: BinarySensors,
+    threshold: float,
+    steps: int,
+    seed: int = 0,
+    kind: AgentKind = "walker",
+) -> Taught:
+    """Let an agent, a random one unless said otherwise, act for so many steps."""
+    table = Table.of(env)
+    body = Body.full(env.sensors, env.actions, env.orders)
+    snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
+    agent = Agent(body, new_policy(kind, body, seed), snapshot)
+    going_on = Continuing(env)
+    bits, info = going_on.reset(seed=seed)
+    for _ in range(steps):
+        decision = agent.act(bits, info["begins"])
+        bits, _, _, _, info = going_on.step(decision.action)
+    truth = recordable(transition_fields(env, table, body.context))
+    return Taught(env, table, body, snapshot.to_bytes(), truth)
+
+
+@functools.cache
+def walker(bed: Callable[..., BinarySensors]) -> Taught:
+    """An agent that made a random walk in a bed, and has learned all there is."""
+    after = taught(bed(), THRESHOLDS[bed], *WALKS[bed])
+    np.testing.assert_array_equal(after.snapshot.poc_graph().edges, after.truth)
+    return after
+
+
+def distances(table: Table, at: NDArray[np.bool_]) -> list[float]:
+    """The fewest actions to a place of `at` within an episode, one by one."""
+    far = [0.0 if here else np.inf for here in at]
+    moves = [
+        (before, after)
+        for before, after in zip(table.before, table.after, strict=True)
+        if not table.over[before]
+    ]
+    for _ in range(len(far)):
+        for before, after in moves:
+            far[before] = min(far[before], far[after] + 1)
+    return far
+
+
+def attempt(
+    who: Taught,
+    start: int,
+    at: NDArray[np.bool_],
+    kind: AgentKind = "planner",
+    goal: Sequence[str] = (),
+    explore: float = 0.0,
+) -> list[Situation]:
+    """Where an agent goes from a place, until it is there or the episode is over."""
+    seed = 1000 * int(at.argmax()) + start
+    policy = new_policy(kind, who.body, seed, target=goal, explore=explore)
+    agent = Agent(who.body, policy, who.snapshot)
+    there = {
+        place for place, here in zip(situations(who.table), at, strict=True) if here
+    }
+    who.env.reset(seed=seed)
+    inner: Any = who.env.unwrapped
+    inner.s = int(who.table.states[start])
+    bits: NDArray[Any] = state_readings(who.env)
+    way = [(inner.s, False)]
+    while way[-1] not in there and not way[-1][1] and len(way) <= PATIENCE:
+        action = agent.act(bits, begins=len(way) == 1).action
+        bits, _, over, _, _ = who.env.step(action)
+        way.append((int(inner.s), over))
+    return way
+
+
+def state_readings(env: BinarySensors) -> NDArray[np.bool_]:
+    inner: Any = env.unwrapped
+    state = env.state_of(inner.s, {})
+    return np.array([one.order == 0 and one(state) for one in env.definitions])
+
+
+def tile(env: BinarySensors, row: int, column: int) -> tuple[str, ...]:
+    """The literals that hold at one tile, of those next to it."""
+    bounds = [("row", row), ("column", column)]
+    literals = [
+        *(f"{name}<{value}*" for name, value in bounds),
+        *(f"{name}<{value + 1}" for name, value in bounds),
+    ]
+    return tuple(one for one in literals if one.rstrip("*") in env.sensors)
