@@ -46,7 +46,7 @@ class _Kernel(Generic[P, R]):
         self._dispatcher: Callable[P, R] | None = None
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        return (self._dispatcher or self.dispatcher())(*args, **kwargs)
+        return self.dispatcher()(*args, **kwargs)
 
     def dispatcher(self) -> Callable[P, R]:
         """Return what Numba makes of the function; it compiles at the first call."""
@@ -58,9 +58,13 @@ class _Kernel(Generic[P, R]):
                 numba.config.CACHE_DIR = before or _folder()
                 try:
                     make = numba.njit(cache=True, nogil=self._nogil)
-                    self._dispatcher = make(self._function)
+                    self._dispatcher = made = make(self._function)
                 finally:
                     numba.config.CACHE_DIR = before
+                # From now on a call goes there without a frame of Python in between,
+                # which would take as long as a small kernel.
+                direct = {"__call__": staticmethod(made)}
+                self.__class__ = type(type(self).__name__, (_Kernel,), direct)
             return self._dispatcher
 
 
