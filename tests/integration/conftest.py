@@ -1,6 +1,6 @@
 """Recordings that several of the tests here look at; nobody writes to them."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 
 import pytest
@@ -9,6 +9,7 @@ from playwright.async_api import expect
 
 from tests.support import browser_pages as pages
 from tests.support import preloaded
+from tests.support.left_processes import no_process_left
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import csv_run, path_run, planner_run, recorded
 from tools.browser import started
@@ -28,6 +29,13 @@ def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("csv")
     return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
+
+
+@pytest.fixture
+def no_process_is_left() -> Iterator[None]:
+    """Fail if a process outlives the test."""
+    with no_process_left():
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

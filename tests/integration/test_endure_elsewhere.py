@@ -1,7 +1,6 @@
 """A run goes on when a part of it dies, also one on another host."""
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,21 +13,18 @@ from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
     check_same,
-    no_part_is_left,
     options_for,
 )
 from tests.support.ports import free_port
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 ELSEWHERE = (1, 3)  # cells
 SWARM = "demo"
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
 
 
 def endpoint() -> str:

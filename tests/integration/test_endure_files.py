@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -19,18 +18,15 @@ from neurosnap.runtime.run import run
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
-    no_part_is_left,
     options_for,
     parts,
 )
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 
 def test_files_that_cannot_be_gone_on_from_are_kept(tmp_path: Path) -> None:

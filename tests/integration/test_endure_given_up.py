@@ -1,7 +1,6 @@
 """A run that dies too often, or is not to go on, is given up."""
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,19 +12,16 @@ from neurosnap.runtime.supervisor import Child, Supervisor
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
-    no_part_is_left,
     options_for,
     parts,
 )
 from tests.support.hanging_worlds import ending_world
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 
 def test_a_run_that_dies_too_often_is_given_up(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,6 @@ from neurosnap.runtime.restart_policy import Supervision
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
-    no_part_is_left,
     options_for,
     parts,
 )
@@ -32,15 +30,13 @@ from tests.support.ports import free_port
 if TYPE_CHECKING:
     import psutil
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 SWARM = "demo"
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
 
 
 def endpoint() -> str:

@@ -1,21 +1,18 @@
 """A short soak: a run of which each role and each pair of them is killed."""
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.support.disturbed_runs import no_part_is_left, options_for
+from tests.support.disturbed_runs import options_for
 from tools.soak.__main__ import SERVICES, soak
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 
 def test_a_short_soak(tmp_path: Path) -> None:

@@ -1,21 +1,17 @@
 """A short soak of a run that is fed lines."""
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.support.disturbed_runs import no_part_is_left
 from tools.soak.__main__ import soak_outside
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 
 def test_a_short_soak_of_a_run_that_is_fed_lines(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """A run in several files goes on when a part of it dies, and comes to the same."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -13,17 +12,14 @@ from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
     check_same,
-    no_part_is_left,
     options_for,
 )
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    with no_part_is_left():
-        yield
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.usefixtures("no_process_is_left"),
+]
 
 
 @pytest.mark.parametrize("victim", ["recorder", "coordinator", "cell/2"])

@@ -1,7 +1,7 @@
 """Whole swarms compute the same in processes and inline, and what is right."""
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -15,7 +15,6 @@ from neurosnap.protocol.run_options import (
     WiringKind,
 )
 from neurosnap.sensorium import unpack
-from tests.support.left_processes import assert_no_process_is_left
 from tests.support.played_runs import (
     SEED,
     TICKS,
@@ -25,13 +24,7 @@ from tests.support.played_runs import (
     write_readings,
 )
 
-pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    yield
-    assert_no_process_is_left()
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
 
 
 @pytest.fixture

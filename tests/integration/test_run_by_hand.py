@@ -2,7 +2,7 @@
 
 import asyncio
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -24,16 +24,9 @@ from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sensorium import complete, unpack
 from neurosnap.sources.open import open_source
-from tests.support.left_processes import assert_no_process_is_left
 from tests.support.played_runs import SEED, SENSORS, TICKS, options_for, write_readings
 
-pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    yield
-    assert_no_process_is_left()
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
 
 
 @pytest.fixture

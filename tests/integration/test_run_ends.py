@@ -16,16 +16,9 @@ from neurosnap.errors import NeurosnapError, RecordingError, SwarmError
 from neurosnap.protocol.run_options import CellKind
 from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime.run import run
-from tests.support.left_processes import assert_no_process_is_left
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
 
-pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left() -> Iterator[None]:
-    yield
-    assert_no_process_is_left()
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
 
 
 @pytest.fixture

@@ -3,8 +3,6 @@
 import asyncio
 import contextlib
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +20,10 @@ from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import Outcome, run
 from tests.support import run_options
 from tests.support.course import course
-from tests.support.patience import PATIENCE
 
 PATH = "neurosnap/Path-v0"
 SENSORS = 4
 ENDLESS = 1_000_000  # ticks; whoever runs so many is ended by an event
-
-
-@contextmanager
-def no_part_is_left() -> Iterator[None]:
-    """Fail if a part outlives the block."""
-    before = set(parts())
-    yield
-    _, alive = psutil.wait_procs(set(parts()) - before, timeout=PATIENCE)
-    assert not alive
 
 
 def parts() -> list[psutil.Process]:
