@@ -248,14 +248,16 @@ def check_logs() -> list[Finding]:
 def check_cache() -> list[Finding]:
     """Write where the compiled kernels are kept."""
     mend = "Set NUMBA_CACHE_DIR to a writable folder, or each start compiles anew."
+    from neurosnap.poc.order import kernels
+    from neurosnap.system.compiled import kept_in
+
     try:
-        from neurosnap.poc.order import kernels
-    except RuntimeError as error:  # numba, where it finds no place at all
+        folder = kept_in(kernels.spread)
+    except RuntimeError as error:  # Numba, where it finds no place at all
         return [Finding("compiled kernels", False, str(error), mend)]
-    statistics = getattr(kernels.spread, "stats", None)
-    if statistics is None:
+    if folder is None:
         return [Finding("compiled kernels", True, "not compiled (NUMBA_DISABLE_JIT)")]
-    return [_writable("compiled kernels", Path(statistics.cache_path), mend)]
+    return [_writable("compiled kernels", folder, mend)]
 
 
 def _writable(what: str, folder: Path, mend: str) -> Finding:

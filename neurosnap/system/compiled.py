@@ -68,6 +68,21 @@ class _Kernel(Generic[P, R]):
             return self._dispatcher
 
 
+def kept_in(kernel: Callable[..., object]) -> Path | None:
+    """Return the folder in which a compiled function is kept; None: it is not compiled.
+
+    Args:
+        kernel: What `njit` returned.
+
+    Raises:
+        RuntimeError: Numba finds no place to keep it.
+    """
+    if not isinstance(kernel, _Kernel):
+        raise TypeError(f"kernel must be made by njit, got {kernel!r}")
+    statistics = getattr(kernel.dispatcher(), "stats", None)
+    return None if statistics is None else Path(statistics.cache_path)
+
+
 @functools.cache
 def _numba() -> Any:  # noqa: ANN401 - it has no types
     """Import Numba, and let its functions call ours."""
