@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from neurosnap.apps.figures import learners
+from neurosnap.apps.figures import learners, run
 from neurosnap.apps.figures.experiments.learning_error import TruthKind
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.apps.figures.run import FIGURES, run_figures
@@ -19,6 +19,12 @@ from tests.support.patience import PATIENCE
 
 LEARNING = ("learning-empirical", "learning-discounted", "learning-compared")
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For what is said of the data: to draw a picture takes a second."""
+    monkeypatch.setattr(run, "_picture", lambda _: b"\x89PNG")
 
 
 def options(out: Path, **changes: Any) -> FigureOptions:
@@ -53,6 +59,7 @@ def test_each_figure_comes_with_its_data_and_its_facts(tmp_path: Path) -> None:
         assert set(told["versions"]) == {"python", "neurosnap", "numpy", "numba"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_data_are_those_of_the_cells(tmp_path: Path) -> None:
     given = options(tmp_path, only=("3",))
     run_figures(given)
@@ -74,6 +81,7 @@ def test_the_data_are_those_of_the_cells(tmp_path: Path) -> None:
     assert {row["decay"] for row in rows} == {"", repr(1 - 2**-6)}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_figures_share_cells_and_a_second_call_computes_none(tmp_path: Path) -> None:
     first = run_figures(options(tmp_path, only=("learning-compared",)))
     assert (first.computed, first.reused) == (8, 0)
@@ -85,6 +93,7 @@ def test_figures_share_cells_and_a_second_call_computes_none(tmp_path: Path) -> 
     assert contents(tmp_path) == before
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_workers_change_nothing(tmp_path: Path) -> None:
     for workers in (1, 3):
         given = options(tmp_path / str(workers), only=("3",), workers=workers)
@@ -94,6 +103,7 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
     assert one == three
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_other_options_are_other_cells(tmp_path: Path) -> None:
     changes: list[dict[str, Any]] = [
         {},
@@ -108,6 +118,7 @@ def test_other_options_are_other_cells(tmp_path: Path) -> None:
         assert (results.computed, results.reused) == (8, 0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_cancelled_it_makes_what_is_complete(tmp_path: Path) -> None:
     told: list[int] = []
     # The first 40 cells are all of the first figure, and both figures come from there.
@@ -125,6 +136,7 @@ def test_cancelled_it_makes_what_is_complete(tmp_path: Path) -> None:
     assert len(rest.figures) == 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_damaged_cell_is_computed_anew(tmp_path: Path) -> None:
     run_figures(options(tmp_path, only=("3",)))
     before = contents(tmp_path)
