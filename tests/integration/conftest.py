@@ -32,6 +32,14 @@ def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def own_notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder of notes on running swarms of this test's own."""
+    folder = tmp_path / "runtime"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+
+
+@pytest.fixture
 def no_process_is_left() -> Iterator[None]:
     """Fail if a process outlives the test."""
     with no_process_left():

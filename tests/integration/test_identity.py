@@ -22,9 +22,10 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.verify import verify
+from tests.support.fabrics import Seen
 from tests.support.secured_hub import SWARM, Hub, hub_with
 from tests.support.secured_swarm import options, run_swarm
-from tests.support.witnesses import Heard, Seen
+from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -178,10 +179,10 @@ async def test_who_was_revoked_is_heard_no_more(parted: Path, tmp_path: Path) ->
             await thief.announce()
             async with hub.end("cell/1") as honest:
                 await honest.announce()
-                await seen.wait("cell/1", True)
+                await seen.wait(("cell/1", True))
                 honest.publish(mine, mine)
             await cell.announce()
-            await seen.wait("cell/0", True)
+            await seen.wait(("cell/0", True))
             cell.publish(last)
             assert await heard.wait(last) == [mine, mine, last]
     assert seen.changes.count(("cell/1", True)) == 1

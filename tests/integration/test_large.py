@@ -12,8 +12,9 @@ from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.pieces import LARGEST
 from neurosnap.fabric.zenoh.session import configuration
+from tests.support.fabrics import Seen
 from tests.support.secured_hub import SWARM, Hub, hub_with
-from tests.support.witnesses import Heard, Seen
+from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -99,7 +100,7 @@ async def test_a_key_frame_larger_than_any_message_arrives(keys: Path) -> None:
             await eyes.subscribe(("keyframe", "leave/**"), heard)
             await eyes.watch(seen)
             await coordinator.announce()
-            await seen.wait("coordinator", True)
+            await seen.wait(("coordinator", True))
             coordinator.publish(frame, last)
             assert await heard.wait(last) == [frame, last]
             assert await polled.wait(last) == [frame, last]

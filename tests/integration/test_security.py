@@ -22,10 +22,11 @@ from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.playback import play_on
 from neurosnap.recording.write.writer import Writer
+from tests.support.fabrics import Seen
 from tests.support.patience import PATIENCE
 from tests.support.secured_hub import SWARM, Noted, hub_with
 from tests.support.secured_swarm import TICKS, options, run_swarm
-from tests.support.witnesses import Heard, Seen
+from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -113,7 +114,7 @@ async def test_a_recording_plays_to_who_has_a_certificate(
             await watcher.subscribe(("**",), heard)
             await watcher.watch(seen)
             await herald.announce()
-            await seen.wait("cell/0", True)
+            await seen.wait(("cell/0", True))
             connected.set()
             played = await playing
             last = list(recording.messages())[-1].message

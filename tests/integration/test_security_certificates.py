@@ -17,8 +17,8 @@ from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.session import configuration
+from tests.support.fabrics import Seen
 from tests.support.secured_hub import INTRUSION, Hub, hub_with
-from tests.support.witnesses import Seen
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -139,7 +139,7 @@ async def test_a_link_ends_with_its_certificate(keys: Path, tmp_path: Path) -> N
         async with hub.end("watcher") as eyes, hub.end_with("cell/0", soon) as cell:
             await eyes.watch(seen)
             await cell.announce()
-            await seen.wait("cell/0", True)
-            await seen.wait("cell/0", False)
+            await seen.wait(("cell/0", True))
+            await seen.wait(("cell/0", False))
     assert hub.refused[0].startswith("session refused: Closing TLS link ")
     assert hub.refused[0].endswith("remote certificate chain expired")

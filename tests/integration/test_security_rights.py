@@ -10,8 +10,9 @@ from neurosnap import wire
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.session import configuration
+from tests.support.fabrics import Seen
 from tests.support.secured_hub import SWARM, hub_with
-from tests.support.witnesses import Heard, Seen
+from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -51,7 +52,7 @@ async def test_a_cell_cannot_rewire_or_conduct_others(keys: Path) -> None:
             await ears.watch(seen)
             for end in (cell, place, intruder):
                 await end.announce()
-                await seen.wait(end.who, True)
+                await seen.wait((end.who, True))
             # In order on one session: once its pulse is there, the rest would be too.
             intruder.publish(*FORBIDDEN, PULSE)
             assert await everything.wait(PULSE) == [PULSE]
@@ -89,7 +90,7 @@ async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
             await spy.watch(spied)
             await intruder.announce()
             await world.announce()
-            await seen.wait("world", True)
+            await seen.wait(("world", True))
             world.publish(wire.Leave("world"))
             await everything.wait(wire.Leave("world"))
     assert seen.changes.count(("coordinator", True)) == 0
@@ -128,7 +129,7 @@ async def test_a_cell_gains_nothing_as_a_peer_or_a_router(
             await asyncio.to_thread(token.undeclare)
             await asyncio.to_thread(session.close)
             await cell.announce()
-            await seen.wait("cell/0", True)
+            await seen.wait(("cell/0", True))
             cell.publish(PULSE)
             assert await everything.wait(PULSE) == [PULSE]
     assert ("coordinator", True) not in seen.changes
@@ -150,8 +151,8 @@ async def test_a_watcher_sees_all_and_says_nothing(keys: Path) -> None:
             await watcher.watch(seen)
             await recorder.watch(also_seen)  # asked for behind its subscription
             await cell.announce()
-            await seen.wait("cell/0", True)
-            await also_seen.wait("cell/0", True)
+            await seen.wait(("cell/0", True))
+            await also_seen.wait(("cell/0", True))
             sly.publish(wire.Leave("cell/0"), wire.Fault("watcher", ""))
             cell.publish(PULSE, last)
             assert await heard.wait(last) == [PULSE, last]

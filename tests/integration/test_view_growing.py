@@ -21,20 +21,12 @@ from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded, told
 from tests.support.view_commands import address_of, verb
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_notes")]
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(path_run(), tmp_path_factory.mktemp("path") / "run.mcap")
-
-
-@pytest.fixture(autouse=True)
-def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder of notes of this test's own."""
-    folder = tmp_path / "runtime"
-    folder.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
 
 
 def applied(frame: dict[str, Any] | None, change: api.Change) -> dict[str, Any]:

@@ -25,21 +25,3 @@ class Heard:
                 await self._more.wait()
                 self._more.clear()
         return self.messages
-
-
-class Seen:
-    """Who came and went, and a wait for a change."""
-
-    def __init__(self) -> None:
-        self.changes: list[tuple[str, bool]] = []
-        self._more = asyncio.Event()
-
-    def __call__(self, who: str, alive: bool) -> None:
-        self.changes.append((who, alive))
-        self._more.set()
-
-    async def wait(self, who: str, alive: bool) -> None:
-        async with asyncio.timeout(PATIENCE):
-            while (who, alive) not in self.changes:
-                await self._more.wait()
-                self._more.clear()
