@@ -22,7 +22,7 @@ def main() -> None:
 
     quit_at_once()  # before the imports: they take the longest of the start
     from neurosnap.apps.cli import app
-    from neurosnap.apps.cli.terminal import write_ascii_where_needed
+    from neurosnap.system.terminal import write_ascii_where_needed
 
     write_ascii_where_needed()
     app()

@@ -4,16 +4,16 @@ import argparse
 
 import typer
 
-from neurosnap.apps.cli import sizes
+from neurosnap.apps.cli import options
 
 
 def in_bytes(text: str) -> int:
-    """Return a size in bytes; see `neurosnap.apps.cli.sizes.in_bytes`.
+    """Return a size in bytes; see `neurosnap.apps.cli.options.in_bytes`.
 
     Raises:
         argparse.ArgumentTypeError: It is none.
     """
     try:
-        return sizes.in_bytes(text)
+        return options.in_bytes(text)
     except typer.BadParameter as error:
         raise argparse.ArgumentTypeError(error.message) from error

@@ -21,7 +21,6 @@ from typing import (
 import msgspec
 import typer
 
-from neurosnap.apps.cli.sizes import in_bytes
 from neurosnap.apps.config.tables import Config
 from neurosnap.protocol.option import Shown, declared
 
@@ -76,6 +75,21 @@ Given = Annotated[
 
 _OPTION = re.compile(r"`([a-z_]+)`")
 """Another option in a help text, by the name of its field."""
+
+
+def in_bytes(size: str | int) -> int:
+    """Return a size in bytes, given as that or in KiB, MiB or GiB.
+
+    Raises:
+        typer.BadParameter: It is something else.
+    """
+    units = {"": 1, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
+    text = str(size)
+    number = text.rstrip("KMGiB")
+    unit = text[len(number) :]
+    if not (number.isascii() and number.isdecimal()) or unit not in units:
+        raise typer.BadParameter(f"must be like 256MiB, got {text!r}")
+    return int(number) * units[unit]
 
 
 class RunOption(NamedTuple):
