@@ -26,7 +26,7 @@ from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.wave import Wave
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.index_scan import glance
+from neurosnap.recording.format.index_scan import scan_index
 from neurosnap.recording.format.records import opened
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recording
@@ -342,6 +342,6 @@ class RecordingTarget:
     def _look(self) -> None:
         """Look at the file as a viewer does, which shows what it can."""
         with suppress(RecordingError), opened(self._path) as file:
-            for chunk in glance(self._path).layout.chunks:
+            for chunk in scan_index(self._path).layout.chunks:
                 with suppress(RecordingError):
                     unpack(self._path, file, chunk)

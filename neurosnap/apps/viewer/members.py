@@ -63,13 +63,13 @@ def _sent(run_view: RunView, hosting: Collection[str]) -> dict[str, int]:
         return noted
     sent: dict[str, int] = {}
     missing = set(hosting)
-    for _, strip in run_view.tick_index.readable_back(_LATEST):
+    for _, chunk in run_view.tick_index.readable_back(_LATEST):
         for topic in _REPORTING:
             try:
-                messages = strip.all(topic, wire.TOPICS[topic])
+                messages = chunk.all(topic, wire.TOPICS[topic])
             except RecordingError:
                 continue
-            for message, number in zip(messages, strip.sequences(topic), strict=True):
+            for message, number in zip(messages, chunk.sequences(topic), strict=True):
                 sent[message.sender] = max(sent.get(message.sender, 0), number + 1)
         missing -= sent.keys()
         if not missing:

@@ -15,7 +15,7 @@ from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import ShapeError
 from neurosnap.protocol.observations import readings, selection
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.tick_index import Strip, TickIndex
+from neurosnap.recording.read.tick_index import ChunkMessages, TickIndex
 
 _BEYOND = 4
 """Chunks behind the last tick in which something late is looked for. The recorder
@@ -87,30 +87,30 @@ class Ticks:
         if closing is not None and closing.tick in self._range:
             self.decisions[closing.tick] = closing
         behind = tick_index.chunk_after(last)
-        for number, strip in tick_index.readable(
+        for number, chunk in tick_index.readable(
             tick_index.chunk_of(first) - 1, behind + _BEYOND + 1
         ):
-            self._take(tick_index.observed(number), strip)
+            self._take(tick_index.observed(number), chunk)
             if number > behind and self._is_whole():
                 return
 
-    def _take(self, observed: list[wire.Observation], strip: Strip) -> None:
+    def _take(self, observed: list[wire.Observation], chunk: ChunkMessages) -> None:
         """Take over what a chunk has of these ticks."""
         for observation in observed:
             if observation.tick in self._range:
                 self.observations.setdefault(observation.tick, observation)
-        for state in strip.all("state", wire.State):
+        for state in chunk.all("state", wire.State):
             if state.tick in self._range:
                 self.states.setdefault(state.tick, state)
-        for decision in strip.all("decide", wire.Decision):
+        for decision in chunk.all("decide", wire.Decision):
             if decision.tick in self._range:
                 self.decisions.setdefault(decision.tick, decision)
         if self._waves is not None:
-            for start in strip.all("wave", wire.WaveStart):
+            for start in chunk.all("wave", wire.WaveStart):
                 if start.tick in self._range:
                     self._waves.begin(start)
-            self._waves.report(strip.all("settle", wire.CellReport))
-            self._waves.tally(strip.all("tally", wire.WorkerReport))
+            self._waves.report(chunk.all("settle", wire.CellReport))
+            self._waves.tally(chunk.all("tally", wire.WorkerReport))
 
     def _is_whole(self) -> bool:
         """Return whether all is there that these ticks can have."""

@@ -17,7 +17,7 @@ from mcap.opcode import Opcode
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.channels import channels_in
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.index_scan import glance
+from neurosnap.recording.format.index_scan import scan_index
 from neurosnap.recording.format.records import (
     HEAD,
     Attached,
@@ -41,7 +41,7 @@ def scan(path: Path) -> Layout:
     Raises:
         RecordingError: The file cannot be read, or is no recording of ours.
     """
-    layout = glance(path).layout
+    layout = scan_index(path).layout
     with opened(path) as file:
         noted, computed = _sums(file, layout)
         layout.sure = noted is not None and noted != 0 and noted == computed

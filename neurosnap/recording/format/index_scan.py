@@ -58,7 +58,7 @@ class IndexScan(msgspec.Struct):
     """Where the first record starts that was not seen, in a file without its end."""
 
 
-def glance(path: Path) -> IndexScan:
+def scan_index(path: Path) -> IndexScan:
     """Look at a recording. Time: as its summary is long, or its records are many.
 
     Raises:
@@ -80,7 +80,7 @@ def glance(path: Path) -> IndexScan:
         return seen
 
 
-def go_on(path: Path, seen: IndexScan) -> bool:
+def scan_growth(path: Path, seen: IndexScan) -> bool:
     """Look at what a file has gained; return whether that is anything.
 
     Raises:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.index_scan import IndexScan, glance, go_on
+from neurosnap.recording.format.index_scan import IndexScan, scan_growth, scan_index
 from neurosnap.recording.format.records import Chunk, opened
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_paths
@@ -24,7 +24,7 @@ class File:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.identity = identity(path)  # before it is read: another may come after
-        self.seen: IndexScan = glance(path)
+        self.seen: IndexScan = scan_index(path)
         self.recording = Recording.seen(path, self.seen.layout)
 
     @property
@@ -88,7 +88,7 @@ class Files:
         dropped = self._drop_deleted()
         before = [len(file.chunks) for file in self._files]
         # All of them, and not only up to the first that has grown.
-        gains = [go_on(file.path, file.seen) for file in self._files]
+        gains = [scan_growth(file.path, file.seen) for file in self._files]
         grown = dropped or any(gains)
         if self.split:
             fresh = self._fresh()

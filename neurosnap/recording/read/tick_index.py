@@ -29,7 +29,7 @@ _OBSERVATIONS = 100_000
 """Observations that are kept beyond that: learning takes nothing else of a chunk."""
 
 
-class Strip:
+class ChunkMessages:
     """One chunk, unpacked; messages are decoded when they are first asked for.
 
     Args:
@@ -86,7 +86,7 @@ class TickIndex:
         self.files = files
         self._topics: dict[File, dict[int, str]] = {}
         self._first_ticks: dict[int, int] = {}
-        self._kept: OrderedDict[int, Strip] = OrderedDict()
+        self._kept: OrderedDict[int, ChunkMessages] = OrderedDict()
         self._observed: OrderedDict[int, list[wire.Observation]] = OrderedDict()
         self._observations = 0
 
@@ -110,7 +110,7 @@ class TickIndex:
             self._first_ticks = {k: v for k, v in self._first_ticks.items() if v}
         return grown
 
-    def strip(self, number: int) -> Strip:
+    def chunk(self, number: int) -> ChunkMessages:
         """Return the chunk of a number, counted from 0.
 
         Raises:
@@ -120,25 +120,25 @@ class TickIndex:
             self._kept.move_to_end(number)
             return self._kept[number]
         try:
-            strip = self._read(number)
+            chunk = self._read(number)
         except RecordingError as error:
             self.damage.setdefault(number, str(error))
             raise
-        self._kept[number] = strip
+        self._kept[number] = chunk
         total = sum(kept.size for kept in self._kept.values())
         while total > ROOM and len(self._kept) > 1:
             total -= self._kept.popitem(last=False)[1].size
-        return strip
+        return chunk
 
-    def readable(self, start: int, stop: int) -> Iterator[tuple[int, Strip]]:
+    def readable(self, start: int, stop: int) -> Iterator[tuple[int, ChunkMessages]]:
         """Yield the chunks from `start` up to `stop` that can be read."""
         for number in range(max(0, start), min(stop, len(self))):
             try:
-                yield number, self.strip(number)
+                yield number, self.chunk(number)
             except RecordingError:  # noted in `damage`
                 continue
 
-    def readable_back(self, most: int) -> Iterator[tuple[int, Strip]]:
+    def readable_back(self, most: int) -> Iterator[tuple[int, ChunkMessages]]:
         """Yield the last chunks, `most` of them, the last one first."""
         for number in range(len(self) - 1, max(-1, len(self) - 1 - most), -1):
             yield from self.readable(number, number + 1)
@@ -150,8 +150,8 @@ class TickIndex:
             return self._observed[number]
         found = [
             observation
-            for _, strip in self.readable(number, number + 1)
-            for observation in strip.all("observe", wire.Observation)
+            for _, chunk in self.readable(number, number + 1)
+            for observation in chunk.all("observe", wire.Observation)
         ]
         self._observed[number] = found
         self._observations += len(found)
@@ -186,8 +186,8 @@ class TickIndex:
 
     def last_tick(self) -> int:
         """Return the last tick whose state was recorded; 0: there is none."""
-        for _, strip in self.readable_back(len(self)):
-            ticks = [state.tick for state in strip.all("state", wire.State)]
+        for _, chunk in self.readable_back(len(self)):
+            ticks = [state.tick for state in chunk.all("state", wire.State)]
             if ticks:
                 return max(ticks)
         return 0
@@ -223,8 +223,8 @@ class TickIndex:
             return []
         return [
             frame
-            for _, strip in self.readable(number, number + 1)
-            for frame in strip.all("keyframe", wire.KeyFrame)
+            for _, chunk in self.readable(number, number + 1)
+            for frame in chunk.all("keyframe", wire.KeyFrame)
         ]
 
     def _has_keyframe(self, number: int) -> bool:
@@ -254,14 +254,14 @@ class TickIndex:
             self._first_ticks[before] = found
         return found or 1 << 62
 
-    def _read(self, number: int) -> Strip:
+    def _read(self, number: int) -> ChunkMessages:
         """Return a chunk, unpacked and verified."""
         file, chunk = self.files.place(number)
         with opened(file.path) as stream:
             found = index_chunk(file.path, stream, chunk)
         topics = _named(found.registered.values()) or self._topics_of(file)
         place = f"{file.path}: at byte {chunk.offset}: chunk {chunk.number}"
-        return Strip(found, topics, place)
+        return ChunkMessages(found, topics, place)
 
     def _topics_of(self, file: File) -> dict[int, str]:
         """Return for each channel of a file its topic; see `Layout.channels`."""

@@ -1,4 +1,4 @@
-"""A glance finds what a whole walk finds, wherever the file ends."""
+"""A scan of the index finds what a whole walk finds, wherever the file ends."""
 
 import struct
 from contextlib import suppress
@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.full_scan import scan
-from neurosnap.recording.format.index_scan import glance, go_on
+from neurosnap.recording.format.index_scan import scan_growth, scan_index
 from neurosnap.recording.format.records import MAGIC, Cut, opened
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import traffic
@@ -29,7 +29,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_a_finished_file_is_known_by_its_summary(log: Path) -> None:
-    seen, scanned = glance(log), scan(log)
+    seen, scanned = scan_index(log), scan(log)
     found = seen.layout
     assert found.damage == []
     assert len(found.chunks) > 5
@@ -42,7 +42,7 @@ def test_a_file_is_known_up_to_wherever_it_was_cut(log: Path) -> None:
     data = log.read_bytes()
     for size in range(60, len(data), 97):
         log.write_bytes(data[:size])
-        scanned, seen = scan(log), glance(log)
+        scanned, seen = scan(log), scan_index(log)
         if seen.layout.metadata.keys() != scanned.metadata.keys():
             pytest.fail(f"metadata differs at {size}")
         assert seen.layout.chunks == scanned.chunks
@@ -55,12 +55,12 @@ def test_a_file_is_known_up_to_wherever_it_was_cut(log: Path) -> None:
 def test_what_is_gained_is_found_from_where_the_walk_stopped(log: Path) -> None:
     data = log.read_bytes()
     log.write_bytes(data[:100])
-    seen = glance(log)
+    seen = scan_index(log)
     for size in [*range(150, len(data), 131), len(data)]:
         log.write_bytes(data[:size])
-        assert go_on(log, seen)
-        assert not go_on(log, seen)
-        afresh = glance(log)
+        assert scan_growth(log, seen)
+        assert not scan_growth(log, seen)
+        afresh = scan_index(log)
         assert seen.layout.chunks == afresh.layout.chunks
         assert seen.layout.cut == afresh.layout.cut
         assert seen.layout.damage == afresh.layout.damage == []
@@ -96,7 +96,7 @@ def test_a_summary_that_points_beyond_the_file_is_not_followed(
     struct.pack_into("<Q", body, before, place)
     records[at] = kind, bytes(body)
     log.write_bytes(altered_bytes.resealed(records))
-    seen = glance(log)
+    seen = scan_index(log)
     (damage,) = seen.layout.damage
     assert "the summary must be well-formed" in damage.why
     assert seen.layout.chunks == scanned.chunks
@@ -110,7 +110,7 @@ def test_a_chunk_that_is_as_long_as_it_does_not_say_ends_what_can_be_read(
     second = scanned.chunks[1]
     struct.pack_into("<Q", data, second.offset - 8, packed)
     log.write_bytes(data[: second.offset + second.packed + 100])
-    seen = glance(log)
+    seen = scan_index(log)
     assert seen.layout.chunks == scan(log).chunks == scanned.chunks[:1]
     assert seen.layout.cut == Cut(1, second.start_offset, log.stat().st_size)
 
@@ -119,7 +119,7 @@ def contents(log: Path) -> set[bytes]:
     """Return what the chunks hold that can be read."""
     found = set()
     with opened(log) as file:
-        for chunk in glance(log).layout.chunks:
+        for chunk in scan_index(log).layout.chunks:
             with suppress(RecordingError):
                 found.add(unpack(log, file, chunk))
     return found

@@ -11,7 +11,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.index_scan import glance
+from neurosnap.recording.format.index_scan import scan_index
 from neurosnap.recording.format.records import PLACES, PROFILE, RUN, Chunk
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.write.writer import Writer
@@ -75,7 +75,7 @@ def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
         if whole:
             writer.finish({}, {})
     assert Recording.open(path).places == places
-    assert Recording.seen(path, glance(path).layout).places == places
+    assert Recording.seen(path, scan_index(path).layout).places == places
 
 
 @pytest.mark.parametrize("text", ["", "oak", "oak/\x1b", "oak/" + "1" * 11])
