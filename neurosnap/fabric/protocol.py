@@ -75,6 +75,9 @@ class Fabric(Protocol):
 
         A declaration takes its time to the hub. Who waits for another part's presence
         need not ask for this: what that part declared before is in force by then.
+
+        Raises:
+            FabricError: The hub does not answer.
         """
         ...
 

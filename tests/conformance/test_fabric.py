@@ -8,6 +8,8 @@ import time
 import pytest
 
 from neurosnap import wire
+from neurosnap.errors import FabricError
+from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
@@ -111,6 +113,19 @@ async def test_what_is_published_after_a_listener_has_confirmed_arrives(
                 sender.publish(wire.Observation(turn, b"\1"))
                 (delivery,) = await heard.wait(1)
                 assert delivery.sequence == turn - 1
+
+
+@pytest.mark.zenoh
+async def test_a_hub_that_does_not_answer_has_confirmed_nothing(hub: Hub) -> None:
+    async with ZenohFabric("cell/1", "silent", hub.endpoint, patience=1.0) as end:
+        await end.subscribe(("**",), lambda _: None)
+        os.kill(hub.pid, signal.SIGSTOP)
+        try:
+            with pytest.raises(FabricError, match=r"^hub: must answer within 1 s$"):
+                await end.confirm()
+        finally:
+            os.kill(hub.pid, signal.SIGCONT)
+        await end.confirm()
 
 
 async def test_own_messages_reach_own_subscriptions(network: Network) -> None:

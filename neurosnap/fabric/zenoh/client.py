@@ -231,15 +231,21 @@ class ZenohFabric:
 
         It takes what one session sends in order, so its answer to a query comes after
         the declarations.
+
+        Raises:
+            FabricError: The hub does not answer.
         """
         key = f"{self._prefix}alive/{self.who}"
         get = self._session.liveliness().get
 
-        def ask() -> None:
-            for _ in get(key, timeout=_ANSWER):
-                pass
+        def ask() -> bool:
+            # Where nobody is alive by that name there is an end and no reply.
+            return all(
+                reply.ok is not None for reply in get(key, timeout=self._patience)
+            )
 
-        await self._off_loop(ask)
+        if not await self._off_loop(ask):
+            raise FabricError(f"hub: must answer within {self._patience:g} s")
 
     async def present(self) -> set[str]:
         """Return the parts that are there now."""
