@@ -16,6 +16,15 @@ LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
 SMALL = wire.KeyFrame(1, b"")
 
 
+def hold(hub: Hub) -> None:
+    """Stop a hub, which is a child of this process, and wait until it stands still.
+
+    On a busy machine its threads answer for a while after the signal was sent.
+    """
+    os.kill(hub.pid, signal.SIGSTOP)
+    os.waitid(os.P_PID, hub.pid, os.WSTOPPED)
+
+
 async def test_a_message_arrives_as_it_was_sent(network: Network) -> None:
     message = wire.Fault("sender", "nothing")
     async with listening(network, "fault/**") as heard, network.end("sender") as sender:
@@ -119,7 +128,7 @@ async def test_what_is_published_after_a_listener_has_confirmed_arrives(
 async def test_a_hub_that_does_not_answer_has_confirmed_nothing(hub: Hub) -> None:
     async with ZenohFabric("cell/1", "silent", hub.endpoint, patience=1.0) as end:
         await end.subscribe(("**",), lambda _: None)
-        os.kill(hub.pid, signal.SIGSTOP)
+        hold(hub)
         try:
             with pytest.raises(FabricError, match=r"^hub: must answer within 1 s$"):
                 await end.confirm()
@@ -174,7 +183,7 @@ async def test_a_hub_that_stalls_loses_nothing(hub: Hub) -> None:
             for _ in range(count):
                 sender.publish(LARGE)
 
-        os.kill(hub.pid, signal.SIGSTOP)
+        hold(hub)
         loop = asyncio.get_running_loop()
         loop.call_later(0.2, os.kill, hub.pid, signal.SIGCONT)
         await asyncio.to_thread(publish)

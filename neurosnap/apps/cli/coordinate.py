@@ -7,6 +7,7 @@ import typer
 
 from neurosnap.apps.cli.config import described
 from neurosnap.apps.cli.options import (
+    HOSTS,
     NETWORK,
     RECORDING,
     Described,
@@ -47,10 +48,7 @@ def coordinate(
         ),
     ],
     given: Given = None,
-    cells: HostKind = option(
-        "cells",
-        "Process: each cell is a process of its own. Worker: a few processes share them.",
-    ),
+    cells: HostKind = option("cells", HOSTS),
     record: bool = option(
         "record", "Wait for a recorder (`neurosnap record`) before starting."
     ),

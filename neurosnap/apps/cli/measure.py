@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG, option
+from neurosnap.apps.cli.options import FLAG, HOSTS, option
 from neurosnap.apps.cli.shared import (
     LOST,
     Json,
@@ -58,10 +58,7 @@ def depth(
     waves: Annotated[
         int, typer.Option(help="How many waves to start at each height.")
     ] = 10,
-    cells: HostKind = option(
-        "cells",
-        "Process: each cell is a process of its own. Worker: a few processes share them.",
-    ),
+    cells: HostKind = option("cells", HOSTS),
     workers: int = option("workers"),
     edges: Annotated[
         int,

@@ -45,6 +45,13 @@ _PANELS = {
     "network": NETWORK,
 }
 """The panel of each table of a description, in the order of the help."""
+_OPTION = re.compile(r"`([a-z_]+)`")
+"""Another option in a help text, by the name of its field."""
+
+HOSTS = (
+    "Process: each cell is a process of its own. Worker: a few processes share them."
+)
+"""The help of `cells`, for verbs that cannot have them inline."""
 
 Source = Annotated[
     str,
@@ -71,10 +78,6 @@ Given = Annotated[
         help="Set an argument of the world, such as places=10. May be repeated.",
     ),
 ]
-
-
-_OPTION = re.compile(r"`([a-z_]+)`")
-"""Another option in a help text, by the name of its field."""
 
 
 def in_bytes(size: str | int) -> int:

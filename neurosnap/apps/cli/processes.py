@@ -6,7 +6,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG, NETWORK, option
+from neurosnap.apps.cli.options import NETWORK, option
 from neurosnap.apps.cli.shared import (
     Json,
     app,
@@ -36,15 +36,7 @@ def hub(
     ] = None,
     tls: str = option("tls"),
     insecure: bool = option("insecure"),
-    audit: Annotated[
-        bool,
-        typer.Option(
-            "--audit",
-            metavar=FLAG,
-            rich_help_panel=NETWORK,
-            help="Log every message that the hub refuses. Slow.",
-        ),
-    ] = False,
+    audit: bool = option("audit"),
     sessions: Annotated[
         int,
         typer.Option(
