@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.body import Body
+from neurosnap.agent.body import Body, Contexts
 from neurosnap.errors import InvalidValueError
 
 
@@ -36,19 +36,18 @@ class Actions:
             rule = "must have actions that are sensors"
             raise InvalidValueError("agent", rule, body.actions)
         self._exclusive = body.exclusive
+        self._contexts = Contexts(body)
         own = len(body.own)
-        first = own + len(body.actions)
-        pairs = np.array(body.context, np.intp).reshape(-1, 2)
+        self._first = own + len(body.actions)
         self._selections: list[tuple[int, ...]] = []
-        # For each choice, its contextual sensors and the literals they stand for.
-        self._contextual: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+        # For each choice, which contextual sensors it can switch on.
+        self._taken: list[NDArray[np.bool_]] = []
         for taken in body.choices:
             on = taken.nonzero()[0] if body.exclusive else range(len(taken))
             self._selections.append(
                 tuple(2 * (own + int(k)) + (not taken[k]) for k in on)
             )
-            places = taken[pairs[:, 0]].nonzero()[0]
-            self._contextual.append((2 * (first + places), pairs[places, 1]))
+            self._taken.append(taken[self._contexts.action])
 
     def signals(self, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Return for each choice what making it here would switch on.
@@ -57,13 +56,13 @@ class Actions:
             state: ``(2N,)``, the coherent state.
 
         Returns:
-            ``A ∪ {α∧a : α in A, a in the state}`` for each choice ``A``.
+            ``A ∪ {α∧c : α in A, c in the state}`` for each choice ``A``, with ``c`` one
+            literal, or the several of a grown sensor.
         """
+        holds = self._contexts.hold(state)
         return [
-            (*selection, *sensors[state[literals]].tolist())
-            for selection, (sensors, literals) in zip(
-                self._selections, self._contextual, strict=True
-            )
+            (*selection, *(2 * (self._first + np.flatnonzero(holds & taken))).tolist())
+            for selection, taken in zip(self._selections, self._taken, strict=True)
         ]
 
     def admissible(self, closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:

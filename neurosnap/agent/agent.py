@@ -4,7 +4,7 @@ The same policies decide in a swarm, where waves answer what here the propagatio
 the graph answers: with the same seed and observations the decisions are the same.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
 import gymnasium
@@ -12,27 +12,40 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.body import Body, Context, Senses
 from neurosnap.agent.environment import describe
+from neurosnap.agent.experience import Experience
+from neurosnap.agent.grower import ROOM
+from neurosnap.agent.growth import Growth
+from neurosnap.agent.imagining import STATES, ImaginingPlanner
+from neurosnap.agent.outing import Outing, walk
+from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policies import new_policy
-from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
+from neurosnap.agent.policy import EXPLORE, AgentKind, Policy, decided
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sensorium import Sensorium, as_known
+from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
+
+_EXACT = 1 / 8000  # the threshold of an agent that grows sensors
+_TRIES = 0.1  # the share of random actions in exploring: they test what seems known
 
 
 class Agent:
     """Learns from every observation and decides what to do next.
 
     Args:
-        body: What is sensed and done.
+        body: What is sensed and done. If it has room, sensors are grown from what
+            surprises the agent.
         policy: Decides.
         snapshot: Learns, one sensor for each of the body's; None: a new empirical one.
+        experience: What a policy that imagines has to know; None: it does not imagine.
 
     Raises:
         ShapeError: The snapshot has another number of sensors.
+        InvalidValueError: The body has room for sensors to be grown, and its actions
+            are not sensed in context, or do not exclude each other.
 
     Example:
         >>> body = Body.full(["warm", "better", "worse"], ["stay", "go"], [0, 1, 1])
@@ -48,7 +61,11 @@ class Agent:
     """
 
     def __init__(
-        self, body: Body, policy: Policy, snapshot: Snapshot | None = None
+        self,
+        body: Body,
+        policy: Policy,
+        snapshot: Snapshot | None = None,
+        experience: Experience | None = None,
     ) -> None:
         self.body = body
         self.snapshot = (
@@ -62,6 +79,10 @@ class Agent:
         self._senses = Senses(body)
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._decision = Decision(0, -1, "the run begins")
+        self._experience = experience
+        self._growth = Growth(body) if body.room else None
+        self._seed = 0
+        self._taken: tuple[int, ...] | None = None  # the environment's actions
 
     @classmethod
     def of(
@@ -73,26 +94,155 @@ class Agent:
         seed: int = 0,
         explore: float = EXPLORE,
         snapshot: Snapshot | None = None,
+        grow: bool | int = False,
+        imagine: bool | int = False,
+        without: Iterable[str] = (),
     ) -> Self:
         """Return an agent for an environment, with every action in every context.
 
         Args:
             env: Its observations are ``MultiBinary``; see `BinarySensors` for others.
             kind: ``"walker"``, ``"excited"`` or ``"planner"``.
-            target: For a planner: sensations to achieve jointly, by name.
+            target: For a planner: sensations to achieve jointly, by name. One that
+                imagines may have none: it explores.
             seed: Draws whatever is random.
             explore: The share of random actions.
-            snapshot: Learns; None: a new empirical one.
+            snapshot: Learns; None: a new empirical one. If the agent grows sensors, its
+                threshold is 1/8000: what an action guarantees has no exceptions.
+            grow: Whether it may grow sensors from what surprises it, or how many.
+            imagine: Whether a planner looks ahead by imagined waves, or how many states
+                it may imagine for a decision.
+            without: Actions that it does not take.
+
+        Raises:
+            InvalidValueError: The environment is not fit for it, or it has no such
+                actions, or none is left.
+        """
+        said = describe(type(env.unwrapped).__name__, env)
+        left_out = set(without)
+        if left_out.difference(said.actions) or left_out.issuperset(said.actions):
+            rule = f"must be some of {', '.join(said.actions)}, and not all"
+            raise InvalidValueError("without", rule, sorted(left_out))
+        if left_out and not said.exclusive:
+            rule = "must go with actions that exclude each other"
+            raise InvalidValueError("without", rule, sorted(left_out))
+        actions = tuple(name for name in said.actions if name not in left_out)
+        room = ROOM if grow is True else int(grow)
+        body = Body.full(
+            said.sensors, actions, said.orders, exclusive=said.exclusive, room=room
+        )
+        if snapshot is None and room:
+            snapshot = EmpiricalSnapshot(Sensorium(body.sensors), _EXACT)
+        experience = Experience(body) if imagine or room else None
+        policy = new_policy(
+            kind,
+            body,
+            seed,
+            target=target,
+            explore=explore,
+            imagine=STATES if imagine is True else int(imagine),
+            experience=experience,
+        )
+        agent = cls(body, policy, snapshot, experience)
+        agent._seed = seed
+        agent._taken = tuple(said.actions.index(name) for name in actions)
+        return agent
+
+    def run(
+        self, env: gymnasium.Env[Any, Any], steps: int, *, seed: int | None = None
+    ) -> Outing:
+        """Act in an environment for so many steps, episode after episode.
+
+        Args:
+            env: The one it was made for, or one alike; it is reset, and not closed.
+            steps: How many actions to take.
+            seed: For the reset.
 
         Raises:
             InvalidValueError: The environment is not fit for it.
         """
-        said = describe(type(env.unwrapped).__name__, env)
-        body = Body.full(
-            said.sensors, said.actions, said.orders, exclusive=said.exclusive
+        return walk(self, env, steps, seed=seed, choices=self._taken)
+
+    def learn(
+        self, env: gymnasium.Env[Any, Any], steps: int, *, seed: int | None = None
+    ) -> Outing:
+        """Explore an environment: go where the outcome of an action is unknown.
+
+        Whatever its policy is, it is as before afterwards; what was learned stays.
+
+        Args:
+            env: As in `run`.
+            steps: How many actions to take.
+            seed: For the reset.
+
+        Raises:
+            InvalidValueError: The environment is not fit for it, or its actions do not
+                exclude each other.
+        """
+        return self._sent(env, (), steps, seed, explore=_TRIES)
+
+    def send(
+        self,
+        env: gymnasium.Env[Any, Any],
+        target: Iterable[str | int],
+        steps: int = 1000,
+        *,
+        seed: int | None = None,
+    ) -> Outing:
+        """Go to where all of a target is sensed, by what has been learned.
+
+        Whatever its policy is, it is as before afterwards.
+
+        Args:
+            env: As in `run`.
+            target: Sensations to achieve jointly, by name or number.
+            steps: After how many actions to give up.
+            seed: For the reset.
+
+        Raises:
+            InvalidValueError: The environment or the target is not fit for it, or its
+                actions do not exclude each other.
+        """
+        return self._sent(env, tuple(target), steps, seed, explore=0.0)
+
+    def aim(self, target: Iterable[str | int], explore: float = 0.0) -> None:
+        """Plan by imagined waves from now on, for another target or for none.
+
+        Args:
+            target: Sensations to achieve jointly, by name or number; none: to explore.
+            explore: The share of random actions.
+
+        Raises:
+            InvalidValueError: It does not imagine, or the target is not fit for it.
+        """
+        if self._experience is None:
+            rule = "must be one that imagines or grows sensors"
+            raise InvalidValueError("agent", rule, type(self._policy).__name__)
+        self._policy = ImaginingPlanner(
+            self.body, target, self._seed, explore, self._experience, curious=True
         )
-        policy = new_policy(kind, body, seed, target=target, explore=explore)
-        return cls(body, policy, snapshot)
+
+    def _sent(
+        self,
+        env: gymnasium.Env[Any, Any],
+        target: Sequence[str | int],
+        steps: int,
+        seed: int | None,
+        explore: float,
+    ) -> Outing:
+        """Go for a target, or explore, and be as before."""
+        before = self._policy
+        self.aim(target, explore)
+        wanted = list(target_literals(self.body, target)) if target else []
+
+        def there(bits: NDArray[np.bool_]) -> bool:
+            return bool(wanted) and bool(complete(bits)[wanted].all())
+
+        try:
+            return walk(self, env, steps, seed=seed, choices=self._taken, until=there)
+        finally:
+            before.grow(self.body)
+            self._policy = before
 
     @property
     def decision(self) -> Decision:
@@ -103,6 +253,14 @@ class Agent:
     def state(self) -> NDArray[np.bool_]:
         """``(2N,)``, coherent: its idea of the present."""
         return self.snapshot.state
+
+    def set_down(self) -> None:
+        """Take in that it was moved by somebody: what comes next follows no action.
+
+        To be told before an observation that begins a trajectory though the last one
+        had not come to its end: after a limit on time, or a reset.
+        """
+        self._decision = Decision(self._decision.tick, -1, "set down")
 
     def act(
         self,
@@ -134,15 +292,22 @@ class Agent:
         own, sure = self._own.observation(bits), self._checked(known)
         last, tick = self._decision, self._decision.tick + 1
         step = (-1 if begins else last.action, self.state)
-        state = self.snapshot.observe(
-            self._senses.observe(own, *step),
-            self._senses.known(sure, *step, self._known),
-        )
+        observation = self._senses.observe(own, *step)
+        known = self._senses.known(sure, *step, self._known)
+        if self._experience is not None and last.action >= 0:
+            self._experience.leave(self.body.place(step[1]), ends=begins)
+        context = None
+        if self._growth is not None:
+            context = self._growth.notice(*step, self._graph(), observation, known)
+        state = self.snapshot.observe(observation, known)
         self._known = sure
-        graph = self._graph()
-        answers = [graph.up(signal) for signal in self._policy.ask(tick, state)]
-        action, why = self._policy.decide(tick, state, answers)
+        if self._experience is not None:
+            self._experience.enter(state)
+            if self._growth is not None:
+                self._experience.hopeless = self._growth.hopeless
+        action, why = decided(self._policy.decide(tick, state), self._graph().up)
         self._decision = Decision(tick, action, why)
+        self._change(tick, context)
         return self._decision
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
@@ -162,6 +327,25 @@ class Agent:
         closure: NDArray[np.bool_] = self._graph().up(signals[number])
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound
+
+    def _change(self, tick: int, context: Context | None) -> None:
+        """Grow a sensor, or let one retire, once the tick is over."""
+        growth, body = self._growth, self.body
+        if growth is None:
+            return
+        if context is not None:
+            body = body.grow(context)
+            growth.grow(body, self.snapshot)
+        else:
+            place = growth.needless(tick, self._graph())
+            if place is None:
+                return
+            body = body.retire(place)
+            growth.retire(body, self.snapshot, place)
+        self.body, self._senses = body, Senses(body)
+        self._policy.grow(body)
+        if self._experience is not None:
+            self._experience.enter(self.snapshot.state)
 
     def _checked(self, known: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
         """Return which own readings are known, as a source says it; None: all are."""

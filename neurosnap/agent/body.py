@@ -4,11 +4,20 @@
 ``a`` was in the state recorded before it. With it, what an action leads to where
 becomes an implication like any other, ``α∧a → b``, which a snapshot can learn.
 
+A *grown* contextual sensor has several literals, ``α∧(a₁∧…∧aₖ)``. It is on iff each
+``α∧aᵢ`` is. A body gets these one by one while it lives. It has room for so many from
+the start, behind all other sensors: no number ever changes, and what nobody has grown
+yet reads nothing.
+
 References:
-    [GK] "Algorithm: Computing the consequences of an action", eqn:context.
+    [GK] "Algorithm: Computing the consequences of an action", eqn:context. Grown
+    sensors are not the paper's, which names them as future work ("chunking").
 """
 
+from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -19,16 +28,21 @@ from neurosnap.sensorium import Sensorium
 
 _MOST_FREE = 10  # 2^10 generalised actions
 
+Context: TypeAlias = tuple[int, tuple[int, ...]]
+"""A contextual sensor: an action, and literals of the world's own, ascending."""
+
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
     """What an agent senses: its world's sensors, its actions, its actions in context.
 
     The sensors stand in this order. A contextual sensor is called ``action&sensor``,
-    or ``action&~sensor`` where its literal is a complement.
+    or ``action&~sensor`` where its literal is a complement; a grown one has all its
+    literals in its name, as in ``left&row<1&~ice``, and a number if it is grown again.
 
     Raises:
         InvalidValueError: Two sensors have the same name, or a context names an action
-            or a literal that does not exist.
+            or a literal that does not exist, or is grown of less than two literals or
+            of some whose single contexts are not sensed.
     """
 
     own: tuple[str, ...]
@@ -44,6 +58,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     """Whether each action is a sensor, on after the step it was taken in."""
     context: tuple[tuple[int, int], ...] = ()
     """The contextual sensors: each an action, and a literal of the world's own."""
+    room: int = 0
+    """How many sensors may be grown."""
+    grown: tuple[Context, ...] = ()
+    """Those that were, in that order."""
+    retired: tuple[int, ...] = ()
+    """The places in `grown` of those that are not read any more, ascending."""
 
     def __post_init__(self) -> None:
         if self.orders and len(self.orders) != len(self.own):
@@ -58,6 +78,24 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             if not 0 <= literal < 2 * len(self.own):
                 rule = f"must be of a literal of {len(self.own)} sensors"
                 raise InvalidValueError("context", rule, (action, literal))
+        if len(self.grown) > self.room:
+            rule = f"must be at most {self.room}, for which there is room"
+            raise InvalidValueError("grown", rule, len(self.grown))
+        single = set(self.context)
+        for action, literals in self.grown:
+            ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
+            if len(literals) < 2 or not ascends:
+                rule = "must be of literals of two or more sensors, ascending"
+                raise InvalidValueError("grown", rule, (action, literals))
+            if not single.issuperset((action, literal) for literal in literals):
+                rule = "must be of literals that are sensed in the action's context"
+                raise InvalidValueError("grown", rule, (action, literals))
+        places = range(len(self.grown))
+        if any(a >= b for a, b in pairwise(self.retired)) or not set(
+            self.retired
+        ).issubset(places):
+            rule = f"must be places in {len(places)} grown sensors, ascending"
+            raise InvalidValueError("retired", rule, self.retired)
         if len(set(self.actions)) < len(self.actions):
             raise InvalidValueError(
                 "actions", "must have different names", self.actions
@@ -75,6 +113,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         orders: Sequence[int] = (),
         *,
         exclusive: bool = True,
+        room: int = 0,
     ) -> "Body":
         """Return the body with every action in the context of every position literal.
 
@@ -98,6 +137,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             actions=tuple(actions),
             exclusive=exclusive,
             senses_actions=bool(actions),
+            room=room,
             context=tuple(
                 (action, literal)
                 for action in range(len(actions))
@@ -105,15 +145,60 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             ),
         )
 
+    def grow(self, context: Context) -> "Body":
+        """Return the body with the next of its free places taken.
+
+        Raises:
+            InvalidValueError: There is no room, or it cannot be grown.
+
+        Example:
+            >>> body = Body.full(["door", "dark"], ["push"], room=2)
+            >>> body.grow((0, (0, 3))).sensors[-2:]
+            ('push&door&~dark', 'grown 2')
+        """
+        return msgspec.structs.replace(self, grown=(*self.grown, context))
+
+    def retire(self, place: int) -> "Body":
+        """Return the body with one of its grown sensors not read any more.
+
+        Its number is not used again.
+        """
+        retired = tuple(sorted({*self.retired, place}))
+        return msgspec.structs.replace(self, retired=retired)
+
+    @property
+    def in_use(self) -> tuple[Context, ...]:
+        """The grown sensors that are read."""
+        return tuple(
+            context
+            for place, context in enumerate(self.grown)
+            if place not in self.retired
+        )
+
+    @property
+    def first_grown(self) -> int:
+        """The number of the first sensor that is grown."""
+        felt = len(self.actions) * self.senses_actions
+        return len(self.own) + felt + len(self.context)
+
     @property
     def sensors(self) -> tuple[str, ...]:
         """The names of all sensors, in order."""
         felt = self.actions if self.senses_actions else ()
-        contextual = (
-            f"{self.actions[action]}&{'~' * (literal & 1)}{self.own[literal >> 1]}"
-            for action, literal in self.context
-        )
-        return (*self.own, *felt, *contextual)
+        single = (self._name((action, (a,))) for action, a in self.context)
+        times = Counter[Context]()
+        grown = []
+        for context in self.grown:
+            times[context] += 1
+            again = f"#{times[context]}" if times[context] > 1 else ""
+            grown.append(self._name(context) + again)
+        free = (f"grown {place + 1}" for place in range(len(grown), self.room))
+        return (*self.own, *felt, *single, *grown, *free)
+
+    def _name(self, context: Context) -> str:
+        action, literals = context
+        named = (f"{'~' * (a & 1)}{self.own[a >> 1]}" for a in literals)
+        return "&".join((self.actions[action], *named))
 
     @property
     def choices(self) -> NDArray[np.bool_]:
@@ -130,6 +215,16 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             np.bool_
         )
 
+    def place(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return what a state says of the world's state sensors: ``(2n,)``.
+
+        Args:
+            state: ``(2N,)``, or the part of it that is of the world's own sensors.
+        """
+        own = slice(2 * len(self.own))
+        place: NDArray[np.bool_] = state[own] & self.position[own]
+        return place
+
     @property
     def position(self) -> NDArray[np.bool_]:
         """``(2N,)``: the literals of the world's state sensors."""
@@ -137,6 +232,68 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         rest = len(self.sensors) - len(self.own)
         flat = np.array([order == 0 for order in orders] + [False] * rest, np.bool_)
         return np.repeat(flat, 2)
+
+
+class Contexts:
+    """Tells which contexts hold in a state, for all contextual sensors at once.
+
+    Args:
+        body: Which sensors there are.
+
+    Attributes:
+        action: ``(contexts,)``: the action of each; of one not yet grown, 0.
+        in_use: ``(contexts,)``: whether it is read at all.
+    """
+
+    def __init__(self, body: Body) -> None:
+        free = body.room - len(body.grown)
+        actions = [action for action, _ in (*body.context, *body.grown)]
+        self.action = np.array([*actions, *(0 for _ in range(free))], np.intp)
+        self._free = np.zeros(free, np.bool_)
+        self._single = np.array([literal for _, literal in body.context], np.intp)
+        self._grown = np.array([a for _, many in body.grown for a in many], np.intp)
+        ends = np.cumsum([len(many) for _, many in body.grown])
+        self._starts = np.concatenate(([0], ends))[: len(body.grown)].astype(np.intp)
+        self.in_use = np.ones(len(self.action), np.bool_)
+        self.in_use[len(actions) :] = False
+        self.in_use[[len(body.context) + place for place in body.retired]] = False
+
+    def hold(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which have all their literals in `state`, and are in use.
+
+        Args:
+            state: ``(2N,)``, or that part of it that is of the world's own sensors.
+        """
+        single: NDArray[np.bool_] = state[self._single]
+        if not self._starts.size:
+            return np.concatenate((single, self._free)) if self._free.size else single
+        grown = np.logical_and.reduceat(state[self._grown], self._starts)
+        return np.concatenate((single, grown, self._free)) & self.in_use
+
+    def told(
+        self, state: NDArray[np.bool_], known: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return of which one can tell whether they hold: ``(contexts,)``.
+
+        A literal is told where it or its complement is in the state, or its reading was
+        known. A context is told where all its literals are, or one that is not in the
+        state.
+
+        Args:
+            state: ``(2N,)``.
+            known: ``(n,)``, which readings of the world's own sensors were known then.
+        """
+        literal = self._single
+        single: NDArray[np.bool_] = (
+            known[literal >> 1] | state[literal] | state[literal ^ 1]
+        )
+        if not self._starts.size:
+            return np.concatenate((single, self._free)) if self._free.size else single
+        literal = self._grown
+        told = known[literal >> 1] | state[literal] | state[literal ^ 1]
+        all_told = np.logical_and.reduceat(told, self._starts)
+        one_off = np.logical_or.reduceat(told & ~state[literal], self._starts)
+        return np.concatenate((single, all_told | one_off, self._free)) & self.in_use
 
 
 class Senses:
@@ -150,9 +307,8 @@ class Senses:
         own, felt = len(body.own), len(body.actions) * body.senses_actions
         self._own = slice(0, own)
         self._felt = slice(own, own + felt)
-        self._contextual = slice(own + felt, own + felt + len(body.context))
-        pairs = np.array(body.context, np.intp).reshape(-1, 2)
-        self._action, self._literal = pairs.T
+        self._contexts = Contexts(body)
+        self._contextual = slice(own + felt, own + felt + len(self._contexts.action))
         self._choices = body.choices
         self._count = self._contextual.stop
         self.looks_back = bool(felt or body.context)
@@ -179,8 +335,8 @@ class Senses:
             if self._felt.start < self._felt.stop:
                 observation[self._felt] = taken
             np.logical_and(
-                taken[self._action],
-                state[self._literal],
+                taken[self._contexts.action],
+                self._contexts.hold(state),
                 out=observation[self._contextual],
             )
         return observation
@@ -197,7 +353,9 @@ class Senses:
         Actions always are. ``α∧a`` is known where ``α`` was not taken, for then it is
         off; where a literal of the sensor was in the state before, even if only because
         something implied it; and where the sensor's reading was known then. (If that
-        was contradicted, neither literal was in the state, and ``α∧a`` is off.)
+        was contradicted, neither literal was in the state, and ``α∧a`` is off.) One of
+        several literals is on or off as the single ones are that make it; one that has
+        retired, or is still to be grown, is unknown.
 
         Args:
             own: ``(n,)``, which readings of the world's own sensors are known; None:
@@ -210,7 +368,9 @@ class Senses:
         if own is not None:
             known[self._own] = own
         if action >= 0 and state is not None and before is not None:
-            literal = self._literal
-            told = before[literal >> 1] | state[literal] | state[literal ^ 1]
-            known[self._contextual] = told | ~self._choices[action][self._action]
+            told = self._contexts.told(state, before)
+            taken = self._choices[action][self._contexts.action]
+            known[self._contextual] = told | ~taken
+        if not self._contexts.in_use.all():
+            known[self._contextual] &= self._contexts.in_use
         return None if known.all() else known

@@ -8,7 +8,6 @@ References:
     [GK] "Closing the Loop: Excitation-Driven Navigation".
 """
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.policy import EXPLORE, checked_share
+from neurosnap.agent.policy import EXPLORE, Deliberation, checked_share
 from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.errors import InvalidValueError
 from neurosnap.system.compiled import njit
@@ -54,34 +53,27 @@ class Excited:
         self._explore = checked_share(explore)
         self._random = RandomNumbers(seed)
 
-    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-        """Ask for the consequences of every action."""
-        del tick
-        return self._actions.signals(state)
-
-    def decide(
-        self,
-        tick: int,
-        state: NDArray[np.bool_],
-        answers: Sequence[NDArray[np.bool_]],
-    ) -> tuple[int, str]:
-        """Return the action for `tick` and the reason for it.
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Ask for the consequences of every action, and take the best.
 
         Args:
             tick: The tick whose state is known.
-            state: ``(2N,)``; does not matter any more.
-            answers: For each action, ``(2N,)``: the closure of what it switches on.
+            state: ``(2N,)``, the coherent state.
         """
-        del state
-        bound = guaranteed(answers)
+        closures = yield self._actions.signals(state)
+        bound = guaranteed(closures)
         action, why = choose(
-            self._actions.admissible(answers),
+            self._actions.admissible(closures),
             bound[:, self._better],
             bound[:, self._not_worse],
             self._explore,
             self._random.at(tick),
         )
         return int(action), _WHY[int(why)]
+
+    def grow(self, body: Body) -> None:
+        """Go on with a body that has one more sensor."""
+        self._actions = Actions(body)
 
 
 def drives(body: Body) -> tuple[int, int]:

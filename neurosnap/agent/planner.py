@@ -8,14 +8,14 @@ References:
     which holds for a coherent target only: an incoherent one is reduced first.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.policy import EXPLORE, checked_share
+from neurosnap.agent.policy import EXPLORE, Deliberation, checked_share
 from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium, complement
@@ -49,35 +49,27 @@ class Planner:
         seed: int,
         explore: float = EXPLORE,
     ) -> None:
-        self._actions = Actions(body)
-        self._sensorium = Sensorium(body.sensors)
         self._target = target_literals(body, target)
         self._explore = checked_share(explore)
         self._random = RandomNumbers(seed)
+        self.grow(body)
+
+    def grow(self, body: Body) -> None:
+        """Go on with a body that has one more sensor, which is no goal."""
+        self._actions = Actions(body)
+        self._sensorium = Sensorium(body.sensors)
         self._position = body.position
         self._goals = self._position.copy()
         self._goals[list(self._target)] = True
 
-    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-        """Ask for the consequences of every action, and of the target."""
-        del tick
-        return [*self._actions.signals(state), self._target]
-
-    def decide(
-        self,
-        tick: int,
-        state: NDArray[np.bool_],
-        answers: Sequence[NDArray[np.bool_]],
-    ) -> tuple[int, str]:
-        """Return the action for `tick` and the reason for it.
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Ask for the consequences of every action, and of the target; take the best.
 
         Args:
             tick: The tick whose state is known.
             state: ``(2N,)``, the coherent state.
-            answers: ``(2N,)`` each: for every action the closure of what it switches
-                on; then the closure of the target.
         """
-        *closures, above = answers
+        *closures, above = yield [*self._actions.signals(state), self._target]
         draws = self._random.at(tick)
         possible = self._actions.admissible(closures)
         if draws[1] < self._explore:

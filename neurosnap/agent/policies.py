@@ -4,6 +4,8 @@ from collections.abc import Iterable
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
+from neurosnap.agent.experience import Experience
+from neurosnap.agent.imagining import ImaginingPlanner
 from neurosnap.agent.planner import Planner
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.agent.random_walk import Walker
@@ -17,6 +19,8 @@ def new_policy(
     *,
     target: Iterable[str | int] = (),
     explore: float = EXPLORE,
+    imagine: int = 0,
+    experience: Experience | None = None,
 ) -> Policy:
     """Return a policy.
 
@@ -26,6 +30,9 @@ def new_policy(
         seed: Draws whatever is random.
         target: For a planner: literals of the world's own, by name or number.
         explore: The share of random actions; a walker's are all random.
+        imagine: For a planner: how many states it may imagine for a decision; 0: it
+            looks one step ahead.
+        experience: What a planner that imagines has to know.
 
     Raises:
         InvalidValueError: What is given does not go with the kind, or the body with it.
@@ -35,10 +42,16 @@ def new_policy(
         # An excited agent's is a place, and its world's to know.
         who = "a planner or an excited agent" if kind == "walker" else "a planner only"
         raise InvalidValueError("target", f"must go with {who}", target)
+    if kind != "planner" and imagine:
+        raise InvalidValueError("imagine", "must go with a planner only", imagine)
     match kind:
         case "walker":
             return Walker(len(body.choices), seed)
         case "excited":
             return Excited(body, seed, explore)
+        case "planner" if imagine and experience is not None:
+            return ImaginingPlanner(
+                body, target, seed, explore, experience, imagine, curious=not target
+            )
         case "planner":
             return Planner(body, target, seed, explore)

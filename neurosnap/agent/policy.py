@@ -1,16 +1,17 @@
 """The interface of a policy, and the kinds of policies.
 
-A policy is a pure function of the seed, the tick, the state and the answers to what it
-asked; it does not know who answers. In process it is the propagation over the graph,
-in a swarm it is waves: the decisions are the same.
+A policy does not know who answers what it asks. In process it is the propagation over
+the graph, in a swarm it is waves: the decisions are the same. The paper's policies are
+pure functions of the seed, the tick, the state and the answers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 
 AgentKind: TypeAlias = Literal["walker", "excited", "planner"]
@@ -22,24 +23,48 @@ Enough for an agent that forgets to find back to a target it has lost, and littl
 to stay near one it has found."""
 
 
+Signal: TypeAlias = tuple[int, ...]
+"""The literals a planning wave starts from, each once."""
+Closures: TypeAlias = Sequence[NDArray[np.bool_]]
+"""``↑signal`` for each signal asked for, ``(2N,)`` each."""
+Deliberation: TypeAlias = Generator[list[Signal], Closures, tuple[int, str]]
+"""Asks for the closures of signals, round after round, and is sent them; returns the
+action, -1 for none, and the reason."""
+
+
 class Policy(Protocol):
     """What decides once the state is known."""
 
-    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-        """Return the signals whose closures it wants to know first."""
-        ...
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Decide what to do; each round asks for one closure at least.
 
-    def decide(
-        self,
-        tick: int,
-        state: NDArray[np.bool_],
-        answers: Sequence[NDArray[np.bool_]],
-    ) -> tuple[int, str]:
-        """Return the action, -1 for none, and the reason.
-
-        `answers` holds ``↑signal`` for each signal asked for, ``(2N,)`` each.
+        Args:
+            tick: The tick whose state is known.
+            state: ``(2N,)``, the coherent state.
         """
         ...
+
+    def grow(self, body: Body) -> None:
+        """Go on with a body that has one more sensor."""
+        ...
+
+
+def decided(
+    deliberation: Deliberation, closure: Callable[[Signal], NDArray[np.bool_]]
+) -> tuple[int, str]:
+    """Return the action and the reason of a policy that is answered at once.
+
+    Args:
+        deliberation: By `Policy.decide`.
+        closure: Answers a signal.
+    """
+    try:
+        signals = next(deliberation)
+        while True:
+            signals = deliberation.send([closure(signal) for signal in signals])
+    except StopIteration as end:
+        action, why = end.value
+        return action, why
 
 
 def checked_share(explore: float) -> float:

@@ -3,11 +3,11 @@
 What it asks the network, and what it does, is drawn without regard to the answer.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.body import Body
+from neurosnap.agent.policy import Deliberation
 from neurosnap.agent.random_numbers import RandomNumbers, pick
 
 
@@ -23,39 +23,23 @@ class Walker:
         self._choices = np.arange(choices)
         self._random = RandomNumbers(seed)
 
-    def ask(self, tick: int, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-        """Return the signals of the planning waves to send before the decision.
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Ask what one sensation of the state implies, and act at random all the same.
 
-        A walker asks for what one sensation of the state implies, drawn anew each tick:
-        a wave that has to travel, where a state wave finds every cell fired already.
+        The sensation is drawn anew each tick: a wave that has to travel, where a state
+        wave finds every cell fired already. Where the state is empty nothing is asked.
 
         Args:
             tick: The tick whose state is known.
             state: ``(2N,)``, the coherent state.
-
-        Returns:
-            One signal of one literal; none where the state is empty.
         """
-        on = np.flatnonzero(state)
-        if len(on) == 0:
-            return []
-        # A number of its own: what is asked must not change what is done.
-        return [(pick(on, self._random.at(tick)[1]),)]
-
-    def decide(
-        self,
-        tick: int,
-        state: NDArray[np.bool_],
-        answers: Sequence[NDArray[np.bool_]],
-    ) -> tuple[int, str]:
-        """Return the action for `tick`, -1 for none, and the reason for it.
-
-        Args:
-            tick: The tick whose state is known.
-            state: ``(2N,)``; does not matter.
-            answers: Do not matter either.
-        """
-        del state, answers
+        on, draws = np.flatnonzero(state), self._random.at(tick)
+        if len(on):
+            # A number of its own: what is asked must not change what is done.
+            yield [(pick(on, draws[1]),)]
         if not self._choices.size:
             return -1, "the source takes no actions"
-        return pick(self._choices, self._random.at(tick)[0]), "random walk"
+        return pick(self._choices, draws[0]), "random walk"
+
+    def grow(self, body: Body) -> None:
+        """Go on as before: what it does does not depend on its sensors."""

@@ -32,7 +32,7 @@ from neurosnap.sensorium import complement, pack
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from neurosnap.agent.policy import Policy
+    from neurosnap.agent.policy import Closures, Deliberation, Policy
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.protocol.run_options import RunOptions, WiringKind
     from neurosnap.protocol.wave import Wave
@@ -106,6 +106,7 @@ class Coordinator:
         self._watcher = self._new_watcher()
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
+        self._deliberation: Deliberation  # of the tick under way
         self._stopping = False
         self._next_decision = wire.Decision(0, -1, "the run begins")
 
@@ -301,16 +302,27 @@ class Coordinator:
         self._snapshot.adopt(state)
         report = self._state(wave, reached, state)
         self._count(report)
-        questions = self._policy.ask(wave.tick, state)
-        self._answers = [reached] * len(questions)
+        self._deliberation = self._policy.decide(wave.tick, state)
+        return [report, *self._deliberate(wave.tick)]
+
+    def _deliberate(
+        self, tick: int, answers: Closures | None = None
+    ) -> list[wire.Message]:
+        """Let the policy go on; send what it asks as waves, or what it decides."""
+        try:
+            # None starts it.
+            questions = self._deliberation.send(answers)  # type: ignore[arg-type]
+        except StopIteration as end:
+            return self._decide(tick, *end.value)
+        self._answers = [np.empty(0, np.bool_)] * len(questions)
         starts: list[wire.Message] = []
         for index, signal in enumerate(questions):
-            starts += self._control.start("signal", wave.tick, signal)
+            starts += self._control.start("signal", tick, signal)
             self._asked[self._control.waves] = index
-        return [report, *starts, *([] if starts else self._decide(wave.tick))]
+        return starts
 
     def _answer(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
-        """Take in a settled planning wave; decide if it was the last."""
+        """Take in a settled planning wave; go on if it was the last that was asked."""
         self._answers[self._asked.pop(wave.number)] = reached
         result = wire.Reached(
             tick=wave.tick,
@@ -322,11 +334,12 @@ class Coordinator:
             height=self._graph.height(),
             pulses=wave.pulses,
         )
-        return [result, *([] if self._asked else self._decide(wave.tick))]
+        if self._asked:
+            return [result]
+        return [result, *self._deliberate(wave.tick, self._answers)]
 
-    def _decide(self, tick: int) -> list[wire.Message]:
+    def _decide(self, tick: int, action: int, why: str) -> list[wire.Message]:
         """Close the tick: a key-frame if one is due, and the decision."""
-        action, why = self._policy.decide(tick, self._snapshot.state, self._answers)
         self._next_decision = wire.Decision(tick, action, why)
         self._tick = tick
         self._signal = ()

@@ -7,13 +7,13 @@ import os
 import warnings
 from collections.abc import Mapping
 from importlib.metadata import entry_points
-from typing import Any, SupportsFloat
+from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.wrappers import Autoreset
 from numpy.typing import ArrayLike, NDArray
 
+from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.environment import describe
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
@@ -97,47 +97,6 @@ class GymnasiumSource:
             return self._sensorium.observation(observation).copy()
         except InvalidValueError as error:
             raise within(self._name, error) from error
-
-
-class Continuing(Autoreset):
-    """An environment that goes on: the step after an episode's end begins the next.
-
-    As in `gymnasium.wrappers.Autoreset`: that step resets, whatever the action is, with
-    reward 0.0. But no end is ever reported. An action that is ignored is no action:
-    what is observed then is no consequence of it, and whoever learns from actions has
-    to know.
-
-    Info says `begins`: whether the observation is a reset's, the caller's or its own,
-    or of one the environment says so of; and `episode`, counted from 0 since the last
-    reset by the caller.
-
-    Args:
-        env: Whose episodes are to follow each other.
-    """
-
-    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        super().__init__(env)
-        self._episode = 0
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
-        """Reset the environment and count its episodes from 0."""
-        self._episode = 0
-        observation, info = super().reset(seed=seed, options=options)
-        return observation, {**info, "episode": self._episode, "begins": True}
-
-    def step(
-        self,
-        action: Any,  # noqa: ANN401 - the environment knows
-    ) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Step the environment, or reset it if its episode is over."""
-        resets = self.autoreset
-        self._episode += resets
-        observation, reward, _, _, info = super().step(action)
-        begins = bool(resets or info.get("begins", False))
-        told = {**info, "episode": self._episode, "begins": begins}
-        return observation, reward, False, False, told
 
 
 def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, Any]:

@@ -14,8 +14,8 @@ import pytest
 from gymnasium.envs.toy_text.taxi import TaxiEnv
 
 from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.continuing import Continuing
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.gymnasium_source import Continuing
 from tests.support.toy_text_beds import BEDS, VARIANTS, Move, Situation, moves
 from world.table import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi

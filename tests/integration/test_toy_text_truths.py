@@ -9,10 +9,10 @@ import pytest
 
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complete
-from neurosnap.sources.gymnasium_source import Continuing
 from tests.support.toy_text_beds import BEDS, VARIANTS
 from world.implications import implications, inclusions, recordable
 from world.table import Table, state_fields, transition_fields

@@ -18,6 +18,7 @@ from neurosnap.sensorium import Sensorium
 from tests.support import agent_oracles as agents
 from tests.support import oracles
 from tests.support.agent_oracles import Fields, Moves, as_array, known
+from tests.support.deliberations import decided_by
 from tests.support.edges import edges_of
 from tests.support.hypothesis_settings import examples
 from tests.support.strategies import as_set, bit_rows, graphs, subsets
@@ -60,10 +61,7 @@ def beliefs(draw: st.DrawFn, body: Body) -> tuple[PocGraph, set[int]]:
 
 def decided(policy: Policy, graph: PocGraph, state: set[int]) -> set[tuple[int, str]]:
     now = as_array(state, graph.sensors)
-    return {
-        policy.decide(tick, now, [graph.up(one) for one in policy.ask(tick, now)])
-        for tick in TICKS
-    }
+    return {decided_by(graph, policy, tick, now) for tick in TICKS}
 
 
 class TestAnyBelief:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.policy import Policy
+from neurosnap.agent.body import Body
+from neurosnap.agent.policy import Closures, Deliberation, Policy
 from neurosnap.agent.random_walk import Walker
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
@@ -40,14 +41,15 @@ class Asks:
         self.questions = questions
         self.answers: list[list[Bits]] = []
 
-    def ask(self, tick: int, state: Bits) -> list[tuple[int, ...]]:
-        return list(self.questions)
-
-    def decide(
-        self, tick: int, state: Bits, answers: Sequence[Bits]
-    ) -> tuple[int, str]:
+    def decide(self, tick: int, state: Bits) -> Deliberation:
+        answers: Closures = []
+        if self.questions:
+            answers = yield list(self.questions)
         self.answers.append([answer.copy() for answer in answers])
         return tick, "as asked"
+
+    def grow(self, body: Body) -> None:
+        raise AssertionError("no sensor grows here")
 
 
 def new(

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body
+from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.gymnasium_source import Continuing
 from tests.support.toy_text_beds import Situation, situations
 from world.implications import recordable
 from world.table import Table, state_fields, transition_fields

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.excited import Excited
+from neurosnap.agent.policy import Signal, decided
 from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
@@ -140,10 +141,11 @@ class _PlainAgent:
         observation = self._senses.observe(bits, self._action, self._state)
         self._state = self._plain.observe(observation)
         self._tick += 1
-        answers = []
-        for signal in self._policy.ask(self._tick, self._state):
-            literals = np.zeros(self._state.size, np.bool_)
-            literals[list(signal)] = True
-            answers.append(self._plain.above(literals))
-        self._action, _ = self._policy.decide(self._tick, self._state, answers)
+        deliberation = self._policy.decide(self._tick, self._state)
+        self._action, _ = decided(deliberation, self._above)
         return self._action
+
+    def _above(self, signal: Signal) -> Bits:
+        literals = np.zeros(self._state.size, np.bool_)
+        literals[list(signal)] = True
+        return self._plain.above(literals)

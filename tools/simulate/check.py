@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Senses
+from neurosnap.agent.policy import Signal, decided
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.observations import selection
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
@@ -64,13 +66,15 @@ def truth(options: RunOptions) -> Truth:
         above = graph.up(selection(observed, known))
         incoherent = bool((above[::2] & above[1::2]).any())
         found.said["state"].append((tick, pack(state), incoherent))
-        questions = policy.ask(tick, state)
-        answers = [graph.up(question) for question in questions]
-        found.said["reach"] += [
-            (tick, question, pack(answer))
-            for question, answer in zip(questions, answers, strict=True)
-        ]
-        action, why = policy.decide(tick, state, answers)
+
+        def answer(
+            signal: Signal, tick: int = tick, graph: PocGraph = graph
+        ) -> NDArray[np.bool_]:
+            closure = graph.up(signal)
+            found.said["reach"].append((tick, signal, pack(closure)))
+            return closure
+
+        action, why = decided(policy.decide(tick, state), answer)
         found.edges[tick] = _pairs(graph.wiring(options.wiring))
     source.close()
     _sort(found.said)

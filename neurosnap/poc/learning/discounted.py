@@ -3,15 +3,19 @@
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.pair_codes import excluded, rows_of
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
-from neurosnap.poc.learning.update_kernels_partial import discount_squares
+from neurosnap.poc.learning.update_kernels_partial import (
+    discount_newborn,
+    discount_squares,
+)
 from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.sensorium import Sensorium
 
@@ -98,6 +102,25 @@ class DiscountedSnapshot(Snapshot):
                 self._rows,
             )
         )
+
+    def _newborn(
+        self, sensor: int, history: History
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+        squares, codes = np.full((4, sensor), 0.25), np.zeros(sensor, np.uint8)
+        on = history.unrolled(history.on[:, : sensor + 1]).astype(np.uint8)
+        off = history.unrolled(history.off[:, : sensor + 1]).astype(np.uint8)
+        known = on | off
+        discount_newborn(
+            on[:, sensor].copy(),
+            known[:, sensor].copy(),
+            np.ascontiguousarray(on[:, :sensor]),
+            np.ascontiguousarray(known[:, :sensor]),
+            squares,
+            self._decay,
+            self._by_pair[0],
+            codes,
+        )
+        return squares, codes
 
     def _total(self) -> float:
         return 1.0

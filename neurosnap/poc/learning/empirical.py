@@ -3,13 +3,14 @@
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
-from neurosnap.poc.learning.update_kernels_partial import count_squares
+from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.sensorium import Sensorium
 
@@ -66,6 +67,7 @@ class EmpiricalSnapshot(Snapshot):
                     self._known,
                     weights.squares,
                     clock,
+                    self._born,
                     self._by_pair,
                     self._codes,
                     self._rows,
@@ -82,6 +84,19 @@ class EmpiricalSnapshot(Snapshot):
                 self._rows,
             )
         )
+
+    def _newborn(
+        self, sensor: int, history: History
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+        mine = history.on[:, [sensor]], history.off[:, [sensor]]
+        theirs = history.on[:, :sensor], history.off[:, :sensor]
+        squares = np.array(
+            [np.bitwise_count(x & y).sum(axis=0) for x in mine for y in theirs],
+            np.uint32,
+        )
+        codes = np.zeros(sensor, np.uint8)
+        count_newborn(squares, history.ticks, self._by_pair[0], codes)
+        return squares, codes
 
     def _total(self) -> int:
         return self._clock

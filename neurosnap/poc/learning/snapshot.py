@@ -5,7 +5,8 @@ last adopted. How observations are weighed is up to each kind.
 """
 
 import abc
-from typing import Self
+from collections.abc import Sequence
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.edge_dates import date_changes
 from neurosnap.poc.learning.evidence import Evidence
+from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.pair_codes import rows_of, strict
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
 from neurosnap.poc.learning.weight_store import Weights, pair_of
@@ -74,6 +76,7 @@ class Snapshot(Archived):
         self._noted = self._codes.copy()
         self._since = np.zeros(self._codes.size, np.uint32)
         self._rows: Words = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
+        self._born = np.zeros(count, np.uint32)
         self._state = np.zeros(2 * count, np.bool_)
         self._graphs: dict[bool, PocGraph] = {}
 
@@ -184,6 +187,69 @@ class Snapshot(Archived):
             date_changes(self._codes, self._noted, self._since, self._clock)
         return changed
 
+    def grow(
+        self, sensor: int, name: str, literals: Sequence[int], history: History
+    ) -> None:
+        """Let a sensor that was never read be on iff all of some literals are.
+
+        Its weights are what they would be had it been read as long as the history goes
+        back, and nothing else changes. Its literals are in the state as they follow
+        from those of its members.
+
+        Args:
+            sensor: Its number; of those behind it none may have been read either.
+            name: What it is called from now on.
+            literals: Its members, of sensors before it.
+            history: Of all sensors, up to the last observation. It gets the new one's.
+
+        Raises:
+            InvalidValueError: There is another sensor of that name, a literal is none,
+                or the threshold is not one number.
+            ShapeError: The history is of another number of sensors.
+        """
+        names = list(self._sensorium)
+        as_literal("literal", 2 * sensor, 2 * len(names))
+        names[sensor] = name
+        sensorium = Sensorium(names)
+        members = [as_literal("literal", a, 2 * sensor) for a in literals]
+        if self._threshold.ndim:
+            rule = "must be one number where sensors grow"
+            raise InvalidValueError("threshold", rule, self._threshold.shape)
+        history.check(len(names))
+        history.grow(sensor, members)
+        if self._weights.squares is None:
+            self._weights.widen(self._total())
+        pairs = slice(pair_of(2 * sensor, 0), pair_of(2 * sensor, 0) + sensor)
+        squares, codes = self._newborn(sensor, history)
+        self._weights.put(pairs, squares)
+        self._sensorium = sensorium
+        self._born[sensor] = self._clock - history.ticks
+        kernels.rewire(sensor, codes, self._codes[pairs], self._rows)
+        date_changes(self._codes, self._noted, self._since, self._clock)
+        self._state[2 * sensor] = self._state[members].all()
+        self._state[2 * sensor + 1] = self._state[[a ^ 1 for a in members]].any()
+        self._graphs.clear()
+
+    def silence(self, sensor: int) -> None:
+        """Forget all that was learned of a sensor: it implies nothing, nor is implied.
+
+        For one that is not read any more; the others keep what they have.
+
+        Raises:
+            InvalidValueError: There is no such sensor.
+        """
+        literal = as_literal("literal", 2 * sensor, len(self._state))
+        if self._weights.squares is None:
+            self._weights.widen(self._total())
+        others = [2 * k for k in range(len(self._sensorium)) if k != sensor]
+        pairs = [pair_of(literal, other) for other in others]
+        self._weights.put(pairs, self._weights.start)
+        self._codes[pairs] = 0
+        date_changes(self._codes, self._noted, self._since, self._clock)
+        self._rows = rows_of(self._codes, len(self._sensorium))
+        self._state[[literal, literal ^ 1]] = False
+        self._graphs.clear()
+
     def adopt(self, state: NDArray[np.bool_]) -> None:
         """Set the state.
 
@@ -269,6 +335,16 @@ class Snapshot(Archived):
         """Weigh in the known bits at hand; whether the graph changed."""
 
     @abc.abstractmethod
+    def _newborn(
+        self, sensor: int, history: History
+    ) -> tuple[NDArray[Any], NDArray[np.uint8]]:
+        """Return the weights and codes that a history gives a sensor.
+
+        Returns:
+            ``(4, sensor)`` and ``(sensor,)``: of its pairs with those before it.
+        """
+
+    @abc.abstractmethod
     def _total(self) -> float:
         """Return what the four weights of a square add up to if all was known."""
 
@@ -294,6 +370,7 @@ class Snapshot(Archived):
             **self._weights.arrays(),
             "state": np.frombuffer(pack(self._state), np.uint8),
             "since": self._since,
+            **({"born": self._born} if self._born.any() else {}),
         }
 
     @classmethod
@@ -315,6 +392,10 @@ class Snapshot(Archived):
         if not 0 <= self._clock < 2**_BITS:
             raise ValueError(f"clock: must be in [0, 2**{_BITS})")
         self._weights.restore(arrays)
+        if "born" in arrays:  # only where a sensor has grown
+            self._born[:] = entry(arrays, "born", self._born.shape, np.uint32)
+            if (self._born > self._clock).any():
+                raise ValueError("born: must not be after the clock")
         total = len(self._state)
         octets = entry(arrays, "state", ((total + 7) // 8,), np.uint8)
         self.adopt(unpack(octets.tobytes(), total))

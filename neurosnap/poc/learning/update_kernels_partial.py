@@ -27,6 +27,7 @@ def count_squares(
     known: NDArray[np.uint8],
     squares: NDArray[np.uint32],
     clock: int,
+    born: NDArray[np.uint32],
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
@@ -37,9 +38,10 @@ def count_squares(
     ``w_ab* < min(tau t, w_ab, w_a*b, w_a*b*)`` and ``a <-> b`` iff ``w_ab* = w_a*b = 0
     < t``, with ``t`` the sum of the four weights. With no bit known it only derives.
 
-    A pair is judged once ``t >= clock / 2`` or ``tau t >= 1``. A sensor that was read
-    once would otherwise be equivalent to one literal of each that was read with it, and
-    so make equivalent what is known to differ.
+    A pair is judged once ``t >= age / 2`` or ``tau t >= 1``, with its age counted from
+    the birth of the younger. A sensor that was read once would otherwise be equivalent
+    to one literal of each that was read with it, and so make equivalent what is known
+    to differ.
 
     Args:
         bits: ``(N,)``, 0 or 1; any where unknown.
@@ -47,6 +49,8 @@ def count_squares(
         squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to less than
             ``2**32``.
         clock: Observations so far, this one included.
+        born: ``(N,)``, the clock when each sensor began, ascending; 0 for those that
+            were there from the start.
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
@@ -62,33 +66,70 @@ def count_squares(
     for i in range(1, count):
         start = i * (i - 1) // 2
         stop = start + i
-        both, only_i = squares[0][start:stop], squares[1][start:stop]
-        only_j, neither = squares[2][start:stop], squares[3][start:stop]
         if known[i]:
+            both, only_i = squares[0][start:stop], squares[1][start:stop]
+            only_j, neither = squares[2][start:stop], squares[3][start:stop]
             with_j, without_j = (both, only_i) if bits[i] else (only_j, neither)
             for j in range(i):
                 with_j[j] = np.uint32(with_j[j] + np.uint32(on[j]))
                 without_j[j] = np.uint32(without_j[j] + np.uint32(off[j]))
         if threshold.shape[0] > 1:
             share[:i] = threshold[start:stop]
-        for j in range(i):
-            w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
-            mixed, like = min(w10, w01), min(w11, w00)
-            more, most = max(w10, w01), max(w11, w00)
-            total = np.uint32(np.uint32(w11 + w10) + np.uint32(w01 + w00))
-            # The product is rounded once; a whole number is compared exactly with it.
-            limit = share[j] * float(total)
-            up = (mixed < min(more, like)) & (float(mixed) < limit)
-            down = (like < min(most, mixed)) & (float(like) < limit)
-            code = np.uint8(0)
-            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
-            code = np.uint8(3) if more == 0 else code
-            code = np.uint8(12) if most == 0 else code
-            judged = (2 * np.int64(total) >= clock) | (limit >= 1.0)
-            fresh[j] = code if judged & (total > 0) else np.uint8(0)
+        _judge(squares[:, start:stop], clock - int(born[i]), share, fresh)
         changed |= rewire(i, fresh, codes[start:stop], rows)
     return changed
+
+
+@njit()
+def _judge(
+    squares: NDArray[np.uint32],
+    age: int,
+    share: NDArray[np.float64],
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Write what one row's counts say of its pairs.
+
+    Args:
+        squares: ``(4, i)``, of the pairs of sensor `i` with those before it.
+        age: Observations since it began.
+        share: ``(i,)`` or longer, the threshold of each pair.
+        fresh: ``(i,)`` or longer, overwritten with their codes.
+    """
+    both, only_i, only_j, neither = squares[0], squares[1], squares[2], squares[3]
+    for j in range(both.shape[0]):
+        w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
+        mixed, like = min(w10, w01), min(w11, w00)
+        more, most = max(w10, w01), max(w11, w00)
+        total = np.uint32(np.uint32(w11 + w10) + np.uint32(w01 + w00))
+        # The product is rounded once; a whole number is compared exactly with it.
+        limit = share[j] * float(total)
+        up = (mixed < min(more, like)) & (float(mixed) < limit)
+        down = (like < min(most, mixed)) & (float(like) < limit)
+        code = np.uint8(0)
+        code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+        code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+        code = np.uint8(3) if more == 0 else code
+        code = np.uint8(12) if most == 0 else code
+        judged = (2 * np.int64(total) >= age) | (limit >= 1.0)
+        fresh[j] = code if judged & (total > 0) else np.uint8(0)
+
+
+@njit()
+def count_newborn(
+    squares: NDArray[np.uint32],
+    age: int,
+    share: float,
+    codes: NDArray[np.uint8],
+) -> None:
+    """Write what the counts of a newborn sensor say of its pairs.
+
+    Args:
+        squares: ``(4, N)``, of its pairs with all others.
+        age: Observations in them.
+        share: The threshold.
+        codes: ``(N,)``, overwritten.
+    """
+    _judge(squares, age, np.full(codes.shape[0], share), codes)
 
 
 @njit()
@@ -134,40 +175,121 @@ def discount_squares(
             continue
         start = i * (i - 1) // 2
         stop = start + i
-        both, only_i = squares[0][start:stop], squares[1][start:stop]
-        only_j, neither = squares[2][start:stop], squares[3][start:stop]
         now = codes[start:stop]
         if threshold.shape[0] > 1:
             limit[:i] = threshold[start:stop]
-        _fade(both, keep, on if bits[i] else nothing)
-        _fade(only_i, keep, off if bits[i] else nothing)
-        _fade(only_j, keep, nothing if bits[i] else on)
-        _fade(neither, keep, nothing if bits[i] else off)
-        for j in range(i):
-            w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
-            mixed, like = min(w10, w01), min(w11, w00)
-            more, most = max(w10, w01), max(w11, w00)
-            equal, opposite = more <= SLACK, most <= SLACK
-            loose = (known[j] > 0) & (not (equal | opposite))
-            up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
-            down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
-            code = np.uint8(0)
-            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
-            code = np.uint8(3) if equal else code
-            code = np.uint8(12) if opposite else code
-            fresh[j] = code if known[j] else now[j]
-            # The weight against an implication is added to both of its sort's others
-            # and taken from both of its own: of which itself becomes 0, exactly.
-            shift[j] = mixed if up else (-like if down else 0.0)
-        for j in range(i):
-            both[j] += shift[j]
-            neither[j] += shift[j]
-        for j in range(i):
-            only_i[j] -= shift[j]
-            only_j[j] -= shift[j]
+        row = squares[:, start:stop]
+        _discount(bits[i], known, row, keep, on, off, nothing, limit, shift, now, fresh)
         changed |= rewire(i, fresh, now, rows)
     return changed
+
+
+@njit()
+def _discount(
+    bit: int,
+    known: NDArray[np.uint8],
+    squares: NDArray[np.float64],
+    keep: NDArray[np.float64],
+    on: NDArray[np.float64],
+    off: NDArray[np.float64],
+    nothing: NDArray[np.float64],
+    limit: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    now: NDArray[np.uint8],
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Weigh one observation into one row, whose sensor is known, and truncate it.
+
+    Args:
+        bit: The sensor's reading.
+        known: Of the sensors before it, and so on for all that follow.
+        squares: ``(4, i)``, updated.
+        keep: What is kept of the weights.
+        on: What is gained where the other reads on.
+        off: Where it reads off.
+        nothing: Zeros.
+        limit: The thresholds.
+        shift: Overwritten.
+        now: ``(i,)``, the codes as they are.
+        fresh: Overwritten with the codes as they are to be.
+    """
+    both, only_i, only_j, neither = squares[0], squares[1], squares[2], squares[3]
+    _fade(both, keep, on if bit else nothing)
+    _fade(only_i, keep, off if bit else nothing)
+    _fade(only_j, keep, nothing if bit else on)
+    _fade(neither, keep, nothing if bit else off)
+    for j in range(both.shape[0]):
+        w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
+        mixed, like = min(w10, w01), min(w11, w00)
+        more, most = max(w10, w01), max(w11, w00)
+        equal, opposite = more <= SLACK, most <= SLACK
+        loose = (known[j] > 0) & (not (equal | opposite))
+        up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
+        down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
+        code = np.uint8(0)
+        code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+        code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+        code = np.uint8(3) if equal else code
+        code = np.uint8(12) if opposite else code
+        fresh[j] = code if known[j] else now[j]
+        # The weight against an implication is added to both of its sort's others
+        # and taken from both of its own: of which itself becomes 0, exactly.
+        shift[j] = mixed if up else (-like if down else 0.0)
+    for j in range(both.shape[0]):
+        both[j] += shift[j]
+        neither[j] += shift[j]
+    for j in range(both.shape[0]):
+        only_i[j] -= shift[j]
+        only_j[j] -= shift[j]
+
+
+@njit()
+def discount_newborn(
+    readings: NDArray[np.uint8],
+    reads: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
+    known: NDArray[np.uint8],
+    squares: NDArray[np.float64],
+    decay: float,
+    share: float,
+    codes: NDArray[np.uint8],
+) -> None:
+    """Weigh in a newborn sensor's history, observation by observation.
+
+    Args:
+        readings: ``(T,)``, what it would have read, the oldest first.
+        reads: ``(T,)``, whether that is known.
+        bits: ``(T, N)``, what the others read.
+        known: ``(T, N)``, whether that is known.
+        squares: ``(4, N)``, of its pairs with all others; updated.
+        decay: ``q`` in [0, 1).
+        share: The threshold.
+        codes: ``(N,)``, updated.
+    """
+    count = codes.shape[0]
+    nothing = np.zeros(count, np.float64)
+    limit = np.full(count, share)
+    shift = np.empty(count, np.float64)
+    fresh = np.empty(count, np.uint8)
+    for t in range(readings.shape[0]):
+        if reads[t]:
+            keep = np.where(known[t] > 0, decay, 1.0)
+            on = (bits[t] & known[t]).astype(np.float64) * (1.0 - decay)
+            off = (known[t] & ~bits[t]).astype(np.float64) * (1.0 - decay)
+            _discount(
+                readings[t],
+                known[t],
+                squares,
+                keep,
+                on,
+                off,
+                nothing,
+                limit,
+                shift,
+                codes,
+                fresh,
+            )
+            codes[:] = fresh
 
 
 @njit()

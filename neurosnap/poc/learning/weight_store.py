@@ -46,6 +46,22 @@ class Weights:
         self.squares = self.all(total).astype(self.joints.dtype)
         self.joints, self.marginals = self.joints[:0], self.marginals[:0]
 
+    @property
+    def start(self) -> float:
+        """Each of the four weights of a pair before all learning, in the wide form."""
+        return 0 if self.joints.dtype.kind == "u" else 0.25
+
+    def put(self, pairs: slice | list[int], squares: NDArray[Any] | float) -> None:
+        """Set the weights of some pairs of a wide store.
+
+        Args:
+            pairs: Their numbers.
+            squares: ``(4, pairs)``, or one number for all.
+        """
+        if self.squares is None:
+            raise RuntimeError("weights: must be wide where sensors come or go")
+        self.squares[:, pairs] = squares
+
     def all(self, total: float) -> NDArray[Any]:
         """Return ``(4, P)``: the four weights of each pair, int64 or float64."""
         wide = np.int64 if self.joints.dtype.kind == "u" else np.float64

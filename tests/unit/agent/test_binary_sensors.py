@@ -8,9 +8,9 @@ import pytest
 from gymnasium.spaces import Box, Discrete, MultiBinary
 
 from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot, thresholds
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.sources.gymnasium_source import Continuing
 
 
 class Counter(gymnasium.Env[Any, Any]):
@@ -158,19 +158,22 @@ def test_the_step_after_an_end_resets_and_no_end_is_reported(truncates: bool) ->
     inner = Counter(truncates)
     env = Continuing(inner)
     start, info = env.reset(seed=5)
-    assert info == {"parity": start, "episode": 0, "begins": True}
+    told = {"episode": 0, "begins": True, "cut": False}
+    assert info == {"parity": start, **told}
     assert env.step(0)[4]["episode"] == 0
     last = env.step(2)
     steps = [last] if start + 2 == 3 else [last, env.step(2)]
     for observation, reward, terminated, truncated, info in steps:
         assert (reward, terminated, truncated) == (1.0, False, False)
-        assert info == {"parity": observation % 2, "episode": 0, "begins": False}
+        told = {"episode": 0, "begins": False, "cut": False}
+        assert info == {"parity": observation % 2, **told}
     taken = list(inner.taken)
     observation, reward, terminated, truncated, info = env.step(2)
     assert inner.taken == taken  # the action was not taken
     assert observation in (0, 1)
     assert (reward, terminated, truncated) == (0.0, False, False)
-    assert info == {"parity": observation, "episode": 1, "begins": True}
+    told = {"episode": 1, "begins": True, "cut": truncates}
+    assert info == {"parity": observation, **told}
     info = env.step(1)[4]
     assert (info["episode"], info["begins"]) == (1, False)
     assert inner.resets == [5, None]  # its random numbers go on

@@ -14,6 +14,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
 from tests.support import agent_oracles as agents
 from tests.support.agent_oracles import Fields, Moves, as_array, known
+from tests.support.deliberations import decided_by
 from tests.support.strategies import as_set
 
 
@@ -134,8 +135,7 @@ class TestDiscretePathWithMotion:
                 agents.complete(agents.view(self.fields, walked[-1])),
                 self.graph.sensors,
             )
-            answers = [self.graph.up(one) for one in policy.ask(tick, now)]
-            action, _ = policy.decide(tick, now, answers)
+            action, _ = decided_by(self.graph, policy, tick, now)
             walked.append(self.moves[action][walked[-1]])
         return walked
 
@@ -234,10 +234,8 @@ def test_the_excited_who_know_the_truth_walk_straight_to_the_target(
                 continue
             now = agents.complete([*agents.view(fields, place), False, False])
             for tick in range(20):
-                answers = [
-                    graph.up(one)
-                    for one in policy.ask(tick, as_array(now, graph.sensors))
-                ]
-                action, why = policy.decide(tick, as_array(now, graph.sensors), answers)
+                action, why = decided_by(
+                    graph, policy, tick, as_array(now, graph.sensors)
+                )
                 assert why == "guarantees better"
                 assert change[action][place] < 0

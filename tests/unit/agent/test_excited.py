@@ -21,6 +21,7 @@ from neurosnap.agent.random_numbers import WIDTH
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
+from tests.support.deliberations import decided_by
 
 BODY = Body.full(["a", "b", "better", "worse"], ["x", "y", "z"], [0, 0, 1, 1])
 NAMES = Sensorium(BODY.sensors)
@@ -93,8 +94,7 @@ def decided(
     policy = Excited(BODY, seed=4, explore=explore)
     found = set()
     for tick in range(200):
-        answers = [relation.up(signal) for signal in policy.ask(tick, now)]
-        action, why = policy.decide(tick, now, answers)
+        action, why = decided_by(relation, policy, tick, now)
         found.add((BODY.actions[action], why))
     return found
 

@@ -12,6 +12,7 @@ from neurosnap.agent.planner import Planner, target_literals
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
+from tests.support.deliberations import asked, decided_by
 
 BODY = Body.full(["a", "b", "better"], ["x", "y", "z"], [0, 0, 1])
 NAMES = Sensorium(BODY.sensors)
@@ -36,9 +37,7 @@ def decided(
     policy = Planner(BODY, target, seed=6, explore=explore)
     found: Counter[tuple[str, str]] = Counter()
     for tick in range(ticks):
-        asked = policy.ask(tick, state(*now))
-        answers = [relation.up(signal) for signal in asked]
-        action, why = policy.decide(tick, state(*now), answers)
+        action, why = decided_by(relation, policy, tick, state(*now))
         found[BODY.actions[action], why] += 1
     return found
 
@@ -122,16 +121,15 @@ def test_many_subgoals_are_not_all_named() -> None:
     relation = PocGraph.from_implications(len(body.sensors), pairs)
     policy = Planner(body, [0, 2, 4, 6, 8, 10], seed=0, explore=0.0)
     nothing = np.zeros(2 * len(body.sensors), np.bool_)
-    answers = [relation.up(signal) for signal in policy.ask(1, nothing)]
-    assert policy.decide(1, nothing, answers) == (
+    assert decided_by(relation, policy, 1, nothing) == (
         0,
         "guarantees 6 of 6 subgoals (a, b, c, d, …)",
     )
 
 
 def test_it_asks_for_every_choice_and_then_for_the_target() -> None:
-    asked = Planner(BODY, ["b*", "a"], seed=0).ask(1, state("a"))
-    names = [sorted(NAMES.name(literal) for literal in one) for one in asked]
+    signals = asked(Planner(BODY, ["b*", "a"], seed=0), 1, state("a"))
+    names = [sorted(NAMES.name(literal) for literal in one) for one in signals]
     assert names == [["x", "x&a"], ["y", "y&a"], ["z", "z&a"], ["a", "b*"]]
 
 

@@ -10,6 +10,7 @@ from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.agent.random_walk import Walker
 from neurosnap.errors import InvalidValueError
+from tests.support.deliberations import decided
 
 BODY = Body.full(["a", "b"], ["x", "y"])
 
@@ -39,7 +40,7 @@ def test_a_walker_chooses_among_all_choices() -> None:
     body = Body.full(["a"], ["x", "y"], exclusive=False)
     policy = new_policy("walker", body, 1)
     nothing = np.zeros(2 * len(body.sensors), np.bool_)
-    taken = {policy.decide(tick, nothing, [])[0] for tick in range(60)}
+    taken = {decided(policy, tick, nothing, [])[0] for tick in range(60)}
     assert taken == {0, 1, 2, 3}
 
 
@@ -56,5 +57,5 @@ def test_the_share_of_random_actions_is_passed_on(kind: AgentKind) -> None:
     answers = [x, nothing, wanted] if kind == "planner" else [x, nothing]
     for explore, taken in ((0.0, {0}), (1.0, {0, 1})):
         policy = new_policy(kind, body, 0, target=target, explore=explore)
-        found = {policy.decide(tick, nothing, answers)[0] for tick in range(40)}
+        found = {decided(policy, tick, nothing, answers)[0] for tick in range(40)}
         assert found == taken

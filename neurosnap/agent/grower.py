@@ -1,0 +1,223 @@
+"""Finds which sensors to grow: contexts that guarantee what no single one does.
+
+Something came that the action taken did not guarantee. The *counterexamples* are the
+ticks at which the same action was taken and the opposite came. A *cover* is a set of
+literals of the state before that held together at none of them: greedily, the literal
+that excludes most of what is left, then the next. The cover is tried before it is
+believed: the sensor ``α∧(a₁∧…∧aₖ)`` is born once it has been confirmed often enough.
+
+Everything here is counted in whole numbers, and ties go to the lowest number, so that
+the same observations lead to the same births.
+
+References:
+    Not the paper's, which names "chunking: new conditional sensors" as future work. The
+    cover of counterexamples is that of AQ (Michalski 1969) and of version spaces; for
+    models of actions see Gil (1994) and Stern & Juba (2017).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body, Context
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.history import History
+
+ROOM: Final = 120
+"""Sensors that may be grown, unless another number is given."""
+CONFIRMATIONS: Final = 5
+"""Times a cover must hold, after it was found, before its sensor is born."""
+LONGEST: Final = 5
+"""Literals of a cover at most."""
+HOPELESS: Final = 4
+"""Covers that failed in a row after which a result is taken for unpredictable."""
+
+
+@dataclass(slots=True)
+class _Candidate:
+    """A cover under trial."""
+
+    action: int
+    literals: tuple[int, ...]
+    result: int
+    held: int = 0
+
+    @property
+    def context(self) -> Context:
+        return self.action, self.literals
+
+
+class Grower:
+    """Watches what actions lead to and says which sensor to grow next.
+
+    Args:
+        body: What is sensed and done, with room for what is grown; each action in the
+            context of every literal that may be in a cover.
+        confirmations: How often a cover must hold before its sensor is born.
+
+    Raises:
+        InvalidValueError: The body's actions do not exclude each other, or are not
+            sensed in context.
+    """
+
+    def __init__(self, body: Body, confirmations: int = CONFIRMATIONS) -> None:
+        if not body.context or not body.exclusive:
+            rule = "must come with actions that exclude each other, sensed in context"
+            raise InvalidValueError("grow", rule, body.actions)
+        self._own = len(body.own)
+        self._room = body.room
+        self._confirmations = confirmations
+        self._grown = set(body.in_use)
+        self._births = len(body.grown)
+        # For each action: the literals in whose context it is sensed, and that sensor.
+        first = self._own + len(body.actions)
+        self._contexts: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+        for action in range(len(body.actions)):
+            pairs = [
+                (literal, first + place)
+                for place, (which, literal) in enumerate(body.context)
+                if which == action
+            ]
+            table = np.array(sorted(pairs), np.intp).reshape(-1, 2)
+            self._contexts.append((table[:, 0], table[:, 1]))
+        self._trials: dict[tuple[int, int], list[_Candidate]] = {}
+        self._ready: list[_Candidate] = []
+        shape = len(body.actions), 2 * self._own
+        self._failed = np.zeros(shape, np.int64)  # covers in a row
+        self._wait = np.zeros(shape, np.int64)  # surprises to let pass
+
+    @property
+    def hopeless(self) -> NDArray[np.bool_]:
+        """``(actions, own literals)``: which results seem to be left to chance."""
+        failed: NDArray[np.bool_] = self._failed >= HOPELESS
+        return failed
+
+    def notice(
+        self,
+        action: int,
+        state: NDArray[np.bool_],
+        closure: NDArray[np.bool_],
+        bits: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+        history: History,
+    ) -> Context | None:
+        """Take in what an action led to, and return the sensor to grow now, if any.
+
+        Args:
+            action: The one taken.
+            state: ``(2N,)``, recorded before.
+            closure: ``(2N,)``, of what it switched on, by what was believed before.
+            bits: ``(n,)``, what the world's own sensors read after it.
+            known: ``(n,)``, which of that is known; None: all.
+            history: With the observation after it. O(missed N W) time.
+        """
+        came = np.zeros(2 * self._own, np.bool_)
+        came[::2], came[1::2] = bits, ~bits
+        if known is not None:
+            came &= np.repeat(known, 2)
+        self._try(action, state, came)
+        above = closure[: 2 * self._own]
+        guaranteed = above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)
+        for result in np.flatnonzero(came & ~guaranteed).tolist():
+            self._explain(action, state, result, history)
+        return self._birth()
+
+    def _try(
+        self, action: int, state: NDArray[np.bool_], came: NDArray[np.bool_]
+    ) -> None:
+        """Hold the covers under trial against what came."""
+        for (which, result), trials in self._trials.items():
+            if which != action or not came[result | 1] | came[result & ~1]:
+                continue
+            for trial in trials.copy():
+                if not state[list(trial.literals)].all():
+                    continue
+                if came[result]:
+                    trial.held += 1
+                    if trial.held == self._confirmations:
+                        self._ready.append(trial)
+                        trials.remove(trial)
+                else:
+                    trials.remove(trial)
+                    self._fail(action, result)
+        for trial in self._ready.copy():
+            holds = trial.action == action and state[list(trial.literals)].all()
+            if holds and came[trial.result ^ 1]:
+                self._ready.remove(trial)
+                self._fail(action, trial.result)
+
+    def _fail(self, action: int, result: int) -> None:
+        self._failed[action, result] += 1
+        self._wait[action, result] = 1 << min(int(self._failed[action, result]), 40)
+
+    def _explain(
+        self, action: int, state: NDArray[np.bool_], result: int, history: History
+    ) -> None:
+        """Look for a cover of what was not guaranteed, unless one is under trial."""
+        trials = self._trials.setdefault((action, result), [])
+        under_way = (*trials, *(one for one in self._ready if one.result == result))
+        if any(
+            one.action == action and state[list(one.literals)].all()
+            for one in under_way
+        ):
+            return
+        if self._wait[action, result]:
+            self._wait[action, result] -= 1
+            return
+        literals = self._cover(action, state, result, history)
+        if literals is None:
+            self._fail(action, result)
+        elif len(literals) > 1 and (action, literals) not in self._grown:
+            trials.append(_Candidate(action, literals, result))
+
+    def _cover(
+        self, action: int, state: NDArray[np.bool_], result: int, history: History
+    ) -> tuple[int, ...] | None:
+        """Return literals of the state that held together at no counterexample.
+
+        None: there are none, or too many.
+        """
+        against = history.on[:, self._own + action] & history.ticks_of(result ^ 1)
+        literals, sensors = self._contexts[action]
+        here = state[literals]
+        literals, rings = literals[here], history.on[:, sensors[here]]
+        chosen: list[int] = []
+        left = against
+        while left.any():
+            if len(chosen) == LONGEST or not len(literals):
+                return None
+            remain = np.bitwise_count(left[:, np.newaxis] & rings).sum(axis=0)
+            best = int(remain.argmin())
+            if remain[best] == np.bitwise_count(left).sum():
+                return None
+            chosen.append(best)
+            left = left & rings[:, best]
+        for place in chosen.copy():
+            rest = [other for other in chosen if other != place]
+            if not (against & np.bitwise_and.reduce(rings[:, rest], axis=1)).any():
+                chosen = rest
+        return tuple(sorted(literals[chosen].tolist()))
+
+    def _birth(self) -> Context | None:
+        """Return the next sensor that is due."""
+        while self._ready and self._births < self._room:
+            due = self._ready.pop(0)
+            self._failed[due.action, due.result] = 0
+            self._wait[due.action, due.result] = 0
+            if due.context not in self._grown:
+                self._grown.add(due.context)
+                self._births += 1
+                return due.context
+        return None
+
+    def retire(self, context: Context) -> None:
+        """Take in that a sensor is not read any more: it may be grown again."""
+        self._grown.discard(context)
+
+    def trials(self) -> Iterator[Context]:
+        """Return the covers under trial."""
+        for trials in self._trials.values():
+            yield from (trial.context for trial in trials)

@@ -1,0 +1,255 @@
+"""Planning by imagined waves: what each action leads to, and then what next.
+
+From an imagined state the consequences of every action are asked for, a round of waves
+for all states that are as many steps away. What an action guarantees is the next
+imagined state. The first that has all of the target gives the shortest plan there is in
+what has been learned. It is kept until something comes that it did not expect.
+
+An action can be imagined where each of its contexts has been met: of a context that
+never was, nothing has been learned, though it may seem to imply a lot.
+
+References:
+    Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
+    Reactive Planning") and names "replanning in the face of failure" as future work.
+    To go where an outcome is unknown is the exploration of R-max (Brafman & Tennenholtz
+    2002), without its table.
+"""
+
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.actions import Actions, guaranteed
+from neurosnap.agent.body import Body, Contexts
+from neurosnap.agent.experience import Experience
+from neurosnap.agent.planner import Planner, target_literals
+from neurosnap.agent.policy import (
+    Closures,
+    Deliberation,
+    Signal,
+    checked_share,
+)
+from neurosnap.agent.random_numbers import RandomNumbers, pick
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import complement
+
+STATES: Final = 2000
+"""Imagined states a decision may take, unless another number is given."""
+_SHOWN = 6  # actions of a plan that a reason names
+
+_Search = Generator[list[Signal], Closures, "_Plan | None"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Node:
+    """An imagined state and how it is reached."""
+
+    state: NDArray[np.bool_]
+    before: "_Node | None" = None
+    action: int = -1
+
+    def way(self) -> list["_Node"]:
+        """Return the nodes from the first, which no action led to, to this one."""
+        nodes: list[_Node] = []
+        node: _Node | None = self
+        while node is not None:
+            nodes.append(node)
+            node = node.before
+        return nodes[::-1]
+
+
+@dataclass(slots=True)
+class _Plan:
+    """Actions, and what is expected after each."""
+
+    actions: list[int]
+    expected: list[NDArray[np.intp]]
+    why: str
+
+
+class ImaginingPlanner:
+    """Plans by imagined waves; where that leads nowhere, as the greedy planner does.
+
+    Args:
+        body: What is sensed and done; its actions exclude each other.
+        target: Literals to be achieved jointly; none: to explore is all there is to do.
+        seed: Draws among equals, and when to act at random.
+        explore: The share of random actions, in [0, 1].
+        experience: What was met so far; whoever decides by this keeps it up to date.
+        states: How many states a decision may imagine.
+        curious: Whether to go to the nearest action with an unknown outcome where no
+            plan leads to the target.
+
+    Raises:
+        InvalidValueError: As for `Planner`; or the actions do not exclude each other,
+            or there is neither a target nor curiosity.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        target: Iterable[str | int],
+        seed: int,
+        explore: float,
+        experience: Experience,
+        states: int = STATES,
+        curious: bool = False,
+    ) -> None:
+        if not body.exclusive:
+            rule = "must come with actions that exclude each other"
+            raise InvalidValueError("imagine", rule, body.actions)
+        if states < 1:
+            raise InvalidValueError("imagine", "must be 1 or more", states)
+        wanted = tuple(target)
+        if not wanted and not curious:
+            rule = "must name a sensation to achieve, or come with exploration"
+            raise InvalidValueError("target", rule, "nothing")
+        self._greedy = Planner(body, wanted, seed, explore) if wanted else None
+        self._target = list(target_literals(body, wanted)) if wanted else []
+        self._explore = checked_share(explore)
+        self._random = RandomNumbers(seed)
+        self._experience = experience
+        self._states = states
+        self._curious = curious
+        self._own = len(body.own)
+        self._names = body.actions
+        self._position = body.position[: 2 * self._own]
+        self._plan: _Plan | None = None
+        self._fit(body)
+
+    def _fit(self, body: Body) -> None:
+        self._actions = Actions(body)
+        self._contexts = Contexts(body)
+        self._first = 2 * (self._own + len(body.actions))  # contextual literal
+
+    def grow(self, body: Body) -> None:
+        """Go on with a body that has one more sensor; the plan is kept."""
+        self._fit(body)
+        if self._greedy is not None:
+            self._greedy.grow(body)
+
+    def forget(self) -> None:
+        """Drop the plan: the next decision depends on the present alone."""
+        self._plan = None
+
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Follow the plan, or ask for the consequences of actions until there is one.
+
+        Args:
+            tick: The tick whose state is known.
+            state: ``(2N,)``, the coherent state.
+        """
+        draws = self._random.at(tick)
+        if draws[1] < self._explore:
+            self._plan = None
+            return pick(np.arange(len(self._names)), draws[0]), "at random, to explore"
+        here = state[: 2 * self._own] & self._position
+        if self._plan is None or not self._goes_on(self._plan, here):
+            self._plan = yield from self._search(here, draws[0])
+        if self._plan is not None:
+            return self._step(self._plan)
+        if self._greedy is not None:
+            return (yield from self._greedy.decide(tick, state))
+        return pick(np.arange(len(self._names)), draws[0]), "at random: all is known"
+
+    def _goes_on(self, plan: _Plan, here: NDArray[np.bool_]) -> bool:
+        """Return whether what was expected is sensed, and there is more to do."""
+        return bool(plan.actions) and bool(here[plan.expected[0]].all())
+
+    def _step(self, plan: _Plan) -> tuple[int, str]:
+        why = self._told(plan)
+        plan.expected.pop(0)
+        return plan.actions.pop(0), why
+
+    def _told(self, plan: _Plan) -> str:
+        names = [self._names[action] for action in plan.actions]
+        more = ", …" if len(names) > _SHOWN else ""
+        return f"{plan.why}in {len(names)}: {', '.join(names[:_SHOWN])}{more}"
+
+    def _search(self, here: NDArray[np.bool_], draw: float) -> _Search:
+        """Imagine, all states of one distance at a time, until the target is met.
+
+        Returns:
+            The shortest plan. If there is none and the planner is curious, that to the
+            nearest unknown outcome; if nothing is unknown, to the nearest end of an
+            episode: the next may begin elsewhere. None: there is neither.
+        """
+        frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
+        met = self._experience.met
+        always = met & ~complement(met)  # a sensor that never changed
+        unknown: list[tuple[_Node, int]] = []
+        end: _Node | None = None  # the nearest
+        while frontier and not (unknown and not self._target):
+            asked: list[tuple[_Node, int]] = []
+            signals: list[Signal] = []
+            doubtful: list[tuple[_Node, int]] = []
+            for node in frontier:
+                # Where it is now an action is due in any case.
+                ends = node.before is not None and self._experience.ends
+                if ends and node.state.tobytes() in ends:
+                    end = end or node
+                    continue
+                possible = self._imaginable(node.state)
+                for action, signal in enumerate(self._actions.signals(node.state)):
+                    if possible[action]:
+                        asked.append((node, action))
+                        signals.append(signal)
+                    else:
+                        doubtful.append((node, action))
+            closures = (yield signals) if signals else ()
+            frontier = []
+            for (node, action), bound in zip(asked, _bound(closures), strict=True):
+                state = bound[: 2 * self._own] | always[: 2 * self._own]
+                if self._target and state[self._target].all():
+                    return self._planned(_Node(state, node, action), "")
+                place = state & self._position
+                if not self._is_whole(place, self._experience.hopeless[action]):
+                    doubtful.append((node, action))
+                key = place.tobytes()
+                if key not in seen and len(frontier) < left:
+                    seen.add(key)
+                    frontier.append(_Node(place, node, action))
+            left -= len(frontier)
+            unknown = unknown or doubtful
+        if not self._curious:
+            return None
+        nothing = np.zeros(2 * self._own, np.bool_)
+        if unknown:
+            node, action = unknown[int(draw * len(unknown))]
+            why = f"to learn what {self._names[action]} does there, "
+            return self._planned(_Node(nothing, node, action), why)
+        if end is not None:
+            action = int(draw * len(self._names))
+            why = "to begin another episode, "
+            return self._planned(_Node(nothing, end, action), why)
+        return None
+
+    def _planned(self, last: _Node, why: str) -> _Plan:
+        first, *way = last.way()
+        expected = [first, *way[:-1]]
+        return _Plan(
+            [node.action for node in way],
+            [(node.state & self._position).nonzero()[0] for node in expected],
+            why,
+        )
+
+    def _imaginable(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return for each action whether all its contexts in a state have been met."""
+        met = self._experience.met[self._first :: 2]
+        never = self._contexts.hold(state) & ~met
+        possible = np.ones(len(self._names), np.bool_)
+        possible[self._contexts.action[never]] = False
+        return possible
+
+    def _is_whole(self, place: NDArray[np.bool_], hopeless: NDArray[np.bool_]) -> bool:
+        """Return whether all is said of a state that can be said beforehand."""
+        said = place | hopeless | ~self._position
+        return bool(said.reshape(-1, 2).any(axis=1).all())
+
+
+def _bound(closures: Closures) -> NDArray[np.bool_]:
+    """Return what each signal guarantees: ``(n, 2N)``."""
+    return guaranteed(closures) if len(closures) else np.zeros((0, 0), np.bool_)

@@ -1,0 +1,141 @@
+"""Agents that grow sensors in worlds where no single sensation says what happens."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from neurosnap.agent.actions import Actions, guaranteed
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.planner import Planner
+from tests.support.taught_agents import distances, state_readings
+from world.table import Table, state_fields
+from world.toy_text import cliff_walking, frozen_lake
+
+
+class Grown:
+    """An agent that explored a world, held against the table of that world."""
+
+    def __init__(
+        self, env: BinarySensors, steps: int, seed: int, **options: Any
+    ) -> None:
+        self.env, self.table, self.greedy = env, Table.of(env), False
+        self.fields = np.array(state_fields(env, self.table))
+        given = {"grow": True, "imagine": True, "explore": 0.0, **options}
+        self.agent = Agent.of(env, "planner", target=["row<1"], seed=seed, **given)
+        self.agent.learn(env, steps, seed=seed)
+
+    def literals(self, place: int) -> set[int]:
+        return {
+            2 * sensor + (not on) for sensor, on in enumerate(self.fields[:, place])
+        }
+
+    def moves(self) -> tuple[int, int, int]:
+        """Return how many moves are guaranteed whole, falsely, and how many there are.
+
+        Moves from where an episode is over are none.
+        """
+        graph = self.agent.snapshot.poc_graph()
+        actions = Actions(self.agent.body)
+        own = 2 * len(self.agent.body.own)
+        whole = false = count = 0
+        table = self.table
+        for before, action, after in zip(
+            table.before.tolist(),
+            table.action.tolist(),
+            table.after.tolist(),
+            strict=True,
+        ):
+            if table.over[before]:
+                continue
+            state = np.zeros(2 * len(self.agent.body.sensors), np.bool_)
+            state[list(self.literals(before))] = True
+            closure = graph.up(actions.signals(state)[action])
+            said = set(np.flatnonzero(guaranteed([closure])[0][:own]).tolist())
+            whole += said >= self.literals(after)
+            false += not said <= self.literals(after)
+            count += 1
+        return whole, false, count
+
+    def journeys(self, every: int = 1) -> list[tuple[int, float]]:
+        """Go from each place to each, and return steps taken and steps needed."""
+        found = []
+        table, env = self.table, self.env
+        for goal in range(0, len(table.states), every):
+            at = (self.fields == self.fields[:, [goal]]).all(axis=0)
+            need = distances(table, at)
+            for start in range(len(table.states)):
+                if not table.over[start] and 0 < need[start] < np.inf:
+                    taken = self.send(start, goal, int(need[start]))
+                    found.append((taken, need[start]))
+        env.close()
+        return found
+
+    def send(self, start: int, goal: int, most: int) -> int:
+        """Return the steps to a place; one more than `most` if that is not enough."""
+        env, goal_reads = self.env, self.fields[:, goal]
+        inner: Any = env.unwrapped
+        if self.greedy:
+            body = self.agent.body
+            self.agent._policy = Planner(body, self.literals(goal), 0, explore=0.0)
+        else:
+            self.agent.aim(self.literals(goal))
+        self.agent.set_down()
+        env.reset(seed=0)
+        inner.s = int(self.table.states[start])
+        bits = state_readings(env)
+        for steps in range(most + 1):
+            if np.array_equal(bits, goal_reads):
+                return steps
+            action = self.agent.act(bits, begins=steps == 0).action
+            bits = np.asarray(env.step(action)[0], np.bool_)
+        return most + 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_move_on_the_lake_is_guaranteed_and_every_way_the_shortest(
+    seed: int,
+) -> None:
+    lake = Grown(frozen_lake(), 1000, seed)
+    assert lake.moves() == (44, 0, 44)
+    assert len(lake.agent.body.in_use) <= 25
+    journeys = lake.journeys()
+    assert len(journeys) == 165
+    assert [taken for taken, _ in journeys] == [need for _, need in journeys]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_every_move_at_the_cliff_is_guaranteed_and_every_way_the_shortest(
+    seed: int,
+) -> None:
+    cliff = Grown(cliff_walking(), 3000, seed)
+    assert cliff.moves() == (148, 0, 148)
+    assert len(cliff.agent.body.in_use) <= 35
+    journeys = cliff.journeys(every=6)
+    assert [taken for taken, _ in journeys] == [need for _, need in journeys]
+
+
+def test_neither_growth_nor_imagining_alone_is_enough() -> None:
+    plain = Grown(frozen_lake(), 1000, 0, grow=False)
+    assert plain.agent.body.grown == ()
+    whole, _, count = plain.moves()
+    assert whole < count
+    imagined = sum(taken <= need for taken, need in plain.journeys())
+
+    grown = Grown(frozen_lake(), 1000, 0)
+    grown.greedy = True
+    greedy = sum(taken <= need for taken, need in grown.journeys())
+    both = Grown(frozen_lake(), 1000, 0).journeys()
+    assert all(taken == need for taken, need in both)
+    assert max(imagined, greedy) < len(both)
+
+
+def test_it_is_the_same_again() -> None:
+    def births(world: Callable[[], BinarySensors]) -> tuple[Any, bytes]:
+        grown = Grown(world(), 300, 4)
+        return grown.agent.body.grown, grown.agent.snapshot.to_bytes()
+
+    assert births(frozen_lake) == births(frozen_lake)

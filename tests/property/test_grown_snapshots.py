@@ -1,0 +1,155 @@
+"""A grown sensor has the weights it would have had, had it always been there."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.sensorium import Sensorium
+
+Bits = NDArray[np.bool_]
+
+
+def new(kind: str, names: tuple[str, ...]) -> Snapshot:
+    if kind == "empirical":
+        return EmpiricalSnapshot(Sensorium(names), 0.1)
+    return DiscountedSnapshot(Sensorium(names), 0.1, 0.75)
+
+
+def read(literal: int, bits: Bits, known: Bits) -> bool | None:
+    """Return whether a literal was read; None: its sensor's reading is unknown."""
+    if not known[literal >> 1]:
+        return None
+    return bool(bits[literal >> 1]) != bool(literal & 1)
+
+
+def joined(members: tuple[int, ...], bits: Bits, known: Bits) -> tuple[bool, bool]:
+    """Return what a conjunction reads, and whether that is known."""
+    each = [read(literal, bits, known) for literal in members]
+    if any(one is False for one in each):
+        return False, True
+    return (True, True) if all(each) else (False, False)
+
+
+@st.composite
+def walks(draw: st.DrawFn) -> tuple[Bits, Bits, tuple[int, ...], int]:
+    """Draw readings, which are known, the members of a sensor, and when it is grown."""
+    count, ticks = draw(st.integers(2, 5)), draw(st.integers(1, 150))
+    seed = draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    bits = rng.random((ticks, count)) < rng.random(count)
+    whole = draw(st.booleans())
+    known = np.ones_like(bits) if whole else rng.random((ticks, count)) < 0.8
+    chosen = draw(st.permutations(range(count)))[: draw(st.integers(1, count))]
+    members = tuple(sorted(2 * s + draw(st.integers(0, 1)) for s in chosen))
+    return bits, known, members, draw(st.integers(1, ticks))
+
+
+@pytest.mark.parametrize("kind", ["empirical", "discounted"])
+@given(walks())
+def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
+    kind: str, walk: tuple[Bits, Bits, tuple[int, ...], int]
+) -> None:
+    bits, known, members, birth = walk
+    names = Sensorium.of(bits.shape[1]).names
+    grown, always = new(kind, (*names, "free")), new(kind, (*names, "new"))
+    count, history = len(names), History(len(names) + 1, 64)
+    unread = np.zeros(1, np.bool_)
+    began = max(0, birth - 64)
+    for tick in range(len(bits)):
+        extra = joined(members, bits[tick], known[tick])
+        more = np.append(bits[tick], extra[0]), np.append(known[tick], extra[1])
+        if tick >= birth:
+            grown.observe(*more)
+        else:
+            nothing = np.append(bits[tick], unread), np.append(known[tick], unread)
+            grown.observe(*nothing)
+            history.enter(*nothing)
+        if tick >= began:
+            always.observe(*more)
+        if tick + 1 == birth:
+            grown.grow(count, "new", members, history)
+    assert grown.sensorium == always.sensorium
+    if began:  # Of the others it knows more than that.
+        squares = grown._weights.all(grown._total())[:, -count:]
+        expected = always._weights.all(always._total())[:, -count:]
+        np.testing.assert_allclose(squares, expected, atol=1e-12)
+        return
+    total = grown._total()
+    np.testing.assert_allclose(
+        grown._weights.all(total), always._weights.all(total), atol=1e-12
+    )
+    assert grown.poc_graph().edges.tolist() == always.poc_graph().edges.tolist()
+    if birth < len(bits):
+        assert grown.state.tolist() == always.state.tolist()
+
+
+@pytest.mark.parametrize("kind", ["empirical", "discounted"])
+@given(walks())
+def test_what_was_there_is_as_it_was(
+    kind: str, walk: tuple[Bits, Bits, tuple[int, ...], int]
+) -> None:
+    bits, known, members, birth = walk
+    count = bits.shape[1]
+    snapshot = new(kind, (*Sensorium.of(count).names, "free"))
+    history = History(count + 1, 64)
+    for tick in range(birth):
+        more = np.append(bits[tick], False), np.append(known[tick], False)
+        snapshot.observe(*more)
+        history.enter(*more)
+    before = Snapshot.from_bytes(snapshot.to_bytes())
+    old = range(2 * count)
+    pairs = [(a, b) for a in old for b in old if a >> 1 != b >> 1]
+    snapshot.grow(count, "new", members, history)
+    assert snapshot.sensorium.names[-1] == "new"
+    for a, b in pairs:
+        assert snapshot.weight(a, b) == before.weight(a, b)
+    inside = np.ix_(old, old)
+    edges = snapshot.poc_graph().edges
+    assert edges[inside].tolist() == before.poc_graph().edges[inside].tolist()
+    assert snapshot.state[old].tolist() == before.state[old].tolist()
+    again = Snapshot.from_bytes(snapshot.to_bytes())
+    assert again.to_bytes() == snapshot.to_bytes()
+    assert again.poc_graph().edges.tolist() == edges.tolist()
+
+    snapshot.silence(count)
+    assert not snapshot.poc_graph().edges[-2:].any()
+    assert not snapshot.state[-2:].any()
+    assert snapshot.poc_graph().edges.tolist() == before.poc_graph().edges.tolist()
+
+
+def test_a_history_keeps_the_last_ticks_in_order() -> None:
+    history, rng = History(3, 64), np.random.default_rng(1)
+    bits, known = rng.random((200, 3)) < 0.5, rng.random((200, 3)) < 0.7
+    for tick in range(200):
+        history.enter(bits[tick], known[tick])
+        first = max(0, tick - 63)
+        on, off = history.unrolled(history.on), history.unrolled(history.off)
+        assert on.tolist() == (bits & known)[first : tick + 1].tolist()
+        assert off.tolist() == (~bits & known)[first : tick + 1].tolist()
+    again = History.from_arrays(history.arrays())
+    assert again.ticks == history.ticks == 64
+    assert again.unrolled(again.on).tolist() == (bits & known)[-64:].tolist()
+
+
+def test_what_cannot_be_grown_is_refused() -> None:
+    snapshot, history = EmpiricalSnapshot(3, 0.1), History(3)
+    with pytest.raises(InvalidValueError, match="must be unique"):
+        snapshot.grow(2, "s0", [0, 2], history)
+    with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 4"):
+        snapshot.grow(2, "new", [0, 4], history)
+    with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
+        snapshot.grow(3, "new", [0, 2], history)
+    with pytest.raises(ShapeError, match="history: must be of 3 sensors, got 4"):
+        snapshot.grow(2, "new", [0, 2], History(4))
+    each = EmpiricalSnapshot(3, np.full((3, 3), 0.1))
+    with pytest.raises(InvalidValueError, match="must be one number where sensors"):
+        each.grow(2, "new", [0, 2], history)
+    with pytest.raises(InvalidValueError, match="history: must be a multiple of 64"):
+        History(2, 100)
+    assert snapshot.sensorium.names == ("s0", "s1", "s2")
+    assert not history.on.any()

@@ -1,0 +1,193 @@
+"""Which sensors are grown: covers of counterexamples, tried before they are born."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body, Context, Senses
+from neurosnap.agent.grower import LONGEST, Grower
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.history import History
+from neurosnap.sensorium import complete
+
+Bits = NDArray[np.bool_]
+NAMES = ("a", "b", "c", "hit")
+HIT = 2 * NAMES.index("hit")
+
+
+@dataclass
+class Watched:
+    """A grower that is shown steps one by one, and told that nothing is believed."""
+
+    room: int = 200
+    confirmations: int = 5
+
+    def __post_init__(self) -> None:
+        self.body = Body.full(NAMES, ["go", "stay"], room=self.room)
+        self.grower = Grower(self.body, self.confirmations)
+        self.history = History(len(self.body.sensors), 64)
+        self.senses = Senses(self.body)
+        self.births: list[Context] = []
+
+    def show(self, before: str, after: str, action: int = 0) -> Context | None:
+        """Show a step from one state to another, each as the names that are on."""
+        state = np.zeros(2 * len(self.body.sensors), np.bool_)
+        state[: 2 * len(NAMES)] = complete(bits(before))
+        observation = self.senses.observe(bits(after), action, state)
+        self.history.enter(observation)
+        nothing = np.zeros_like(state)
+        found = self.grower.notice(
+            action, state, nothing, observation[: len(NAMES)], None, self.history
+        )
+        if found is not None:
+            self.births.append(found)
+        return found
+
+
+def bits(names: str) -> Bits:
+    return np.array([name in names.split() for name in NAMES])
+
+
+def grown(*names: str, action: int = 0) -> Context:
+    """Return a context by the names of its literals."""
+    return action, tuple(
+        sorted(2 * NAMES.index(one.rstrip("*")) + one.endswith("*") for one in names)
+    )
+
+
+BEFORE = ("", "a", "b", "a b", "c", "a c", "b c", "a b c")
+
+
+def test_what_two_sensations_guarantee_together_is_grown() -> None:
+    watched = Watched()
+    for _ in range(20):
+        for before in BEFORE:
+            watched.show(before, "hit" if {"a", "b"} <= set(before.split()) else "")
+    assert grown("a", "b") in watched.births
+    # Nothing else comes of one sensation, and of what has none it takes no cover.
+    assert all(len(literals) > 1 for _, literals in watched.births)
+
+
+def test_a_cover_is_confirmed_before_it_is_born() -> None:
+    watched = Watched(confirmations=3)
+    for before in BEFORE[:-1]:
+        watched.show(before, "hit" if before == "a b" else "")
+    found = [watched.show("a b", "hit") for _ in range(4)]
+    assert [one is not None for one in found].index(True) >= 2
+    assert grown("a", "b") in watched.births
+
+
+def test_a_cover_that_fails_is_dropped_and_the_next_waits() -> None:
+    watched = Watched()
+    for before, after in (("a", ""), ("b", ""), ("c", ""), ("a b", "hit")):
+        watched.show(before, after)
+    assert set(watched.grower.trials()) == {grown("a", "b")}
+    watched.show("a b", "")
+    assert not set(watched.grower.trials())
+    for _ in range(2):  # after the first failure two surprises pass
+        watched.show("a b c", "hit")
+        assert not set(watched.grower.trials())
+    watched.show("a b c", "hit")
+    (trial,) = watched.grower.trials()
+    assert 2 * NAMES.index("c") in trial[1]
+
+
+def test_what_is_left_to_chance_is_told_as_hopeless_and_not_grown() -> None:
+    watched, rng = Watched(), np.random.default_rng(3)
+    for _ in range(400):
+        watched.show("a b", "hit" if rng.random() < 0.5 else "")
+    assert watched.births == []
+    assert watched.grower.hopeless[0, HIT]
+    assert not watched.grower.hopeless[1].any()
+
+
+def test_no_more_are_grown_than_there_is_room_for() -> None:
+    few, many = Watched(room=1), Watched()
+    for watched in (few, many):
+        for _ in range(30):
+            for before in BEFORE:
+                on = set(before.split())
+                came = "hit" if {"a", "b"} <= on else "c" if {"c", "a"} <= on else ""
+                watched.show(before, came)
+    assert len(few.births) == 1
+    assert len(many.births) > 1
+    assert few.births == many.births[:1]
+
+
+def test_the_same_steps_lead_to_the_same_births() -> None:
+    def births(seed: int) -> list[Context]:
+        watched, rng = Watched(), np.random.default_rng(seed)
+        for _ in range(300):
+            before = BEFORE[rng.integers(len(BEFORE))]
+            action = int(rng.integers(2))
+            on = {"a", "b"} <= set(before.split())
+            watched.show(before, "hit" if on and action else "c", action)
+        return watched.births
+
+    assert births(5) == births(5)
+    assert grown("a", "b", action=1) in births(5)
+
+
+@given(st.data())
+def test_a_cover_holds_at_no_counterexample_and_needs_all_its_literals(
+    data: st.DataObject,
+) -> None:
+    watched = Watched()
+    seen: list[tuple[set[int], set[int], int]] = []
+    steps = data.draw(
+        st.lists(
+            st.tuples(
+                st.sampled_from(BEFORE), st.sampled_from(("", "hit")), st.integers(0, 1)
+            ),
+            min_size=1,
+            max_size=60,
+        )
+    )
+    for before, after, action in steps:
+        known = set(watched.grower.trials())
+        watched.show(before, after, action)
+        now = set(np.flatnonzero(complete(bits(before))).tolist())
+        came = set(np.flatnonzero(complete(bits(after))).tolist())
+        seen.append((now, came, action))
+        for which, literals in set(watched.grower.trials()) - known:
+            assert which == action
+            assert 1 < len(literals) <= LONGEST
+            assert set(literals) <= now
+            # For one of the results that came, none against it is covered, and each
+            # literal keeps one out.
+            assert any(
+                _covers(seen, action, literals, result)
+                and not any(
+                    _covers(seen, action, [a for a in literals if a != left], result)
+                    for left in literals
+                )
+                for result in came
+            )
+
+
+def _covers(
+    seen: list[tuple[set[int], set[int], int]],
+    action: int,
+    literals: list[int] | tuple[int, ...],
+    result: int,
+) -> bool:
+    """Tell whether no step against a result has all the literals."""
+    return not any(
+        which == action and result ^ 1 in came and set(literals) <= before
+        for before, came, which in seen
+    )
+
+
+@pytest.mark.parametrize(
+    "body",
+    [Body(own=("a",), actions=("go",)), Body.full(["a"], ["go"], exclusive=False)],
+)
+def test_actions_must_be_sensed_in_context_and_exclude_each_other(body: Body) -> None:
+    rule = "grow: must come with actions that exclude each other, sensed in context"
+    with pytest.raises(InvalidValueError, match=re.escape(rule)):
+        Grower(body)
