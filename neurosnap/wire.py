@@ -358,8 +358,11 @@ class Anomaly(_Message, frozen=True, tag="anomaly"):
     """The tick since which it is believed."""
 
 
-class Decision(_Message, frozen=True, tag="decision"):
-    """What to do next; the world answers it with the observation of ``tick + 1``."""
+class Decision(_Message, frozen=True, tag="decision", omit_defaults=True):
+    """What to do next; the world answers it with the observation of ``tick + 1``.
+
+    It also says which sensor is grown, or is read no more, from that observation on.
+    """
 
     _key: ClassVar[str] = "decide"
 
@@ -369,6 +372,20 @@ class Decision(_Message, frozen=True, tag="decision"):
     """The action, -1 where the source takes none."""
     why: str
     """The reason, for people."""
+    born: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """The number of the sensor that is grown; -1: none is."""
+    context: Natural = 0
+    """The action of its context."""
+    literals: Naturals = ()
+    """The literals that must have been in the state before, ascending."""
+    history: Natural = 0
+    """How many ticks its weights come from."""
+    weights: bytes = b""
+    """The four weights of its pairs with the sensors before it, row by row."""
+    codes: bytes = b""
+    """What follows from them, one byte a pair."""
+    retires: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """The number of the grown sensor that is read no more; -1: none is."""
 
 
 class KeyFrame(_Message, frozen=True, tag="keyframe"):
@@ -402,6 +419,8 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     """Observations so far that contradicted what was learned."""
     anomalies: Natural = 0
     """Those that contradicted what was believed before they were learned."""
+    agent: bytes = b""
+    """What an agent that grows sensors or imagines knows besides, as arrays."""
 
 
 class Fault(_Message, frozen=True, tag="fault"):

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body, Context, Senses
+from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.environment import describe
-from neurosnap.agent.experience import Experience
-from neurosnap.agent.grower import ROOM
-from neurosnap.agent.growth import Growth
+from neurosnap.agent.growth.grower import ROOM
 from neurosnap.agent.imagining import STATES, ImaginingPlanner
+from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.outing import Outing, walk
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policies import new_policy
@@ -40,7 +39,7 @@ class Agent:
             surprises the agent.
         policy: Decides.
         snapshot: Learns, one sensor for each of the body's; None: a new empirical one.
-        experience: What a policy that imagines has to know; None: it does not imagine.
+        memory: That of a policy that imagines; None: a new one, for one that does not.
 
     Raises:
         ShapeError: The snapshot has another number of sensors.
@@ -65,9 +64,8 @@ class Agent:
         body: Body,
         policy: Policy,
         snapshot: Snapshot | None = None,
-        experience: Experience | None = None,
+        memory: AgentMemory | None = None,
     ) -> None:
-        self.body = body
         self.snapshot = (
             EmpiricalSnapshot(Sensorium(body.sensors)) if snapshot is None else snapshot
         )
@@ -79,8 +77,7 @@ class Agent:
         self._senses = Senses(body)
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._decision = Decision(0, -1, "the run begins")
-        self._experience = experience
-        self._growth = Growth(body) if body.room else None
+        self._memory = AgentMemory(body) if memory is None else memory
         self._seed = 0
         self._taken: tuple[int, ...] | None = None  # the environment's actions
 
@@ -133,7 +130,7 @@ class Agent:
         )
         if snapshot is None and room:
             snapshot = EmpiricalSnapshot(Sensorium(body.sensors), _EXACT)
-        experience = Experience(body) if imagine or room else None
+        memory = AgentMemory(body, imagines=bool(imagine or room))
         policy = new_policy(
             kind,
             body,
@@ -141,9 +138,9 @@ class Agent:
             target=target,
             explore=explore,
             imagine=STATES if imagine is True else int(imagine),
-            experience=experience,
+            experience=memory.experience,
         )
-        agent = cls(body, policy, snapshot, experience)
+        agent = cls(body, policy, snapshot, memory)
         agent._seed = seed
         agent._taken = tuple(said.actions.index(name) for name in actions)
         return agent
@@ -215,11 +212,12 @@ class Agent:
         Raises:
             InvalidValueError: It does not imagine, or the target is not fit for it.
         """
-        if self._experience is None:
+        experience = self._memory.experience
+        if experience is None:
             rule = "must be one that imagines or grows sensors"
             raise InvalidValueError("agent", rule, type(self._policy).__name__)
         self._policy = ImaginingPlanner(
-            self.body, target, self._seed, explore, self._experience, curious=True
+            self.body, target, self._seed, explore, experience, curious=True
         )
 
     def _sent(
@@ -243,6 +241,11 @@ class Agent:
         finally:
             before.grow(self.body)
             self._policy = before
+
+    @property
+    def body(self) -> Body:
+        """What is sensed and done by now."""
+        return self._memory.body
 
     @property
     def decision(self) -> Decision:
@@ -294,20 +297,18 @@ class Agent:
         step = (-1 if begins else last.action, self.state)
         observation = self._senses.observe(own, *step)
         known = self._senses.known(sure, *step, self._known)
-        if self._experience is not None and last.action >= 0:
-            self._experience.leave(self.body.place(step[1]), ends=begins)
-        context = None
-        if self._growth is not None:
-            context = self._growth.notice(*step, self._graph(), observation, known)
+        self._memory.observe(
+            last.action, begins, step[1], self._graph(), observation, known
+        )
         state = self.snapshot.observe(observation, known)
         self._known = sure
-        if self._experience is not None:
-            self._experience.enter(state)
-            if self._growth is not None:
-                self._experience.hopeless = self._growth.hopeless
+        self._memory.settle(state)
         action, why = decided(self._policy.decide(tick, state), self._graph().up)
-        self._decision = Decision(tick, action, why)
-        self._change(tick, context)
+        changes = self._memory.changes(tick, self._graph(), self.snapshot)
+        self._decision = Decision(tick, action, why, **changes)
+        if self._memory.follow(self._decision, self.snapshot):
+            self._senses = Senses(self.body)
+            self._policy.grow(self.body)
         return self._decision
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
@@ -327,25 +328,6 @@ class Agent:
         closure: NDArray[np.bool_] = self._graph().up(signals[number])
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound
-
-    def _change(self, tick: int, context: Context | None) -> None:
-        """Grow a sensor, or let one retire, once the tick is over."""
-        growth, body = self._growth, self.body
-        if growth is None:
-            return
-        if context is not None:
-            body = body.grow(context)
-            growth.grow(body, self.snapshot)
-        else:
-            place = growth.needless(tick, self._graph())
-            if place is None:
-                return
-            body = body.retire(place)
-            growth.retire(body, self.snapshot, place)
-        self.body, self._senses = body, Senses(body)
-        self._policy.grow(body)
-        if self._experience is not None:
-            self._experience.enter(self.snapshot.state)
 
     def _checked(self, known: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
         """Return which own readings are known, as a source says it; None: all are."""

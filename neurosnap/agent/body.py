@@ -181,6 +181,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         felt = len(self.actions) * self.senses_actions
         return len(self.own) + felt + len(self.context)
 
+    def members(self, context: Context) -> list[int]:
+        """Return the literals of the single contexts that make one of several."""
+        action, literals = context
+        first = self.first_grown - len(self.context)
+        return [2 * (first + self.context.index((action, a))) for a in literals]
+
     @property
     def sensors(self) -> tuple[str, ...]:
         """The names of all sensors, in order."""

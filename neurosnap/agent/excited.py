@@ -72,7 +72,7 @@ class Excited:
         return int(action), _WHY[int(why)]
 
     def grow(self, body: Body) -> None:
-        """Go on with a body that has one more sensor."""
+        """Go on with a body that has grown, or retired, a sensor."""
         self._actions = Actions(body)
 
 

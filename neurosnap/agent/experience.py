@@ -1,9 +1,34 @@
 """What an agent has met so far, as far as imagining needs to know it."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.poc.learning.archive import Arrays, entry
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Actions in a row, and where each is to be taken."""
+
+    actions: tuple[int, ...]
+    """One or more."""
+    places: NDArray[np.bool_]
+    """``(actions, 2n)``: what is expected to be sensed before each."""
+    why: str
+    """How its reason begins."""
+
+    def goes_on(self, place: NDArray[np.bool_]) -> bool:
+        """Return whether what is sensed, ``(2n,)``, is all that was expected."""
+        return not (self.places[0] & ~place).any()
+
+    def step(self) -> tuple[int, "Plan | None"]:
+        """Return the next action, and the plan behind it."""
+        action, *rest = self.actions
+        after = Plan(tuple(rest), self.places[1:], self.why) if rest else None
+        return action, after
 
 
 class Experience:
@@ -18,12 +43,14 @@ class Experience:
             the last time: what is done there is not seen.
         hopeless: ``(actions, 2n)``: which results of an action, literals of the world's
             own, seem to be left to chance.
+        plan: What is under way; None: nothing is.
     """
 
     def __init__(self, body: Body) -> None:
         self.met = np.zeros(2 * len(body.sensors), np.bool_)
         self.ends: set[bytes] = set()
         self.hopeless = np.zeros((len(body.actions), 2 * len(body.own)), np.bool_)
+        self.plan: Plan | None = None
 
     def leave(self, place: NDArray[np.bool_], ends: bool) -> None:
         """Take in what came after a place: another episode, or the next step.
@@ -40,3 +67,33 @@ class Experience:
     def enter(self, state: NDArray[np.bool_]) -> None:
         """Take in a state: ``(2N,)``."""
         self.met |= state
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        size = self.hopeless.shape[1]
+        plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
+        ends = [np.frombuffer(place, np.bool_) for place in sorted(self.ends)]
+        return {
+            "met": self.met,
+            "ends": np.array(ends, np.bool_).reshape(len(ends), size),
+            "plan": np.array(plan.actions, np.int64),
+            "places": plan.places,
+            "why": np.array(plan.why, np.str_),
+        }
+
+    def restore(self, arrays: Arrays) -> None:
+        """Be as the arrays say.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        self.met = entry(arrays, "met", self.met.shape, np.bool_).copy()
+        count = len(arrays["ends"]) if "ends" in arrays else 0
+        shape = (count, self.hopeless.shape[1])
+        ends = entry(arrays, "ends", shape, np.bool_)
+        self.ends = {place.tobytes() for place in ends}
+        steps = arrays["plan"].size if "plan" in arrays else 0
+        actions = entry(arrays, "plan", (steps,), np.int64).tolist()
+        places = entry(arrays, "places", (steps, shape[1]), np.bool_)
+        why = str(entry(arrays, "why", (), np.str_).item())
+        self.plan = Plan(tuple(actions), places, why) if steps else None

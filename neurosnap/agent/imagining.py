@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body, Contexts
-from neurosnap.agent.experience import Experience
+from neurosnap.agent.experience import Experience, Plan
 from neurosnap.agent.planner import Planner, target_literals
 from neurosnap.agent.policy import (
     Closures,
@@ -40,7 +40,7 @@ STATES: Final = 2000
 """Imagined states a decision may take, unless another number is given."""
 _SHOWN = 6  # actions of a plan that a reason names
 
-_Search = Generator[list[Signal], Closures, "_Plan | None"]
+_Search = Generator[list[Signal], Closures, "Plan | None"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +59,6 @@ class _Node:
             nodes.append(node)
             node = node.before
         return nodes[::-1]
-
-
-@dataclass(slots=True)
-class _Plan:
-    """Actions, and what is expected after each."""
-
-    actions: list[int]
-    expected: list[NDArray[np.intp]]
-    why: str
 
 
 class ImaginingPlanner:
@@ -117,7 +108,7 @@ class ImaginingPlanner:
         self._own = len(body.own)
         self._names = body.actions
         self._position = body.position[: 2 * self._own]
-        self._plan: _Plan | None = None
+        experience.plan = None
         self._fit(body)
 
     def _fit(self, body: Body) -> None:
@@ -126,14 +117,10 @@ class ImaginingPlanner:
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
 
     def grow(self, body: Body) -> None:
-        """Go on with a body that has one more sensor; the plan is kept."""
+        """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
         self._fit(body)
         if self._greedy is not None:
             self._greedy.grow(body)
-
-    def forget(self) -> None:
-        """Drop the plan: the next decision depends on the present alone."""
-        self._plan = None
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
         """Follow the plan, or ask for the consequences of actions until there is one.
@@ -142,29 +129,22 @@ class ImaginingPlanner:
             tick: The tick whose state is known.
             state: ``(2N,)``, the coherent state.
         """
-        draws = self._random.at(tick)
+        draws, known = self._random.at(tick), self._experience
         if draws[1] < self._explore:
-            self._plan = None
+            known.plan = None
             return pick(np.arange(len(self._names)), draws[0]), "at random, to explore"
         here = state[: 2 * self._own] & self._position
-        if self._plan is None or not self._goes_on(self._plan, here):
-            self._plan = yield from self._search(here, draws[0])
-        if self._plan is not None:
-            return self._step(self._plan)
+        if known.plan is None or not known.plan.goes_on(here):
+            known.plan = yield from self._search(here, draws[0])
+        if known.plan is not None:
+            why = self._told(known.plan)
+            action, known.plan = known.plan.step()
+            return action, why
         if self._greedy is not None:
             return (yield from self._greedy.decide(tick, state))
         return pick(np.arange(len(self._names)), draws[0]), "at random: all is known"
 
-    def _goes_on(self, plan: _Plan, here: NDArray[np.bool_]) -> bool:
-        """Return whether what was expected is sensed, and there is more to do."""
-        return bool(plan.actions) and bool(here[plan.expected[0]].all())
-
-    def _step(self, plan: _Plan) -> tuple[int, str]:
-        why = self._told(plan)
-        plan.expected.pop(0)
-        return plan.actions.pop(0), why
-
-    def _told(self, plan: _Plan) -> str:
+    def _told(self, plan: Plan) -> str:
         names = [self._names[action] for action in plan.actions]
         more = ", …" if len(names) > _SHOWN else ""
         return f"{plan.why}in {len(names)}: {', '.join(names[:_SHOWN])}{more}"
@@ -227,12 +207,11 @@ class ImaginingPlanner:
             return self._planned(_Node(nothing, end, action), why)
         return None
 
-    def _planned(self, last: _Node, why: str) -> _Plan:
+    def _planned(self, last: _Node, why: str) -> Plan:
         first, *way = last.way()
-        expected = [first, *way[:-1]]
-        return _Plan(
-            [node.action for node in way],
-            [(node.state & self._position).nonzero()[0] for node in expected],
+        return Plan(
+            tuple(node.action for node in way),
+            np.stack([node.state & self._position for node in (first, *way[:-1])]),
             why,
         )
 

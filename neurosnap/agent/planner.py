@@ -55,7 +55,7 @@ class Planner:
         self.grow(body)
 
     def grow(self, body: Body) -> None:
-        """Go on with a body that has one more sensor, which is no goal."""
+        """Go on with a body that has grown, or retired, a sensor; it is no goal."""
         self._actions = Actions(body)
         self._sensorium = Sensorium(body.sensors)
         self._position = body.position

@@ -50,8 +50,11 @@ def new_policy(
         case "excited":
             return Excited(body, seed, explore)
         case "planner" if imagine and experience is not None:
+            # Without growth most outcomes stay unknown in part: to look for them would
+            # never end.
+            curious = not target or body.room > 0
             return ImaginingPlanner(
-                body, target, seed, explore, experience, imagine, curious=not target
+                body, target, seed, explore, experience, imagine, curious=curious
             )
         case "planner":
             return Planner(body, target, seed, explore)

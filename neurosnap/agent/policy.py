@@ -2,7 +2,8 @@
 
 A policy does not know who answers what it asks. In process it is the propagation over
 the graph, in a swarm it is waves: the decisions are the same. The paper's policies are
-pure functions of the seed, the tick, the state and the answers.
+pure functions of the seed, the tick, the state and the answers; what another one keeps
+from tick to tick is in its `Experience`, so that it can be recorded.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -45,7 +46,7 @@ class Policy(Protocol):
         ...
 
     def grow(self, body: Body) -> None:
-        """Go on with a body that has one more sensor."""
+        """Go on with a body that has grown, or retired, a sensor."""
         ...
 
 

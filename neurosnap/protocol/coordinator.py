@@ -8,8 +8,9 @@ The state is what the cells reported. The snapshot only learns weights here; it 
 the state (`Snapshot.adopt`) and never asked for one.
 
 Right after a key-frame all there is in here is a function of what that says, and of the
-run's options: nothing is under way, the policies remember nothing, and what was known
-of the cells' wiring is forgotten, so that the next goes to all of them, and whole.
+run's options: nothing is under way, what a policy keeps is in the key-frame, and what
+was known of the cells' wiring is forgotten, so that the next goes to all of them, and
+whole.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from neurosnap.sensorium import complement, pack
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from neurosnap.agent.memory import AgentMemory
     from neurosnap.agent.policy import Closures, Deliberation, Policy
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.protocol.run_options import RunOptions, WiringKind
@@ -69,6 +71,8 @@ class Coordinator:
     Args:
         snapshot: Learns; new, or as it was after the last tick of a resumed run.
         policy: Decides.
+        memory: What the agent knows besides the snapshot, in a run whose sensors grow
+            or whose policy imagines; None: nothing.
         wiring: Which edges carry the pulses.
         ticks: Observations after which the run is over.
         keyframe_every: Ticks between two whole snapshots on the wire.
@@ -82,6 +86,7 @@ class Coordinator:
         self,
         snapshot: Snapshot,
         policy: Policy,
+        memory: AgentMemory | None = None,
         *,
         wiring: WiringKind,
         ticks: int,
@@ -94,6 +99,7 @@ class Coordinator:
         self.finished = False
         self._snapshot = snapshot
         self._policy = policy
+        self._memory = memory
         self._wiring: WiringKind = wiring
         self._ticks = ticks
         self._keyframe_every = keyframe_every
@@ -101,6 +107,7 @@ class Coordinator:
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
+        self._regrown = False  # the graph changed behind the last observation
         self._known = b""  # which readings of the last observation were known
         self._hold = hold
         self._watcher = self._new_watcher()
@@ -122,11 +129,13 @@ class Coordinator:
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
+        memory = options.new_memory()
         core = cls(
             options.new_snapshot()
             if frame is None
             else Snapshot.from_bytes(frame.snapshot),
-            options.new_policy(),
+            options.policy_with(memory),
+            None if memory.is_empty else memory,
             wiring=options.wiring,
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
@@ -139,6 +148,9 @@ class Coordinator:
 
     def _start_at(self, frame: wire.KeyFrame) -> None:
         self._control.start_at(frame.waves, frame.epochs)
+        if self._memory is not None:
+            self._memory.restore(frame.agent)
+            self._policy.grow(self._memory.body)
         self._tick, self._known = frame.tick, frame.known
         self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
         self.totals = Totals(
@@ -166,6 +178,11 @@ class Coordinator:
     def snapshot(self) -> Snapshot:
         """What has been learned."""
         return self._snapshot
+
+    @property
+    def memory(self) -> AgentMemory | None:
+        """What the agent knows besides the snapshot; None: nothing."""
+        return self._memory
 
     @property
     def decision(self) -> wire.Decision:
@@ -253,7 +270,12 @@ class Coordinator:
             return [_fault(f"observe: {error}")]
         messages = self._judge(observation.tick, bits, known)
         self._known = observation.known
+        if self._memory is not None:
+            step = self._next_decision.action, observation.begins, self._snapshot.state
+            believed = self._snapshot.poc_graph()
+            self._memory.observe(*step, believed, bits, known)
         changed = self._snapshot.learn(bits, known)
+        changed, self._regrown = changed or self._regrown, False
         if changed:
             self._graph = self._snapshot.poc_graph()
         if changed or self._control.is_forgotten:
@@ -273,7 +295,8 @@ class Coordinator:
         """Hold an observation against what is believed, before it is learned."""
         if self._watcher is None:
             return []
-        found = self._watcher.watch(tick, self._graph, bits, known, self._snapshot)
+        believed = self._snapshot.poc_graph()
+        found = self._watcher.watch(tick, believed, bits, known, self._snapshot)
         if found is None:
             return []
         self.totals.anomalies += 1
@@ -302,6 +325,8 @@ class Coordinator:
         self._snapshot.adopt(state)
         report = self._state(wave, reached, state)
         self._count(report)
+        if self._memory is not None:
+            self._memory.settle(state)
         self._deliberation = self._policy.decide(wave.tick, state)
         return [report, *self._deliberate(wave.tick)]
 
@@ -340,7 +365,7 @@ class Coordinator:
 
     def _decide(self, tick: int, action: int, why: str) -> list[wire.Message]:
         """Close the tick: a key-frame if one is due, and the decision."""
-        self._next_decision = wire.Decision(tick, action, why)
+        self._next_decision = self._grown(tick, action, why)
         self._tick = tick
         self._signal = ()
         self.totals.ticks += 1
@@ -350,6 +375,21 @@ class Coordinator:
         if tick % self._keyframe_every == 0:
             return [self._keyframe(), self._next_decision]
         return [self._next_decision]
+
+    def _grown(self, tick: int, action: int, why: str) -> wire.Decision:
+        """Return the decision, once all is as it says: a sensor grown, or retired.
+
+        Nothing is in flight, and the next state wave is behind the wirings it takes.
+        """
+        memory = self._memory
+        if memory is None:
+            return wire.Decision(tick, action, why)
+        changes = memory.changes(tick, self._graph, self._snapshot)
+        decision = wire.Decision(tick, action, why, **changes)
+        if memory.follow(decision, self._snapshot):
+            self._policy.grow(memory.body)
+            self._regrown = True
+        return decision
 
     def _longest(self, signal: tuple[int, ...]) -> int:
         return int(self._graph.heights()[list(signal)].max(initial=0))
@@ -391,6 +431,7 @@ class Coordinator:
             depth=self.totals.depth,
             incoherent=self.totals.incoherent,
             anomalies=self.totals.anomalies,
+            agent=b"" if self._memory is None else self._memory.to_bytes(),
         )
 
     def _finish(self) -> list[wire.Message]:

@@ -25,6 +25,10 @@ class ResumePoint(msgspec.Struct, frozen=True):
     """Which of the files of the run the recording is, from 0."""
     begins: int = 0
     """The tick of the key-frame that file begins with; 0: it begins with the run."""
+    grown: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    """The contexts of the sensors that were grown before that tick's decision."""
+    retired: tuple[int, ...] = ()
+    """The places among them of those that are read no more."""
 
 
 def first_number(past: ResumePoint | None, who: str) -> int:

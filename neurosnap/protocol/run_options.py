@@ -6,6 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
@@ -60,6 +61,26 @@ Explore: TypeAlias = Annotated[
         "Share of actions that are random all the same, from 0 to 1. A walker's all are.",
         ge=0,
         le=1,
+    ),
+]
+Grow: TypeAlias = Annotated[
+    int,
+    option(
+        "How many sensors the agent may grow from what surprises it: each stands for an"
+        " action where several sensations hold. Each has a cell from the start. Not for a"
+        " walker.",
+        unit="SENSORS",
+        ge=0,
+    ),
+]
+Imagine: TypeAlias = Annotated[
+    int,
+    option(
+        "How many states a planner may imagine for a decision, by waves through what it"
+        " has learned; 2000 is plenty. It then explores where it knows no way, and needs"
+        " no target. 0: it looks one step ahead.",
+        unit="STATES",
+        ge=0,
     ),
 ]
 SnapshotOption: TypeAlias = Annotated[
@@ -188,6 +209,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     target: tuple[str, ...] = ()
     """What a planner wants to sense, by name."""
     explore: Explore = EXPLORE
+    imagine: Imagine = 0
     ticks: Ticks = 300
     seed: Seed = 0
     snapshot: SnapshotOption = "empirical"
@@ -228,9 +250,28 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             InvalidValueError: The body or the target is not fit for such an agent.
         """
+        return self.policy_with(self.new_memory())
+
+    def policy_with(self, memory: AgentMemory) -> Policy:
+        """Return who decides, by what a memory knows."""
         return new_policy(
-            self.agent, self.body, self.seed, target=self.target, explore=self.explore
+            self.agent,
+            self.body,
+            self.seed,
+            target=self.target,
+            explore=self.explore,
+            imagine=self.imagine,
+            experience=memory.experience,
         )
+
+    def new_memory(self) -> AgentMemory:
+        """Return what the agent knows besides the snapshot when the run starts.
+
+        Raises:
+            InvalidValueError: The body has room for sensors to be grown, and is not fit
+                for it.
+        """
+        return AgentMemory(self.body, imagines=self.imagine > 0)
 
     @property
     def sharing(self) -> int:

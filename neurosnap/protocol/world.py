@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from neurosnap import wire
 from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.sensorium import pack, unpack
 
@@ -32,7 +35,10 @@ class World:
         self, source: Source, body: Body, past: ResumePoint | None = None
     ) -> None:
         self._source = source
-        self._senses = Senses(body)
+        if past is not None:
+            grown, retired = past.grown, past.retired
+            body = msgspec.structs.replace(body, grown=grown, retired=retired)
+        self._body, self._senses = body, Senses(body)
         self._choices = len(body.choices)
         self._literals = 2 * len(body.sensors)
         self._tick = 0  # of the last observation
@@ -85,11 +91,18 @@ class World:
                     rule = f"must come after the state of tick {self._tick}"
                     got = f"that of {self._recorded}"
                     raise MessageError(f"decide: {rule}, got {got}")
+                self._grow(message)
                 self._answered = message.tick
                 return message
             case _:
                 pass
         return None
+
+    def _grow(self, decision: wire.Decision) -> None:
+        """Read from now on what the decision says is read."""
+        body = body_after(self._body, decision)
+        if body is not self._body:
+            self._body, self._senses = body, Senses(body)
 
     def answer(self, decision: wire.Decision) -> wire.Observation | None:
         """Return the observation that follows a decision; None: the source is over.

@@ -9,12 +9,24 @@ from neurosnap.sources.open import Argument, open_source
 from neurosnap.sources.protocol import Source
 
 
-def body_of(source: Source, agent: AgentKind) -> Body:
+def body_of(source: Source, agent: AgentKind, room: int = 0) -> Body:
     """Return what an agent senses of a source.
 
     A walker does what it does without regard to what it leads to, and gets the world's
     own sensors alone; the others sense their actions, too, in every context.
+
+    Args:
+        source: What there is to sense and to do.
+        agent: The kind of agent.
+        room: How many sensors it may grow.
+
+    Raises:
+        InvalidValueError: It is to grow sensors and is a walker, or has no actions, or
+            some that do not exclude each other.
     """
+    if room and (agent == "walker" or not source.actions or not source.exclusive):
+        rule = "must go with an agent that senses actions that exclude each other"
+        raise InvalidValueError("grow", rule, room)
     if agent == "walker":
         return Body(
             own=source.sensors,
@@ -23,7 +35,11 @@ def body_of(source: Source, agent: AgentKind) -> Body:
             exclusive=source.exclusive,
         )
     return Body.full(
-        source.sensors, source.actions, source.orders, exclusive=source.exclusive
+        source.sensors,
+        source.actions,
+        source.orders,
+        exclusive=source.exclusive,
+        room=room,
     )
 
 

@@ -72,7 +72,9 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
         if tick >= began:
             always.observe(*more)
         if tick + 1 == birth:
-            grown.grow(count, "new", members, history)
+            history.grow(count, members)
+            newborn = grown.newborn(count, history)
+            grown.grow(count, "new", members, newborn)
     assert grown.sensorium == always.sensorium
     if began:  # Of the others it knows more than that.
         squares = grown._weights.all(grown._total())[:, -count:]
@@ -104,7 +106,8 @@ def test_what_was_there_is_as_it_was(
     before = Snapshot.from_bytes(snapshot.to_bytes())
     old = range(2 * count)
     pairs = [(a, b) for a in old for b in old if a >> 1 != b >> 1]
-    snapshot.grow(count, "new", members, history)
+    history.grow(count, members)
+    snapshot.grow(count, "new", members, snapshot.newborn(count, history))
     assert snapshot.sensorium.names[-1] == "new"
     for a, b in pairs:
         assert snapshot.weight(a, b) == before.weight(a, b)
@@ -138,17 +141,20 @@ def test_a_history_keeps_the_last_ticks_in_order() -> None:
 
 def test_what_cannot_be_grown_is_refused() -> None:
     snapshot, history = EmpiricalSnapshot(3, 0.1), History(3)
+    newborn = snapshot.newborn(2, history)
     with pytest.raises(InvalidValueError, match="must be unique"):
-        snapshot.grow(2, "s0", [0, 2], history)
+        snapshot.grow(2, "s0", [0, 2], newborn)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 4"):
-        snapshot.grow(2, "new", [0, 4], history)
+        snapshot.grow(2, "new", [0, 4], newborn)
+    with pytest.raises(ShapeError, match="newborn: must be of 1 pairs, got"):
+        snapshot.grow(1, "new", [0], newborn)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
-        snapshot.grow(3, "new", [0, 2], history)
+        snapshot.newborn(3, history)
     with pytest.raises(ShapeError, match="history: must be of 3 sensors, got 4"):
-        snapshot.grow(2, "new", [0, 2], History(4))
+        snapshot.newborn(2, History(4))
     each = EmpiricalSnapshot(3, np.full((3, 3), 0.1))
     with pytest.raises(InvalidValueError, match="must be one number where sensors"):
-        each.grow(2, "new", [0, 2], history)
+        each.newborn(2, history)
     with pytest.raises(InvalidValueError, match="history: must be a multiple of 64"):
         History(2, 100)
     assert snapshot.sensorium.names == ("s0", "s1", "s2")

@@ -14,6 +14,7 @@ def options_for(
     arguments: Mapping[str, Argument] | None = None,
     *,
     agent: AgentKind = "walker",
+    grow: int = 0,
     **more: object,
 ) -> RunOptions:
     """Return the options of a run.
@@ -24,6 +25,7 @@ def options_for(
         arguments: Of a world.
         agent: What chooses the actions; a planner goes where the second sensor is on
             and the first is off.
+        grow: How many sensors it may grow.
         **more: Any other options.
     """
     given = dict(arguments or {})
@@ -34,7 +36,7 @@ def options_for(
     return RunOptions(
         source=source,
         arguments=given,
-        body=body_of(opened, agent),
+        body=body_of(opened, agent, grow),
         agent=agent,
         seed=seed,
         **more,  # type: ignore[arg-type]

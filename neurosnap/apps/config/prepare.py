@@ -159,7 +159,7 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     opened = open_source(name, seed, arguments)
     opened.close()
     length = FOREVER if opened.live else opened.length
-    body = body_of(opened, agent.kind)
+    body = body_of(opened, agent.kind, agent.grow)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
     return _Fitted(body, arguments, target, length)
 
@@ -185,6 +185,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         agent=config.agent.kind,
         target=fitted.target,
         explore=config.agent.explore,
+        imagine=config.agent.imagine,
         seed=config.run.seed,
         snapshot=config.snapshot.kind,
         wiring=config.cells.wiring,

@@ -17,7 +17,9 @@ from neurosnap.protocol.run_options import (
     Deadline,
     Decay,
     Explore,
+    Grow,
     Hold,
+    Imagine,
     Keep,
     KeyframeEvery,
     RunOptions,
@@ -60,6 +62,8 @@ class AgentTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         ),
     ] = None
     explore: Explore = _DEFAULTS["explore"]
+    grow: Grow = 0
+    imagine: Imagine = _DEFAULTS["imagine"]
 
 
 class SnapshotTable(

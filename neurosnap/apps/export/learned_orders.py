@@ -58,5 +58,5 @@ class LearnedOrders:
         self._frames = {k: v for k, v in self._frames.items() if k > before}
         if tick.number != self.tick + 1 or tick.observation is None:
             return False
-        self._learning.learn(tick.observation)
+        self._learning.learn(tick.observation, tick.decision)
         return True

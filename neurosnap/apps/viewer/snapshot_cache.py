@@ -69,7 +69,12 @@ class SnapshotCache:
         if learning.tick >= first:
             yield learning.tick, learning.snapshot
         ahead = self._tick_index.observations(learning.tick + 1, last)
-        for tick in learning.learn_to(last, ahead):
+        decisions = (
+            self._tick_index.decisions(learning.tick + 1, last)
+            if learning.grows
+            else {}
+        )
+        for tick in learning.learn_to(last, ahead, decisions):
             if tick % _STRIDE == 0 or tick == last:
                 self._keep(learning)
             if tick >= first:

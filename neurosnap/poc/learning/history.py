@@ -5,7 +5,7 @@ weights can start as if it had been there as long as the history goes back.
 """
 
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,18 @@ from neurosnap.poc.order.literals import Words
 LENGTH = 8192
 """Ticks kept unless told otherwise: 2 kB a sensor."""
 _ONE = np.uint64(1)
+
+
+class Newborn(NamedTuple):
+    """What is known of a sensor that is grown, of its pairs with those before it."""
+
+    ticks: int
+    """How long the history is."""
+    squares: NDArray[Any]
+    """``(4, sensor)``: the weights ``w_ij, w_ij*, w_i*j, w_i*j*``, itself first."""
+    codes: NDArray[np.uint8]
+    """``(sensor,)``: what follows from them; see `neurosnap.poc.learning.pair_codes`.
+    """
 
 
 class History:

@@ -16,7 +16,7 @@ from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.edge_dates import date_changes
 from neurosnap.poc.learning.evidence import Evidence
-from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.history import History, Newborn
 from neurosnap.poc.learning.pair_codes import rows_of, strict
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
 from neurosnap.poc.learning.weight_store import Weights, pair_of
@@ -187,44 +187,63 @@ class Snapshot(Archived):
             date_changes(self._codes, self._noted, self._since, self._clock)
         return changed
 
-    def grow(
-        self, sensor: int, name: str, literals: Sequence[int], history: History
-    ) -> None:
-        """Let a sensor that was never read be on iff all of some literals are.
+    def newborn(self, sensor: int, history: History) -> Newborn:
+        """Return what a history makes of a sensor that was never read.
 
         Its weights are what they would be had it been read as long as the history goes
-        back, and nothing else changes. Its literals are in the state as they follow
-        from those of its members.
+        back.
 
         Args:
             sensor: Its number; of those behind it none may have been read either.
-            name: What it is called from now on.
-            literals: Its members, of sensors before it.
-            history: Of all sensors, up to the last observation. It gets the new one's.
+            history: Of all sensors, up to the last observation, its own included.
 
         Raises:
-            InvalidValueError: There is another sensor of that name, a literal is none,
-                or the threshold is not one number.
+            InvalidValueError: There is no such sensor, or the threshold is not one
+                number.
             ShapeError: The history is of another number of sensors.
         """
-        names = list(self._sensorium)
-        as_literal("literal", 2 * sensor, 2 * len(names))
-        names[sensor] = name
-        sensorium = Sensorium(names)
-        members = [as_literal("literal", a, 2 * sensor) for a in literals]
+        as_literal("literal", 2 * sensor, len(self._state))
+        history.check(len(self._sensorium))
         if self._threshold.ndim:
             rule = "must be one number where sensors grow"
             raise InvalidValueError("threshold", rule, self._threshold.shape)
-        history.check(len(names))
-        history.grow(sensor, members)
+        return Newborn(history.ticks, *self._newborn(sensor, history))
+
+    def grow(
+        self, sensor: int, name: str, literals: Sequence[int], newborn: Newborn
+    ) -> None:
+        """Let a sensor that was never read be on iff all of some literals are.
+
+        Nothing else changes. Its literals are in the state as they follow from those of
+        its members.
+
+        Args:
+            sensor: As in `newborn`.
+            name: What it is called from now on.
+            literals: Its members, of sensors before it.
+            newborn: What is known of it.
+
+        Raises:
+            InvalidValueError: There is another sensor of that name, or a literal is
+                none.
+            ShapeError: What is known is not of all sensors before it.
+        """
+        names = list(self._sensorium)
+        as_literal("literal", 2 * sensor, len(self._state))
+        names[sensor] = name
+        sensorium = Sensorium(names)
+        members = [as_literal("literal", a, 2 * sensor) for a in literals]
+        shapes = newborn.squares.shape, newborn.codes.shape
+        if shapes != ((4, sensor), (sensor,)):
+            raise ShapeError("newborn", f"must be of {sensor} pairs", shapes)
         if self._weights.squares is None:
             self._weights.widen(self._total())
-        pairs = slice(pair_of(2 * sensor, 0), pair_of(2 * sensor, 0) + sensor)
-        squares, codes = self._newborn(sensor, history)
-        self._weights.put(pairs, squares)
+        first = sensor * (sensor - 1) // 2
+        pairs = slice(first, first + sensor)
+        self._weights.put(pairs, newborn.squares)
         self._sensorium = sensorium
-        self._born[sensor] = self._clock - history.ticks
-        kernels.rewire(sensor, codes, self._codes[pairs], self._rows)
+        self._born[sensor] = self._clock - newborn.ticks
+        kernels.rewire(sensor, newborn.codes, self._codes[pairs], self._rows)
         date_changes(self._codes, self._noted, self._since, self._clock)
         self._state[2 * sensor] = self._state[members].all()
         self._state[2 * sensor + 1] = self._state[[a ^ 1 for a in members]].any()

@@ -69,14 +69,21 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
     if (last := _last_frame(recording, tick)) is not None:
         learning.restore(last.frame)
         since = last.since
-    observations = {
-        recorded.message.tick: recorded.message
-        for recorded in recording.messages(("observe",), start=since)
-        if isinstance(recorded.message, wire.Observation)
-        and learning.tick < recorded.message.tick <= tick
-    }
+    observations: dict[int, wire.Observation] = {}
+    decisions: dict[int, wire.Decision] = {}
+    topics = ("observe", "decide") if learning.grows else ("observe",)
+    for recorded in recording.messages(topics, start=since):
+        match recorded.message:
+            case wire.Observation() as observation if (
+                learning.tick < observation.tick <= tick
+            ):
+                observations[observation.tick] = observation
+            case wire.Decision() as decision:
+                decisions[decision.tick] = decision
+            case _:
+                pass
     in_order = (observations[each] for each in sorted(observations))
-    for _ in learning.learn_to(tick, in_order):
+    for _ in learning.learn_to(tick, in_order, decisions):
         pass
     return learning.snapshot
 

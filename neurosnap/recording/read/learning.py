@@ -1,12 +1,15 @@
 """Learns again what a run learned: from a key-frame, or from nothing, tick by tick."""
 
 import copy
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Self
 
 from neurosnap import wire
-from neurosnap.errors import RecordingError, ShapeError
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth.sensor_changes import body_after, take_in
+from neurosnap.agent.memory import body_in
+from neurosnap.errors import MessageError, RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
@@ -25,6 +28,7 @@ class Learning:
         self._options = options
         self.tick = 0
         """The last tick learned from; 0: none."""
+        self._body = options.body
         self.snapshot = options.new_snapshot()
         """What was learned by then; to be changed by this class alone."""
 
@@ -40,11 +44,18 @@ class Learning:
         Raises:
             RecordingError: As from `snapshot_in`.
         """
+        self._body = _body_in(frame, self._options, self._path)
         self.snapshot = snapshot_in(frame, self._options, self._path)
         self.tick = frame.tick
 
-    def learn(self, observation: wire.Observation) -> None:
+    def learn(
+        self, observation: wire.Observation, decision: wire.Decision | None = None
+    ) -> None:
         """Learn from the observation of the next tick. O(N²/2) time.
+
+        Args:
+            observation: The observation.
+            decision: The tick's; it says which sensors come or go. None: none does.
 
         Raises:
             RecordingError: It is of another tick, or of other sensors.
@@ -52,22 +63,38 @@ class Learning:
         tick = self.tick + 1
         if observation.tick != tick:
             raise self._lacks(tick)
+        place = f"{self._path}: tick {tick}"
         try:
             bits, known = readings(observation, len(self._options.sensors))
         except ShapeError as error:
-            place = f"{self._path}: tick {tick}"
             raise RecordingError(f"{place}: /observe: {error}") from error
         self.snapshot.learn(bits, known)
         self.tick = tick
+        if decision is not None and self.grows:
+            try:
+                body = body_after(self._body, decision)
+                take_in(body, decision, self.snapshot)
+            except MessageError as error:
+                raise RecordingError(f"{place}: /{error}") from error
+            self._body = body
+
+    @property
+    def grows(self) -> bool:
+        """Whether decisions may say that a sensor comes or goes."""
+        return self._options.body.room > 0
 
     def learn_to(
-        self, last: int, observations: Iterable[wire.Observation]
+        self,
+        last: int,
+        observations: Iterable[wire.Observation],
+        decisions: Mapping[int, wire.Decision],
     ) -> Iterator[int]:
         """Learn up to a tick, and yield each tick when it is learned from.
 
         Args:
             last: The tick; nothing is done if it is not ahead.
             observations: Those of the ticks ahead, in order.
+            decisions: Those of the ticks ahead, by tick, if sensors grow.
 
         Raises:
             RecordingError: While iterating: as `learn`, or one is missing.
@@ -75,7 +102,7 @@ class Learning:
         for observation in observations:
             if self.tick >= last:
                 return
-            self.learn(observation)
+            self.learn(observation, decisions.get(observation.tick))
             yield self.tick
         if self.tick < last:
             raise self._lacks(self.tick + 1)
@@ -101,7 +128,16 @@ def snapshot_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Snapsh
         snapshot = Snapshot.from_bytes(frame.snapshot)
     except ValueError as error:
         raise RecordingError(f"{place}: must hold a snapshot, {error}") from error
-    if tuple(snapshot.sensorium) != options.sensors:
+    if tuple(snapshot.sensorium) != _body_in(frame, options, path).sensors:
         found = len(snapshot.sensorium)
         raise RecordingError(f"{place}: must be of the run's sensors, got {found}")
     return snapshot
+
+
+def _body_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Body:
+    """Return what was sensed after a key-frame's tick."""
+    try:
+        return body_in(options.body, frame.agent) if options.body.room else options.body
+    except ValueError as error:
+        place = f"{path}: key-frame of tick {frame.tick}"
+        raise RecordingError(f"{place}: must hold an agent, {error}") from error

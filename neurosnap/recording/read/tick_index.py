@@ -170,6 +170,20 @@ class TickIndex:
             if due > last:
                 return
 
+    def decisions(self, first: int, last: int) -> dict[int, wire.Decision]:
+        """Return the decisions there are of some ticks, by tick.
+
+        The chunks of their observations are unpacked, and the one behind: a decision
+        follows its observation.
+        """
+        behind = min(self.chunk_of(last) + 2, len(self))
+        return {
+            decision.tick: decision
+            for _, chunk in self.readable(self.chunk_of(first), behind)
+            for decision in chunk.all("decide", wire.Decision)
+            if first <= decision.tick <= last
+        }
+
     def chunk_of(self, tick: int) -> int:
         """Return the chunk in which a tick was observed, or would have been.
 

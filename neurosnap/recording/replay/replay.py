@@ -86,7 +86,8 @@ class Replay:
             ) from error
         self.first = self.core.tick
         self._start = start
-        self._senses = Senses(self.options.body)
+        self._body = self.options.body
+        self._senses = Senses(self._body)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self.complete = recording.whole
         self._closing = recording.closing
@@ -260,6 +261,9 @@ class Replay:
         begins: bool,
     ) -> None:
         """Hold what was sensed of the last step against what was decided in it."""
+        memory = self.core.memory
+        if memory is not None and memory.body is not self._body:
+            self._body, self._senses = memory.body, Senses(memory.body)
         own = slice(len(self.options.body.own))
         step = (-1 if begins else self.core.decision.action, self.core.snapshot.state)
         before = None if self._known is None else self._known[own]

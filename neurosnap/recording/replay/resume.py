@@ -18,6 +18,8 @@ from typing import NamedTuple
 import msgspec
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.resume_point import ResumePoint
@@ -100,6 +102,7 @@ def _resume_point_in(
     """Find out where a run can go on in one stretch of its last file."""
     options = options_of(recording)
     tick, waves, state = _derive(stretch, most)
+    body = _body(recording, options, tick)
     return options, ResumePoint(
         log=str(recording.path),
         tick=tick,
@@ -109,6 +112,8 @@ def _resume_point_in(
         resumed=(*(t for t in resumed_at(recording) if t < tick), tick),
         part=recording.part or 0,
         begins=recording.begins,
+        grown=body.grown,
+        retired=body.retired,
     )
 
 
@@ -262,6 +267,20 @@ def _actions(recording: Recording, options: RunOptions, tick: int) -> tuple[int,
         rule = f"must have its decisions of ticks 1 to {tick - 1}, to do them again"
         raise RecordingError(f"{recording.path}: {rule}, got {len(actions)}")
     return actions
+
+
+def _body(recording: Recording, options: RunOptions, tick: int) -> Body:
+    """Return what was sensed when a tick's decision was taken."""
+    body = options.body
+    if not body.room:
+        return body
+    taken = {decision.tick: decision for decision in _decisions(recording)}
+    for before in range(1, tick):
+        if before not in taken:
+            rule = f"must have its decisions of ticks 1 to {tick - 1}, for what it grew"
+            raise RecordingError(f"{recording.path}: {rule}, lacks that of {before}")
+        body = body_after(body, taken[before])
+    return body
 
 
 def _decisions(recording: Recording) -> Iterator[wire.Decision]:

@@ -161,7 +161,7 @@ def test_where_all_is_known_the_curious_end_the_episode() -> None:
     assert action == "back"
     assert why.startswith("to begin another episode, in 3: back, back, ")
     walk.experience.leave(place, ends=False)
-    walk.planner.forget()
+    walk.experience.plan = None
     assert walk.decide(3)[1] == "at random: all is known"
 
 

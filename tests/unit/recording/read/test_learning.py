@@ -23,7 +23,7 @@ def observed(*ticks: int) -> list[wire.Observation]:
 
 def learned(last: int) -> Learning:
     learning = Learning(LOG, options())
-    assert list(learning.learn_to(last, observed(*range(1, last + 1)))) == [
+    assert list(learning.learn_to(last, observed(*range(1, last + 1)), {})) == [
         *range(1, last + 1)
     ]
     return learning
@@ -33,7 +33,7 @@ def test_from_a_key_frame_on_it_learns_the_same() -> None:
     whole, half = learned(20), learned(10)
     later = Learning(LOG, options())
     later.restore(wire.KeyFrame(10, half.snapshot.to_bytes()))
-    assert list(later.learn_to(20, observed(*range(11, 40)))) == [*range(11, 21)]
+    assert list(later.learn_to(20, observed(*range(11, 40)), {})) == [*range(11, 21)]
     assert later.snapshot.to_bytes() == whole.snapshot.to_bytes()
 
 
@@ -41,7 +41,7 @@ def test_a_copy_stays_where_it_was() -> None:
     learning = learned(10)
     other = learning.copy()
     before = other.snapshot.to_bytes()
-    learning.learn(*observed(11))
+    learning.learn(observed(11)[0])
     assert (other.tick, other.snapshot.to_bytes()) == (10, before)
 
 
@@ -50,14 +50,14 @@ def test_an_observation_that_is_missing_is_an_error(ticks: tuple[int, ...]) -> N
     learning = Learning(LOG, options())
     rule = r"^run\.mcap: must hold the observation of tick 3, got none$"
     with pytest.raises(RecordingError, match=rule):
-        list(learning.learn_to(4, observed(*ticks)))
+        list(learning.learn_to(4, observed(*ticks), {}))
     assert learning.tick == 2
 
 
 def test_an_observation_of_other_sensors_is_an_error() -> None:
     learning = Learning(LOG, options(20))
     with pytest.raises(RecordingError, match=r"^run\.mcap: tick 1: /observe: "):
-        learning.learn(*observed(1))
+        learning.learn(observed(1)[0])
 
 
 def test_a_key_frame_of_another_run_is_an_error() -> None:

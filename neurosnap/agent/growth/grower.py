@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body, Context
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.history import History
 
 ROOM: Final = 120
@@ -129,7 +130,8 @@ class Grower:
         self, action: int, state: NDArray[np.bool_], came: NDArray[np.bool_]
     ) -> None:
         """Hold the covers under trial against what came."""
-        for (which, result), trials in self._trials.items():
+        # In the order of the numbers: what is restored is in no other.
+        for (which, result), trials in sorted(self._trials.items()):
             if which != action or not came[result | 1] | came[result & ~1]:
                 continue
             for trial in trials.copy():
@@ -221,3 +223,46 @@ class Grower:
         """Return the covers under trial."""
         for trials in self._trials.values():
             yield from (trial.context for trial in trials)
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        trials = [trial for many in self._trials.values() for trial in many]
+        rows = [
+            (*row, *literals, *(-1 for _ in range(LONGEST - len(literals))))
+            for row, literals in (
+                ((one.action, one.result, one.held), one.literals)
+                for one in (*trials, *self._ready)
+            )
+        ]
+        return {
+            "failed": self._failed,
+            "wait": self._wait,
+            "ready": np.array(len(self._ready), np.int64),
+            "trials": np.array(rows, np.int64).reshape(len(rows), 3 + LONGEST),
+        }
+
+    def restore(self, body: Body, arrays: Arrays) -> None:
+        """Be as the arrays say.
+
+        Args:
+            body: By now.
+            arrays: Of such a grower.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        self._grown, self._births = set(body.in_use), len(body.grown)
+        self._failed = entry(arrays, "failed", self._failed.shape, np.int64).copy()
+        self._wait = entry(arrays, "wait", self._wait.shape, np.int64).copy()
+        count = len(arrays["trials"]) if "trials" in arrays else 0
+        table = entry(arrays, "trials", (count, 3 + LONGEST), np.int64)
+        ready = entry(arrays, "ready", (), np.int64).item()
+        found = [
+            _Candidate(action, tuple(a for a in literals if a >= 0), result, held)
+            for action, result, held, *literals in table.tolist()
+        ]
+        under_trial = found[: count - ready]
+        self._ready = found[count - ready :]
+        self._trials = {}
+        for trial in under_trial:
+            self._trials.setdefault((trial.action, trial.result), []).append(trial)

@@ -1,11 +1,15 @@
 """The history an agent grows sensors from, and who looks for covers in it."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body, Context
-from neurosnap.agent.grower import Grower
+from neurosnap.agent.growth.grower import Grower
+from neurosnap.agent.growth.sensor_changes import said_of
+from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.history import LENGTH, History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
@@ -26,9 +30,13 @@ class Growth:
         self._grower = Grower(body)
         self._history = History(len(body.sensors), length)
         self._own = len(body.own)
-        self._fit(body)
+        self._body, self._actions = body, Actions(body)
+        self._due: Context | None = None
 
-    def _fit(self, body: Body) -> None:
+    def fit(self, body: Body) -> None:
+        """Go on with a body that has grown, or retired, a sensor."""
+        for place in set(body.retired) - set(self._body.retired):
+            self._grower.retire(body.grown[place])
         self._body, self._actions = body, Actions(body)
 
     @property
@@ -43,8 +51,8 @@ class Growth:
         graph: PocGraph,
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
-    ) -> Context | None:
-        """Take in an observation before it is learned; return what to grow for it.
+    ) -> None:
+        """Take in an observation before it is learned.
 
         Args:
             action: That of the step that has ended; -1: none was.
@@ -54,26 +62,37 @@ class Growth:
             known: ``(N,)``, which of it is known; None: all.
         """
         self._history.enter(observation, known)
+        self._due = None
         if action < 0:
-            return None
+            return
         closure = graph.up(self._actions.signals(state)[action])
         own = None if known is None else known[: self._own]
         bits = observation[: self._own]
-        return self._grower.notice(action, state, closure, bits, own, self._history)
+        self._due = self._grower.notice(
+            action, state, closure, bits, own, self._history
+        )
 
-    def grow(self, body: Body, snapshot: Snapshot) -> None:
-        """Give a snapshot the newest sensor of a body.
+    def changes(self, tick: int, graph: PocGraph, snapshot: Snapshot) -> dict[str, Any]:
+        """Return by field what a tick's decision says of sensors that come or go.
+
+        One comes at a tick at most, or one goes.
 
         Args:
-            body: With the sensor, of the context that was asked for.
-            snapshot: Without it.
+            tick: The tick.
+            graph: What is believed.
+            snapshot: What was learned.
         """
-        sensor = body.first_grown + len(body.grown) - 1
-        members = self._members(body.grown[-1])
-        snapshot.grow(sensor, body.sensors[sensor], members, self._history)
-        self._fit(body)
+        body = self._body
+        if self._due is not None:
+            action, literals = self._due
+            sensor = body.first_grown + len(body.grown)
+            self._history.grow(sensor, body.members(self._due))
+            said = said_of(snapshot.newborn(sensor, self._history), snapshot)
+            return {"born": sensor, "context": action, "literals": literals, **said}
+        place = self._needless(tick, graph)
+        return {} if place is None else {"retires": body.first_grown + place}
 
-    def needless(self, tick: int, graph: PocGraph) -> int | None:
+    def _needless(self, tick: int, graph: PocGraph) -> int | None:
         """Return a grown sensor whose part of its context guarantees as much, if any.
 
         One sensor is looked at in a tick, the next in the next: ``O(N²/64)`` time.
@@ -93,7 +112,7 @@ class Growth:
             return None
         action, literals = body.grown[place]
         first = 2 * body.first_grown
-        part = [2 * (self._own + action), *self._members(body.grown[place])]
+        part = [2 * (self._own + action), *body.members(body.grown[place])]
         for other, (which, fewer) in enumerate(body.grown):
             smaller = which == action and set(fewer) < set(literals)
             if smaller and other not in body.retired:
@@ -102,14 +121,16 @@ class Growth:
         whole, rest = guaranteed(closures)[:, : 2 * self._own]
         return None if (whole & ~rest).any() else place
 
-    def retire(self, body: Body, snapshot: Snapshot, place: int) -> None:
-        """Let a snapshot forget a sensor that a body has retired."""
-        snapshot.silence(body.first_grown + place)
-        self._grower.retire(body.grown[place])
-        self._fit(body)
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        return self._history.arrays() | self._grower.arrays()
 
-    def _members(self, context: Context) -> list[int]:
-        """Return the literals of the single contexts that make one of several."""
-        body, (action, literals) = self._body, context
-        first = self._own + len(body.actions)
-        return [2 * (first + body.context.index((action, a))) for a in literals]
+    def restore(self, arrays: Arrays) -> None:
+        """Be as the arrays say.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        self._history = History.from_arrays(arrays)
+        self._history.check(len(self._body.sensors))
+        self._grower.restore(self._body, arrays)

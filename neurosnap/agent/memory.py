@@ -1,0 +1,188 @@
+"""What an agent knows besides its snapshot: how its body grew, and what it has met.
+
+It is the same in one process and in a swarm, where the coordinator has it: so the same
+observations lead to the same births.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body
+from neurosnap.agent.experience import Experience
+from neurosnap.agent.growth.growth import Growth
+from neurosnap.agent.growth.sensor_changes import body_after, take_in
+from neurosnap.poc.learning.archive import Archived, Arrays, entry
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.wire import Decision
+
+
+class AgentMemory:
+    """Follows an agent from step to step.
+
+    Args:
+        body: What is sensed and done at first. If it has room, sensors are grown.
+        imagines: Whether its policy imagines, and has to know what was met.
+
+    Attributes:
+        body: What is sensed by now.
+        experience: What a policy that imagines has to know; None: it does not.
+
+    Raises:
+        InvalidValueError: The body has room, and its actions are not sensed in context,
+            or do not exclude each other.
+    """
+
+    def __init__(self, body: Body, imagines: bool = False) -> None:
+        self.body = body
+        self.experience = Experience(body) if imagines else None
+        self._growth = Growth(body) if body.room else None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to know."""
+        return self.experience is None and self._growth is None
+
+    def observe(
+        self,
+        action: int,
+        begins: bool,
+        state: NDArray[np.bool_],
+        graph: PocGraph,
+        observation: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+    ) -> None:
+        """Take in an observation before it is learned.
+
+        Args:
+            action: That of the last decision; -1: none was taken.
+            begins: The observation begins a trajectory and follows no action.
+            state: ``(2N,)``, recorded before it.
+            graph: What is believed.
+            observation: ``(N,)``.
+            known: ``(N,)``, which of it is known; None: all.
+        """
+        if self.experience is not None and action >= 0:
+            self.experience.leave(self.body.place(state), ends=begins)
+        if self._growth is not None:
+            step = (-1 if begins else action, state)
+            self._growth.notice(*step, graph, observation, known)
+
+    def settle(self, state: NDArray[np.bool_]) -> None:
+        """Take in the state of the observation, ``(2N,)``."""
+        if self.experience is not None:
+            self.experience.enter(state)
+            if self._growth is not None:
+                self.experience.hopeless = self._growth.hopeless
+
+    def changes(self, tick: int, graph: PocGraph, snapshot: Snapshot) -> dict[str, Any]:
+        """Return by field what a tick's decision says of sensors that come or go."""
+        if self._growth is None:
+            return {}
+        return self._growth.changes(tick, graph, snapshot)
+
+    def follow(self, decision: Decision, snapshot: Snapshot) -> bool:
+        """Let body and snapshot go on as a decision says.
+
+        Returns:
+            Whether any sensor came or went.
+
+        Raises:
+            MessageError: It cannot be said of this body.
+        """
+        body = body_after(self.body, decision)
+        if body is self.body:
+            return False
+        self.body = body
+        take_in(body, decision, snapshot)
+        if self._growth is not None:
+            self._growth.fit(body)
+        self.settle(snapshot.state)  # what is born holds now
+        return True
+
+    def to_bytes(self) -> bytes:
+        """Return all of it, for a key-frame; nothing where there is nothing to know."""
+        return b"" if self.is_empty else _Archive(self._arrays()).to_bytes()
+
+    def _arrays(self) -> Arrays:
+        grown, retired = self.body.grown, self.body.retired
+        arrays = {
+            "actions": np.array([action for action, _ in grown], np.int64),
+            "sizes": np.array([len(many) for _, many in grown], np.int64),
+            "literals": np.array([a for _, many in grown for a in many], np.int64),
+            "retired": np.array(retired, np.int64),
+        }
+        if self.experience is not None:
+            arrays |= self.experience.arrays()
+        return arrays if self._growth is None else arrays | self._growth.arrays()
+
+    def restore(self, data: bytes) -> None:
+        """Be as what `to_bytes` returned says.
+
+        Raises:
+            InvalidValueError: It is damaged, or of another agent.
+        """
+        if not data and self.is_empty:
+            return
+        try:
+            arrays = _Archive.from_bytes(data).arrays()
+            self.body = grown_in(self.body, arrays)
+            if self.experience is not None:
+                self.experience.restore(arrays)
+            if self._growth is not None:
+                self._growth.fit(self.body)
+                self._growth.restore(arrays)
+                if self.experience is not None:
+                    self.experience.hopeless = self._growth.hopeless
+        except (KeyError, IndexError) as error:
+            raise ValueError(f"agent: {error}") from error
+
+
+def body_in(body: Body, data: bytes) -> Body:
+    """Return the body that a key-frame's agent has.
+
+    Args:
+        body: The run's at first.
+        data: The key-frame's.
+
+    Raises:
+        ValueError: It is damaged, or of another agent.
+    """
+    return grown_in(body, _Archive.from_bytes(data).arrays()) if data else body
+
+
+def grown_in(body: Body, arrays: Arrays) -> Body:
+    """Return a body with what was grown by now.
+
+    Raises:
+        ValueError: The arrays make no sense.
+    """
+    count = arrays["sizes"].size if "sizes" in arrays else 0
+    sizes = entry(arrays, "sizes", (count,), np.int64)
+    actions = entry(arrays, "actions", (count,), np.int64).tolist()
+    literals = entry(arrays, "literals", (int(sizes.sum()),), np.int64)
+    parts = np.split(literals, np.cumsum(sizes)[:-1]) if count else []
+    for action, part in zip(actions, parts, strict=True):
+        body = body.grow((action, tuple(part.tolist())))
+    for place in arrays["retired"].tolist():
+        body = body.retire(place)
+    return body
+
+
+class _Archive(Archived):
+    """The arrays of an agent, as bytes."""
+
+    def __init__(self, arrays: Arrays) -> None:
+        self._arrays = arrays
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        return self._arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Arrays) -> "_Archive":
+        """Return the archive of these arrays."""
+        own = {k: v for k, v in arrays.items() if k not in ("schema", "kind")}
+        return cls(own)

@@ -1,0 +1,170 @@
+"""Swarms whose sensors are grown while they run: the same, whatever happens to them."""
+
+import asyncio
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.agent import Agent
+from neurosnap.errors import RecordingError
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
+from neurosnap.recording.read.learned_at import learned_at
+from neurosnap.recording.read.learning import Learning
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.run import Outcome, run
+from neurosnap.sources.open import open_source
+from tests.support.course import course
+from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same
+from tests.support.lamp import lamp_options
+
+TICKS = 40
+BIRTH = 21
+GROWN = "press&a&b"
+
+
+def made(options: RunOptions, log: Path) -> Outcome:
+    return asyncio.run(run(options, log, asyncio.Event()))
+
+
+def by_one_agent(options: RunOptions) -> list[wire.Decision]:
+    """Return what an agent decides that has everything in one process."""
+    source = open_source(options.source, options.seed)
+    memory = options.new_memory()
+    agent = Agent(
+        options.body, options.policy_with(memory), options.new_snapshot(), memory
+    )
+    found, bits = list[wire.Decision](), source.first()
+    while bits is not None and len(found) < options.ticks:
+        found.append(agent.act(bits, source.begins))
+        bits = source.step(found[-1].action)
+    source.close()
+    return found
+
+
+def decisions(log: Path) -> dict[int, wire.Decision]:
+    messages = (recorded.message for recorded in open_whole(log).messages(("decide",)))
+    return {one.tick: one for one in messages if isinstance(one, wire.Decision)}
+
+
+@pytest.fixture(scope="module")
+def inline(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    log = tmp_path_factory.mktemp("inline") / "log"
+    made(lamp_options(ticks=TICKS, cells="inline"), log)
+    return log
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        "inline",
+        pytest.param("worker", marks=pytest.mark.zenoh),
+        pytest.param("process", marks=[pytest.mark.zenoh, pytest.mark.slow]),
+    ],
+)
+def test_a_swarm_grows_what_one_agent_grows(cells: CellKind, tmp_path: Path) -> None:
+    options, log = lamp_options(ticks=TICKS, cells=cells), tmp_path / "log"
+    made(options, log)
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
+    swarm, alone = decisions(log), by_one_agent(options)
+    assert [swarm[tick] for tick in range(1, TICKS)] == alone[:-1]
+    assert [one.tick for one in alone if one.born >= 0] == [BIRTH]
+
+
+def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
+    inline: Path,
+) -> None:
+    recording = Recording.open(inline)
+    frames = {
+        recorded.message.tick: Snapshot.from_bytes(recorded.message.snapshot)
+        for recorded in recording.messages(("keyframe",))
+        if isinstance(recorded.message, wire.KeyFrame)
+    }
+    assert GROWN in frames[TICKS].sensorium
+    order = learned_at(recording, TICKS).poc_graph()
+    literal = frames[TICKS].sensorium.literal
+    assert order.leq(literal(GROWN), literal("lit"))
+    assert not order.leq(literal("press&a"), literal("lit"))
+
+    # Without any key-frame, from what was observed and decided.
+    learning = Learning(inline, lamp_options(ticks=TICKS, cells="inline"))
+    observed = {
+        recorded.message.tick: recorded.message
+        for recorded in recording.messages(("observe",))
+        if isinstance(recorded.message, wire.Observation)
+    }
+    in_order = (observed[tick] for tick in sorted(observed))
+    for tick in learning.learn_to(TICKS - 1, in_order, decisions(inline)):
+        if tick in frames:
+            learning.snapshot.adopt(frames[tick].state)
+            assert learning.snapshot.to_bytes() == frames[tick].to_bytes()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "rule"),
+    [
+        ({"weights": b"\0" * 4}, "tick 1: /decide: born: cannot reshape"),
+        ({"born": 25}, "tick 1: /decide: born: must be sensor 24, got 25"),
+        ({"literals": (0,)}, "tick 1: /decide: grown: must be of literals of two or"),
+        ({"born": -1, "retires": 24}, "tick 1: /decide: retired: must be places in 0"),
+    ],
+)
+def test_a_decision_that_cannot_be_right_is_named(
+    inline: Path, wrong: dict[str, object], rule: str
+) -> None:
+    birth = next(one for one in decisions(inline).values() if one.born >= 0)
+    learning = Learning(inline, lamp_options())
+    observation = wire.Observation(1, b"\0\0\0\0", known=b"\1\0\0\0")
+    with pytest.raises(RecordingError, match=re.escape(rule)):
+        learning.learn(observation, msgspec.structs.replace(birth, **wrong))
+
+
+@pytest.mark.parametrize("stop", [BIRTH - 5, BIRTH, BIRTH + 1, BIRTH + 9])
+def test_it_goes_on_as_if_nothing_had_been(
+    stop: int, inline: Path, tmp_path: Path
+) -> None:
+    first, log = tmp_path / "first", tmp_path / "log"
+    made(lamp_options(ticks=stop, cells="inline"), first)
+    _, past = find_resume_point(first)
+    whole = lamp_options(ticks=TICKS, cells="inline")
+    asyncio.run(run(whole, log, asyncio.Event(), past=past))
+    assert course(log) == course(inline)
+    assert verify(log).same
+
+
+@pytest.mark.zenoh
+@pytest.mark.slow
+@pytest.mark.usefixtures("no_process_is_left")
+@pytest.mark.parametrize(
+    "victims",
+    [("coordinator",), ("world",), ("cell/24",), ("hub",), ("recorder",)],
+    ids="+".join,
+)
+def test_whoever_dies_it_comes_to_the_same(
+    victims: tuple[str, ...], tmp_path: Path
+) -> None:
+    options = lamp_options(ticks=ENDLESS)
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    disturbed = Disturbed(options, log)
+    outcome = disturbed.run((BIRTH - 6, victims), (9, victims))
+    check_same(outcome, disturbed, log, options, calm)
+
+
+def test_in_several_files_each_begins_with_what_was_grown(
+    inline: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    made(lamp_options(ticks=TICKS, cells="inline", split=SMALLEST), log)
+    files = part_paths(log)
+    assert len(files) > 1
+    assert course(log) == course(inline)
+    assert verify(log).same
+    for path in files.values():
+        assert verify(path).same
