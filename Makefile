@@ -17,10 +17,10 @@ run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
 	$(BIN)/neurosnap replay $(LOG) --verify
 
-test: .venv/installed-dev
+test: .venv/compiled
 	$(PYTEST) $(WORKERS)
 
-quick: .venv/installed-dev
+quick: .venv/compiled
 	$(PYTEST) $(shell nproc) -m "not slow and not zenoh" \
 		--hypothesis-profile=quick tests/unit tests/property
 
@@ -42,6 +42,13 @@ bench: .venv/installed-dev
 
 .venv/installed-dev: .venv/installed
 	$(BIN)/python -m pip install --quiet --group dev
+	touch $@
+
+# The first thing that each worker of the tests would do in a new folder, all at the same
+# time: have Numba compile for 20 s, and pytest rewrite the tests for 8 s.
+.venv/compiled: .venv/installed-dev
+	$(BIN)/python -m tests.support.preloaded_kernels & \
+		$(BIN)/python -m pytest --collect-only -qq > /dev/null; wait
 	touch $@
 
 clean:

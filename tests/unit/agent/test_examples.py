@@ -3,6 +3,8 @@
 The truth is found by looking at every action at every place.
 """
 
+import functools
+
 import pytest
 
 from neurosnap.agent.actions import Actions, guaranteed
@@ -56,8 +58,11 @@ class TestDiscretePathWithMotion:
     """[GK] "Example: discrete path with motion", and the same revisited."""
 
     body, moves, fields = path(LENGTH + 1)
-    graph = known(body, moves, fields)
     names = Sensorium(body.sensors)
+
+    @functools.cached_property
+    def graph(self) -> PocGraph:
+        return known(self.body, self.moves, self.fields)
 
     def leq(self, a: str, b: str) -> bool:
         return self.graph.leq(self.names.literal(a), self.names.literal(b))
@@ -145,8 +150,11 @@ class TestCircularRail:
 
     places = 8
     body, moves, fields = cycle(places)
-    graph = known(body, moves, fields)
     names = Sensorium(body.sensors)
+
+    @functools.cached_property
+    def graph(self) -> PocGraph:
+        return known(self.body, self.moves, self.fields)
 
     def near(self, *places: int) -> set[int]:
         return {2 * (place % self.places) for place in places}
