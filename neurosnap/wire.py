@@ -535,7 +535,7 @@ def decode(key: str, payload: bytes) -> Message:
         raise MessageError(
             f"{key}: must hold its own messages, got one for {message.key}"
         )
-    if isinstance(message, Fault | Leave) and not is_part(message.who):
+    if isinstance(message, (Fault, Leave)) and not is_part(message.who):
         rule = "must be of a part such as cell/3"
         raise MessageError(f"{key}: {rule}, got {message.who:.40}")
     return message

@@ -83,6 +83,7 @@ class MemoryHub:
         self._links: dict[tuple[str, str], deque[wire.Delivery]] = {}
         self._queue: deque[tuple[str, str]] = deque()
         self._routes: dict[str, dict[str, list[Handler]]] = {}
+        self._by_topic: dict[str, list[tuple[str, str, Handler]]] = {}
         self._subscriptions: list[tuple[str, str, Handler]] = []
         self._watchers: list[tuple[str, PresenceHandler]] = []
         self._alive: list[str] = []
@@ -146,7 +147,7 @@ class MemoryHub:
         link = self._queue.popleft()
         waiting = self._links[link]
         delivery = waiting.popleft()
-        if self._chance(self._faults.duplicate):
+        if self._random is not None and self._chance(self._faults.duplicate):
             waiting.append(delivery)
             self._queue.append(link)
         return link[1], delivery
@@ -178,34 +179,60 @@ class MemoryHub:
         route = self._routes.get(key)
         if route is None:
             route = self._routes[key] = {}
-            for who, expression, handler in self._subscriptions:
+            for who, expression, handler in self._listening(wire.topic(key)):
                 if matches(expression, key):
                     route.setdefault(who, []).append(handler)
         return route
+
+    def _listening(self, topic: str) -> list[tuple[str, str, Handler]]:
+        """Return the subscriptions that a key of `topic` may match.
+
+        There is a key for each two cells, and each cell has several subscriptions.
+        """
+        found = self._by_topic.get(topic)
+        if found is None:
+            mine = (topic, "*", "**")
+            found = self._by_topic[topic] = [
+                one for one in self._subscriptions if wire.topic(one[1]) in mine
+            ]
+        return found
+
+    def _changed(self) -> None:
+        """Forget who listens to what."""
+        self._routes.clear()
+        self._by_topic.clear()
 
     def send(self, sender: str, delivery: wire.Delivery) -> None:
         """Put a delivery on its way to everybody who listens to its key."""
         for receiver in self._route(delivery.key):
             link = (sender, receiver)
-            if frozenset(link) in self._cut or (
-                link not in self._faults.spared and self._chance(self._faults.drop)
-            ):
+            if self._loses(link):
                 self.lost[link] += 1
                 continue
-            self._links.setdefault(link, deque()).append(delivery)
+            waiting = self._links.get(link)
+            if waiting is None:
+                waiting = self._links[link] = deque()
+            waiting.append(delivery)
             self._queue.append(link)
         self._pump_soon()
+
+    def _loses(self, link: tuple[str, str]) -> bool:
+        if self._cut and frozenset(link) in self._cut:
+            return True
+        if self._random is None:
+            return False
+        return link not in self._faults.spared and self._chance(self._faults.drop)
 
     def listen(self, who: str, expression: str, handler: Handler) -> None:
         """Add a subscription."""
         self._subscriptions.append((who, expression, handler))
-        self._routes.clear()
+        self._changed()
 
     def leave(self, who: str) -> None:
         """Take a part off the network: its subscriptions, its presence, its mail."""
         self._subscriptions = [s for s in self._subscriptions if s[0] != who]
         self._watchers = [w for w in self._watchers if w[0] != who]
-        self._routes.clear()
+        self._changed()
         for link in {link for link in self._queue if link[1] == who}:
             del self._links[link]
         self._queue = deque(link for link in self._queue if link[1] != who)
