@@ -1,8 +1,6 @@
 """Figures from options to files: whole, the same each time, and of the cells' data."""
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ from neurosnap.apps.figures.experiments.learning_error import TruthKind
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.apps.figures.run import FIGURES, run_figures
 from neurosnap.errors import InvalidValueError
+from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
 LEARNING = ("learning-empirical", "learning-discounted", "learning-compared")
@@ -193,36 +192,18 @@ def test_an_unknown_figure_is_named(tmp_path: Path) -> None:
 
 
 def test_the_verb_makes_them_too(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "neurosnap",
-        "figures",
-        "--only",
-        "1,learning-compared",
-    ]
-    small = ["--runs", "2", "--steps", "150", "--out", str(tmp_path)]
-    done = subprocess.run(
-        [*command, *small],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("cells: 44 computed, 0 reused\n")
-    assert done.stdout.count("holds: ") > 0
+    small = ["--runs", "2", "--steps", "150", "--out", tmp_path]
+    with Command("figures", "--only", "1,learning-compared", *small) as verb:
+        said, errors = verb.communicate(PATIENCE)
+        assert verb.wait(PATIENCE) == 0, errors
+    assert said.startswith("cells: 44 computed, 0 reused\n")
+    assert said.count("holds: ") > 0
     for name in ("learning-empirical", "learning-compared"):
         assert (tmp_path / f"{name}.png").is_file()
 
 
 def test_the_verb_names_what_is_wrong() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "neurosnap", "figures", "--runs", "0"],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stderr == "error: runs: must be at least 1, got 0\n"
+    with Command("figures", "--runs", "0") as verb:
+        _, errors = verb.communicate(PATIENCE)
+        assert verb.wait(PATIENCE) == 2
+    assert errors == "error: runs: must be at least 1, got 0\n"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from neurosnap.apps.drawing import dual_view
+from neurosnap.apps.drawing import dual_view, page
 from neurosnap.apps.drawing.cube_layers import layers
 from neurosnap.apps.drawing.dual_layout import Layout, lay_out
 from neurosnap.apps.drawing.dual_view import View
@@ -46,6 +46,13 @@ def layout_once(*given: Any) -> Layout:
 @pytest.fixture(autouse=True)
 def duals_are_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dual_view, "lay_out", layout_once)
+
+
+@functools.cache
+def figure_once(text: str) -> Any:
+    """Return the picture of a model, not on a canvas yet: it is the other half."""
+    model = find(text)
+    return figure_of(model, measure(model))
 
 
 @functools.cache
@@ -166,15 +173,15 @@ def test_no_text_runs_into_another_or_over_the_edge(text: str) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     model = find(text)
-    figure = figure_of(model, measure(model))
+    figure = figure_once(text)
     canvas: Any = FigureCanvasAgg(figure)
-    page = figure.bbox
+    bounds = figure.bbox
     boxes: list[tuple[str, Any]] = []
     for shown in figure.axes[0].texts:
         if shown.get_text():
             box = shown.get_window_extent(canvas.get_renderer())
-            assert page.x0 <= box.x0 <= box.x1 <= page.x1, shown.get_text()
-            assert page.y0 <= box.y0 <= box.y1 <= page.y1, shown.get_text()
+            assert bounds.x0 <= box.x0 <= box.x1 <= bounds.x1, shown.get_text()
+            assert bounds.y0 <= box.y0 <= box.y1 <= bounds.y1, shown.get_text()
             boxes.append((shown.get_text(), box.padded(-1)))
     for (one, here), (two, there) in itertools.combinations(boxes, 2):
         assert not here.overlaps(there), (one, two)
@@ -184,7 +191,10 @@ def test_no_text_runs_into_another_or_over_the_edge(text: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("text", NAMES)
-def test_every_named_model_is_drawn_whole(tmp_path: Path, text: str) -> None:
+def test_every_named_model_is_drawn_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setattr(page, "figure_of", lambda *_: figure_once(text))
     path = tmp_path / "picture.png"
     path.write_text("what was there before")
     model = find(text)

@@ -6,7 +6,6 @@ import gymnasium
 import msgspec
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from neurosnap.apps.figures import fig6_anomalies
 from neurosnap.apps.figures.experiments.fault_detection import (
@@ -187,6 +186,8 @@ def test_a_report_has_every_cell_and_their_sums() -> None:
 
 
 def test_whatever_was_watched_can_be_drawn() -> None:
+    from matplotlib.figure import Figure  # half a second, for this one test
+
     options = FigureOptions(runs=1, steps=40)
     count = len(fig6_anomalies.cells(options))
     generator = np.random.default_rng(0)
