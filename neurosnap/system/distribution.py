@@ -5,12 +5,14 @@ The package `neurosnap` comes in a distribution of another name, since PyPI's
 would be installed into one folder.
 """
 
+import functools
 import os
 
 NAME = "neurosnap-uma"
 """What pip knows this project by."""
 
 
+@functools.cache
 def version() -> str:
     """Return the installed version; ``0+unknown`` in a bare copy of the sources."""
     from importlib import metadata

@@ -15,7 +15,7 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.records import HEAD, Chunk, damaged_in, parse
+from neurosnap.recording.format.records import HEAD, Chunk, channel_of, damaged_in
 from neurosnap.system.compiled import njit
 
 _MESSAGE = int(Opcode.MESSAGE)
@@ -74,7 +74,11 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     found = np.empty((count, 4), np.int64)
     _walk(octets, found)
     opcodes = found[:, 0]
-    is_message, is_channel = opcodes == _MESSAGE, opcodes == _CHANNEL
+    is_message = opcodes == _MESSAGE
+    if is_message.all():  # as in every chunk of ours but the first
+        _, channels, starts, stops = found.T
+        return ChunkIndex(data, channels, starts, stops, {}, frozenset())
+    is_channel = opcodes == _CHANNEL
     strange = opcodes[~(is_message | is_channel | (opcodes == _SCHEMA))]
     if strange.size:
         rule = "record must be a message or its channel"
@@ -83,7 +87,7 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     late: set[int] = set()
     for row in np.flatnonzero(is_channel).tolist():
         try:
-            channel: Channel = parse(Channel.read, data[found[row, 2] : found[row, 3]])
+            channel = channel_of(data[found[row, 2] : found[row, 3]])
         except ValueError as error:
             raise damaged_in(path, chunk, "channel must be well-formed", error) from (
                 error

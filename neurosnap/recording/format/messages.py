@@ -48,8 +48,10 @@ def raw_messages(
             ):
                 continue
             found = index_chunk(path, file, chunk)
-            _register(path, chunk, found, wanted, topics)
-            yield chunk, _chosen(found, wanted, start, end)
+            present = found.present()
+            _register(path, chunk, found, present, wanted, topics)
+            names = {n: topic for n in present if (topic := wanted[n]) is not None}
+            yield chunk, _chosen(found, names, start, end)
 
 
 def _topic(path: Path, channel: Channel, topics: frozenset[str]) -> str | None:
@@ -65,10 +67,19 @@ def _register(
     path: Path,
     chunk: Chunk,
     found: ChunkIndex,
+    present: list[int],
     wanted: dict[int, str | None],
     topics: frozenset[str],
 ) -> None:
     """Take note of a chunk's channels, which are known in those after it, too.
+
+    Args:
+        path: The recording.
+        chunk: Of it.
+        found: The messages of the chunk.
+        present: Their channels.
+        wanted: Of each channel that is known its topic, where it was asked for.
+        topics: What was asked for.
 
     Raises:
         RecordingError: A message is of a channel that is not registered before it.
@@ -78,20 +89,23 @@ def _register(
         if channel.id in found.late and wanted.get(channel.id, "") != topic:
             raise damaged_in(path, chunk, "channel must be registered", channel.id)
         wanted[channel.id] = topic
-    for number in found.present():
+    for number in present:
         if number not in wanted:
             raise damaged_in(path, chunk, "channel must be registered", number)
 
 
 def _chosen(
-    found: ChunkIndex, wanted: dict[int, str | None], start: int, end: int
+    found: ChunkIndex, names: dict[int, str], start: int, end: int
 ) -> Iterator[Raw]:
-    """Yield the messages asked for, in the order they were recorded.
+    """Yield the messages of the channels in `names`, in the order they were recorded.
 
     All that is read passes here, half a million messages a second and more.
     """
-    names = {n: topic for n in found.present() if (topic := wanted[n]) is not None}
-    chosen = np.flatnonzero(np.isin(found.channels, list(names)))
+    if not names:
+        return
+    asked = np.zeros(1 << 16, np.bool_)
+    asked[list(names)] = True
+    chosen = np.flatnonzero(asked[found.channels])
     channels = found.channels[chosen].tolist()
     starts, stops = found.starts[chosen].tolist(), found.stops[chosen].tolist()
     data, facts = found.data, FACTS.unpack_from

@@ -1,5 +1,6 @@
 """MCAP records: their structure, and errors that name a place in a file."""
 
+import functools
 import io
 import stat
 import struct
@@ -55,6 +56,8 @@ DATA_END = HEAD.size + CRC.size
 """Bytes of the record that ends the data."""
 MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
 """What reading the body of a record raises."""
+
+_SHORT = 256  # bytes of a channel's record that are remembered
 
 _Record = TypeVar("_Record")
 
@@ -256,3 +259,21 @@ def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
     if stream.count != len(body):
         raise ValueError(f"{len(body) - stream.count} bytes beyond its end")
     return record
+
+
+def channel_of(body: bytes) -> Channel:
+    """Return the channel in the body of a record; not to be changed.
+
+    Every recording of ours has the same ones, so they are remembered; not what a
+    stranger made large.
+
+    Raises:
+        ValueError: It is not one whole record of this kind.
+    """
+    return _channel(body) if len(body) < _SHORT else _channel.__wrapped__(body)
+
+
+@functools.lru_cache(maxsize=256)
+def _channel(body: bytes) -> Channel:
+    channel: Channel = parse(Channel.read, body)
+    return channel

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, MetadataIndex
+from mcap.records import AttachmentIndex, MetadataIndex
 
 from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
@@ -27,6 +27,7 @@ from neurosnap.recording.format.records import (
     Chunk,
     Damage,
     Layout,
+    channel_of,
     damaged,
     parse,
 )
@@ -94,7 +95,7 @@ def _take_summed(
         case Opcode.CHUNK_INDEX:
             layout.chunks.append(_indexed(layout, body))
         case Opcode.CHANNEL:
-            channel: Channel = parse(Channel.read, body)
+            channel = channel_of(body)
             layout.channels[channel.id] = channel
         case Opcode.ATTACHMENT_INDEX:
             attached: AttachmentIndex = parse(AttachmentIndex.read, body)
