@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -127,6 +128,7 @@ def test_interrupted_figures_keep_what_is_done(tmp_path: Path) -> None:
     ) as process:
         while not list((tmp_path / "cells").glob("*.npz")):
             assert process.poll() is None
+            time.sleep(0.02)  # looking costs what the cells need
         process.send_signal(signal.SIGINT)
         stdout, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 3

@@ -110,7 +110,7 @@ async def test_a_swarm_is_looked_at_while_it_runs(tmp_path: Path, cells: str) ->
     async with asyncio.timeout(PATIENCE), verb(notes, *running) as run:
         while not log.exists() or log.stat().st_size < 20_000:
             assert run.returncode is None
-            await asyncio.sleep(0)
+            await asyncio.sleep(0.02)  # looking costs what the swarm needs
         async with verb(notes, "view", "--live", "--no-browser") as viewing:
             address = await address_of(viewing)
             ticks = [(await fetched(address, "/api/run"))["ticks"]]
