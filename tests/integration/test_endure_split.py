@@ -28,9 +28,8 @@ def test_a_run_in_several_files_comes_to_the_same(victim: str, tmp_path: Path) -
         options_for(ENDLESS), keyframe_every=50, split=SMALLEST
     )
     calm, log = tmp_path / "calm", tmp_path / "log"
-    disturbed = Disturbed(options, log)
-    # A file takes some 250 ticks.
-    outcome = disturbed.run((300, (victim,)), (300, (victim,)))
+    disturbed = Disturbed(options, log, files=True)
+    outcome = disturbed.run((60, (victim,)), (60, (victim,)))
     check_same(outcome, disturbed, log, options, calm)
     files = part_paths(log)
     assert verify(log).files == len(files) > 2

@@ -15,24 +15,26 @@ from tools.soak import __main__ as soak
 
 pytestmark = pytest.mark.slow
 
+TICKS = 500  # a chunk is full after 100 of them, and a file after 200 or so
+
 
 @pytest.mark.zenoh
 @pytest.mark.parametrize("cells", ["inline", "worker"])
 def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
     readings = tmp_path / "readings.csv"
-    write_readings(readings, 900, 6, 1)
+    write_readings(readings, TICKS, 6, 1)
     source = open_source(str(readings), 1)
     source.close()
     options = RunOptions(
         source=str(readings),
         body=body_of(source, "walker"),
-        ticks=900,
+        ticks=TICKS,
         cells=cells,
         keyframe_every=100,
         split=SMALLEST,
     )
     found = asyncio.run(long_run(options, tmp_path, pause=0.05, verified=True))
-    assert (found.ticks, found.lost, found.verified) == (900, 0, True)
+    assert (found.ticks, found.lost, found.verified) == (TICKS, 0, True)
     assert found.files > 1
     assert found.recorded > SMALLEST
     kinds = {"launcher"}

@@ -85,7 +85,8 @@ def test_a_recorder_names_the_file_in_which_a_split_run_goes_on(
 ) -> None:
     described, log, new = (tmp_path / name for name in ("s.toml", "a.mcap", "b.mcap"))
     described.write_text(SPLIT)
-    tick = stopped_at(endpoint, log, (described, "--ticks", 1_000_000), 600)
+    # The second file begins with tick 250 at the latest.
+    tick = stopped_at(endpoint, log, (described, "--ticks", 1_000_000), 350)
     at, again = ("--connect", endpoint), ("--resume", log)
     lines: tuple[tuple[object, ...], ...] = (
         ("record", SWARM, "--out", new, *again, "--json"),

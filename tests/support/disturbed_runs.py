@@ -57,14 +57,28 @@ class Disturbed:
 
     It is not bound by its ticks: it ends in order once it has gone on after the last
     of the killings, however fast or slow the machine is.
+
+    Args:
+        options: Of the run.
+        log: Where it is recorded.
+        files: Each of its lives must also begin another file of the recording.
+        supervision: As `Supervision` takes it.
     """
 
-    def __init__(self, options: RunOptions, log: Path, **supervision: object) -> None:
+    def __init__(
+        self,
+        options: RunOptions,
+        log: Path,
+        *,
+        files: bool = False,
+        **supervision: object,
+    ) -> None:
         self.restarts: list[Restart] = []
         self.flushed: list[int] = []
         """The last tick that was on disk, of each killing."""
         self._options = options
         self._log = log
+        self._files = files
         self._supervision = msgspec.convert(
             {"backoff": 0.0, **supervision}, Supervision
         )
@@ -88,6 +102,8 @@ class Disturbed:
             begun = self.restarts[-1].tick if self.restarts else 0
             if life == len(self.flushed) < len(killings):
                 ticks, victims = killings[life]
+                if self._files and len(part_paths(self._log)) < life + 2:
+                    return
                 flushed = on_disk(self._log)
                 found = {one.name(): one for one in parts()}
                 if flushed >= begun + ticks and found.keys() >= set(victims):
