@@ -102,9 +102,10 @@ def test_a_restart_that_deletes_a_damaged_recording_is_found(
 # What is wrong is found ---------------------------------------------------------------
 
 
-@pytest.fixture
-def whole(tmp_path: Path) -> Path:
-    """The recording of a planner's walk to which nothing happened."""
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of a planner's walk to which nothing happened; to be read only."""
+    folder = tmp_path_factory.mktemp("whole")
     options = RunOptions(
         source="neurosnap/Path-v0",
         arguments={"places": 4},
@@ -121,9 +122,9 @@ def whole(tmp_path: Path) -> Path:
         threshold=0.1,
         cells="inline",
     )
-    tally = live_on(options, Weather(), random.Random(7), tmp_path)
+    tally = live_on(options, Weather(), random.Random(7), folder)
     assert (tally.restarts, tally.losses, tally.repeats) == (0, 0, 0)
-    return tmp_path / "run.mcap"
+    return folder / "run.mcap"
 
 
 def test_another_run_is_told_from_the_right_one(whole: Path) -> None:
@@ -152,7 +153,7 @@ def test_a_message_that_nobody_misses_is_missed(whole: Path) -> None:
 # Going back ---------------------------------------------------------------------------
 
 
-def test_a_run_is_taken_up_no_later_than_asked(whole: Path, tmp_path: Path) -> None:
+def test_a_run_is_taken_up_no_later_than_asked(whole: Path) -> None:
     options, last = find_resume_point(whole)
     assert last.tick == options.ticks
     for tick in range(1, options.ticks):

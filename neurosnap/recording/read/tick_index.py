@@ -87,6 +87,7 @@ class TickIndex:
         self._topics: dict[File, dict[int, str]] = {}
         self._first_ticks: dict[int, int] = {}
         self._kept: OrderedDict[int, ChunkMessages] = OrderedDict()
+        self._size = 0  # of those, in bytes
         self._observed: OrderedDict[int, list[wire.Observation]] = OrderedDict()
         self._observations = 0
 
@@ -104,7 +105,7 @@ class TickIndex:
         if moved:
             for kept in (self._first_ticks, self._kept, self._observed, self.damage):
                 kept.clear()
-            self._observations = 0
+            self._size = self._observations = 0
         elif grown:
             # What was behind the last tick may be in front of a next one now.
             self._first_ticks = {k: v for k, v in self._first_ticks.items() if v}
@@ -125,9 +126,9 @@ class TickIndex:
             self.damage.setdefault(number, str(error))
             raise
         self._kept[number] = chunk
-        total = sum(kept.size for kept in self._kept.values())
-        while total > ROOM and len(self._kept) > 1:
-            total -= self._kept.popitem(last=False)[1].size
+        self._size += chunk.size
+        while self._size > ROOM and len(self._kept) > 1:
+            self._size -= self._kept.popitem(last=False)[1].size
         return chunk
 
     def readable(self, start: int, stop: int) -> Iterator[tuple[int, ChunkMessages]]:
