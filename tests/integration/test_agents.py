@@ -28,7 +28,7 @@ from neurosnap.sources.protocol import Source
 from tests.support import run_options
 
 SEED = 5
-TICKS = 60
+TICKS = 40
 PATH = "neurosnap/Path-v0"
 WORLDS: dict[str, dict[str, Argument]] = {
     PATH: {"places": 5},
