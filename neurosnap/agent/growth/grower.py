@@ -119,17 +119,25 @@ class Grower:
         came[::2], came[1::2] = bits, ~bits
         if known is not None:
             came &= np.repeat(known, 2)
-        self._try(action, state, came)
         above = closure[: 2 * self._own]
         guaranteed = above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)
+        self._try(action, state, came, guaranteed)
         for result in np.flatnonzero(came & ~guaranteed).tolist():
             self._explain(action, state, result, history)
         return self._birth()
 
     def _try(
-        self, action: int, state: NDArray[np.bool_], came: NDArray[np.bool_]
+        self,
+        action: int,
+        state: NDArray[np.bool_],
+        came: NDArray[np.bool_],
+        guaranteed: NDArray[np.bool_],
     ) -> None:
-        """Hold the covers under trial against what came."""
+        """Hold the covers under trial against what came.
+
+        One whose result is guaranteed without it by the time it is confirmed is not
+        needed any more. A young sensor believes too much: all that it has met with.
+        """
         # In the order of the numbers: what is restored is in no other.
         for (which, result), trials in sorted(self._trials.items()):
             if which != action or not came[result | 1] | came[result & ~1]:
@@ -140,8 +148,9 @@ class Grower:
                 if came[result]:
                     trial.held += 1
                     if trial.held == self._confirmations:
-                        self._ready.append(trial)
                         trials.remove(trial)
+                        if not guaranteed[result]:
+                            self._ready.append(trial)
                 else:
                     trials.remove(trial)
                     self._fail(action, result)

@@ -34,15 +34,21 @@ class Watched:
         self.senses = Senses(self.body)
         self.births: list[Context] = []
 
-    def show(self, before: str, after: str, action: int = 0) -> Context | None:
-        """Show a step from one state to another, each as the names that are on."""
+    def show(
+        self, before: str, after: str, action: int = 0, said: str = ""
+    ) -> Context | None:
+        """Show a step from one state to another, each as the names that are on.
+
+        What is said is guaranteed beforehand.
+        """
         state = np.zeros(2 * len(self.body.sensors), np.bool_)
         state[: 2 * len(NAMES)] = complete(bits(before))
         observation = self.senses.observe(bits(after), action, state)
         self.history.enter(observation)
-        nothing = np.zeros_like(state)
+        closure = np.zeros_like(state)
+        closure[[2 * NAMES.index(name) for name in said.split()]] = True
         found = self.grower.notice(
-            action, state, nothing, observation[: len(NAMES)], None, self.history
+            action, state, closure, observation[: len(NAMES)], None, self.history
         )
         if found is not None:
             self.births.append(found)
@@ -80,6 +86,16 @@ def test_a_cover_is_confirmed_before_it_is_born() -> None:
     found = [watched.show("a b", "hit") for _ in range(4)]
     assert [one is not None for one in found].index(True) >= 2
     assert grown("a", "b") in watched.births
+
+
+def test_a_cover_that_has_become_needless_is_not_born() -> None:
+    watched = Watched(confirmations=3)
+    for before in BEFORE[:-1]:
+        watched.show(before, "hit" if before == "a b" else "")
+    for _ in range(10):  # by now something else says so
+        watched.show("a b", "hit", said="hit")
+    assert watched.births == []
+    assert grown("a", "b") not in watched.grower.trials()
 
 
 def test_a_cover_that_fails_is_dropped_and_the_next_waits() -> None:
