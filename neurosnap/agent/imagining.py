@@ -142,7 +142,7 @@ class ImaginingPlanner:
             return action, why
         if self._greedy is not None:
             return (yield from self._greedy.decide(tick, state))
-        return pick(np.arange(len(self._names)), draws[0]), "at random: all is known"
+        return pick(np.arange(len(self._names)), draws[0]), "at random"
 
     def _told(self, plan: Plan) -> str:
         names = [self._names[action] for action in plan.actions]
@@ -155,12 +155,15 @@ class ImaginingPlanner:
         Returns:
             The shortest plan. If there is none and the planner is curious, that to the
             nearest unknown outcome; if nothing is unknown, to the nearest end of an
-            episode: the next may begin elsewhere. None: there is neither.
+            episode: the next may begin elsewhere. One who only explores does so every
+            other time, and else tests an outcome that seems to be known: terms are only
+            as true as what was met. None: there is nothing of this.
         """
         frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
         met = self._experience.met
         always = met & ~complement(met)  # a sensor that never changed
         unknown: list[tuple[_Node, int]] = []
+        known: list[tuple[_Node, int]] = []
         end: _Node | None = None  # the nearest
         while frontier and not (unknown and not self._target):
             asked: list[tuple[_Node, int]] = []
@@ -188,6 +191,8 @@ class ImaginingPlanner:
                 place = state & self._position
                 if not self._is_whole(place, self._experience.hopeless[action]):
                     doubtful.append((node, action))
+                else:
+                    known.append((node, action))
                 key = place.tobytes()
                 if key not in seen and len(frontier) < left:
                     seen.add(key)
@@ -201,6 +206,12 @@ class ImaginingPlanner:
             node, action = unknown[int(draw * len(unknown))]
             why = f"to learn what {self._names[action]} does there, "
             return self._planned(_Node(nothing, node, action), why)
+        if not self._target:
+            half, draw = divmod(2 * draw, 1.0)
+            if not half or end is None:
+                node, action = known[int(draw * len(known))]
+                why = f"to test what {self._names[action]} does there, "
+                return self._planned(_Node(nothing, node, action), why)
         if end is not None:
             action = int(draw * len(self._names))
             why = "to begin another episode, "

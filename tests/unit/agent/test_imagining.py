@@ -151,18 +151,49 @@ def test_the_curious_go_to_the_nearest_action_that_guarantees_too_little() -> No
     )
 
 
-def test_where_all_is_known_the_curious_end_the_episode() -> None:
+def ending(walk: Walk, place: int, ends: bool = True) -> None:
+    """Let an episode end at a place, or not any more."""
+    here = np.zeros(2 * (PLACES - 1), np.bool_)
+    here[list(complete(view(FIELDS, place)))] = True
+    walk.experience.leave(here, ends=ends)
+
+
+def first_words(walk: Walk, ticks: int = 40) -> set[str]:
+    """What it is up to at a place, at many ticks."""
+    found = set()
+    for tick in range(ticks):
+        walk.experience.plan = None
+        found.add(walk.decide(3, tick)[1].split(",")[0])
+    return found
+
+
+def test_where_all_is_known_the_curious_end_the_episode_or_test_what_they_know() -> (
+    None
+):
     walk = Walk(None)
-    assert walk.decide(3)[1] == "at random: all is known"
-    place = np.zeros(2 * (PLACES - 1), np.bool_)
-    place[list(complete(view(FIELDS, 1)))] = True
-    walk.experience.leave(place, ends=True)
-    action, why = walk.decide(3)
-    assert action == "back"
-    assert why.startswith("to begin another episode, in 3: back, back, ")
-    walk.experience.leave(place, ends=False)
-    walk.experience.plan = None
-    assert walk.decide(3)[1] == "at random: all is known"
+    tests = {f"to test what {action} does there" for action in BODY.actions}
+    assert first_words(walk) == tests
+    ending(walk, 1)
+    assert first_words(walk) == {*tests, "to begin another episode"}
+    ending(walk, 1, ends=False)
+    assert first_words(walk) == tests
+
+
+def test_tests_are_of_all_that_can_be_imagined() -> None:
+    walk = Walk(None)
+    lengths = set()
+    for tick in range(200):
+        walk.experience.plan = None
+        lengths.add(int(walk.decide(0, tick)[1].split(" in ")[1].split(":")[0]))
+    assert lengths == set(range(1, PLACES + 1))
+
+
+def test_who_wants_something_tests_nothing_and_ends_the_episode() -> None:
+    walk = Walk(5)
+    walk.planner._curious = True
+    ending(walk, 4)
+    ending(walk, 1)
+    assert first_words(walk) == {"to begin another episode"}
 
 
 def test_no_way_leads_through_the_end_of_an_episode() -> None:
