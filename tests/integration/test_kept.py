@@ -130,15 +130,26 @@ def test_whoever_dies_every_line_is_a_tick_once_and_in_order(
     victim: str, cells: str, tmp_path: Path
 ) -> None:
     log = tmp_path / "lines.mcap"
+
+    def are_taken_in(lines: int) -> None:
+        """Wait until all are written down, where it is the intake that is to die.
+
+        What it has read and not yet written dies with it.
+        """
+        if victim == "intake":
+            until(lambda: any(row.number == lines for row in rows_of(log)))
+
     with running(log, "--cells", cells) as run:
         run.feed(10)
         run.wait_for(8)
         run.feed(15)  # most have no tick when it dies
+        are_taken_in(25)
         run.kill(victim)
         run.feed(10)  # while nobody is there to see them
         run.wait_for_restart()
         run.wait_for(30)
         run.feed(15)
+        are_taken_in(50)
         run.kill(victim)
         run.feed(10)
         status, said = run.end()
