@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.poc.learning.archive import Arrays, entry
 
+_MOST = 1 << 16  # actions that are known to have been taken at a place
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
@@ -41,6 +43,8 @@ class Experience:
         met: ``(2N,)``: the literals that were in a state.
         ends: Places, as bytes of what `Body.place` returns, at which an episode ended
             the last time: what is done there is not seen.
+        tried: Places, likewise, each with an action that was taken there: the latest,
+            in the order in which they were first.
         hopeless: ``(actions, 2n)``: which results of an action, literals of the world's
             own, seem to be left to chance.
         plan: What is under way; None: nothing is.
@@ -49,20 +53,27 @@ class Experience:
     def __init__(self, body: Body) -> None:
         self.met = np.zeros(2 * len(body.sensors), np.bool_)
         self.ends: set[bytes] = set()
+        self.tried: dict[tuple[bytes, int], None] = {}
         self.hopeless = np.zeros((len(body.actions), 2 * len(body.own)), np.bool_)
         self.plan: Plan | None = None
 
-    def leave(self, place: NDArray[np.bool_], ends: bool) -> None:
+    def leave(self, place: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
         """Take in what came after a place: another episode, or the next step.
 
         Args:
             place: ``(2n,)``.
             ends: Whether it was another episode.
+            action: The one taken there; -1: it does not matter.
         """
+        here = place.tobytes()
         if ends:
-            self.ends.add(place.tobytes())
-        else:
-            self.ends.discard(place.tobytes())
+            self.ends.add(here)
+            return
+        self.ends.discard(here)
+        if action >= 0:
+            self.tried[here, action] = None
+            if len(self.tried) > _MOST:
+                del self.tried[next(iter(self.tried))]
 
     def enter(self, state: NDArray[np.bool_]) -> None:
         """Take in a state: ``(2N,)``."""
@@ -72,10 +83,15 @@ class Experience:
         """Return all there is to know, by name."""
         size = self.hopeless.shape[1]
         plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
+        tried = [np.frombuffer(place, np.bool_) for place, _ in self.tried]
         ends = [np.frombuffer(place, np.bool_) for place in sorted(self.ends)]
         return {
             "met": self.met,
             "ends": np.array(ends, np.bool_).reshape(len(ends), size),
+            "tried": np.packbits(
+                np.array(tried, np.bool_).reshape(len(tried), size), axis=1
+            ),
+            "taken": np.array([action for _, action in self.tried], np.int64),
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
@@ -92,6 +108,14 @@ class Experience:
         shape = (count, self.hopeless.shape[1])
         ends = entry(arrays, "ends", shape, np.bool_)
         self.ends = {place.tobytes() for place in ends}
+        taken = arrays["taken"].size if "taken" in arrays else 0
+        actions = entry(arrays, "taken", (taken,), np.int64).tolist()
+        packed = entry(arrays, "tried", (taken, (shape[1] + 7) // 8), np.uint8)
+        tried = np.unpackbits(packed, axis=1, count=shape[1]).astype(np.bool_)
+        self.tried = {
+            (place.tobytes(), action): None
+            for place, action in zip(tried, actions, strict=True)
+        }
         steps = arrays["plan"].size if "plan" in arrays else 0
         actions = entry(arrays, "plan", (steps,), np.int64).tolist()
         places = entry(arrays, "places", (steps, shape[1]), np.bool_)

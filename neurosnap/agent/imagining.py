@@ -156,8 +156,9 @@ class ImaginingPlanner:
             The shortest plan. If there is none and the planner is curious, that to the
             nearest unknown outcome; if nothing is unknown, to the nearest end of an
             episode: the next may begin elsewhere. One who only explores does so every
-            other time, and else tests an outcome that seems to be known: terms are only
-            as true as what was met. None: there is nothing of this.
+            other time, and else goes to test an outcome that seems to be known, the
+            nearest that was never seen: what was learned is only as true as what was
+            met. None: there is nothing of this.
         """
         frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
         met = self._experience.met
@@ -209,13 +210,21 @@ class ImaginingPlanner:
         if not self._target:
             half, draw = divmod(2 * draw, 1.0)
             if not half or end is None:
-                node, action = known[int(draw * len(known))]
+                node, action = self._untested(known) or known[int(draw * len(known))]
                 why = f"to test what {self._names[action]} does there, "
                 return self._planned(_Node(nothing, node, action), why)
         if end is not None:
             action = int(draw * len(self._names))
             why = "to begin another episode, "
             return self._planned(_Node(nothing, end, action), why)
+        return None
+
+    def _untested(self, known: list[tuple[_Node, int]]) -> tuple[_Node, int] | None:
+        """Return the nearest outcome that seems to be known and was never seen."""
+        tried = self._experience.tried
+        for node, action in known:
+            if (node.state.tobytes(), action) not in tried:
+                return node, action
         return None
 
     def _planned(self, last: _Node, why: str) -> Plan:

@@ -65,7 +65,7 @@ class AgentMemory:
             known: ``(N,)``, which of it is known; None: all.
         """
         if self.experience is not None and action >= 0:
-            self.experience.leave(self.body.place(state), ends=begins)
+            self.experience.leave(self.body.place(state), begins, action)
         if self._growth is not None:
             step = (-1 if begins else action, state)
             self._growth.notice(*step, graph, observation, known)

@@ -135,8 +135,8 @@ class Grower:
     ) -> None:
         """Hold the covers under trial against what came.
 
-        One whose result is guaranteed without it by the time it is confirmed is not
-        needed any more. A young sensor believes too much: all that it has met with.
+        One that was confirmed waits until its result is not guaranteed without it: a
+        young sensor believes too much, all that it has met with.
         """
         # In the order of the numbers: what is restored is in no other.
         for (which, result), trials in sorted(self._trials.items()):
@@ -147,10 +147,9 @@ class Grower:
                     continue
                 if came[result]:
                     trial.held += 1
-                    if trial.held == self._confirmations:
+                    if trial.held >= self._confirmations and not guaranteed[result]:
+                        self._ready.append(trial)
                         trials.remove(trial)
-                        if not guaranteed[result]:
-                            self._ready.append(trial)
                 else:
                     trials.remove(trial)
                     self._fail(action, result)
