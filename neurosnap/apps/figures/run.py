@@ -22,6 +22,7 @@ from neurosnap.apps.figures import (
     fig4_excitation,
     fig5_obstructions,
     fig6_anomalies,
+    fig7_growth,
 )
 from neurosnap.apps.figures.figure import (
     Claim,
@@ -51,6 +52,7 @@ FIGURES: dict[str, Figure] = {
         fig4_excitation.FIGURE,
         fig5_obstructions.FIGURE,
         fig6_anomalies.FIGURE,
+        fig7_growth.FIGURE,
     )
 }
 """All figures by name; their order gives them their numbers, from 1."""

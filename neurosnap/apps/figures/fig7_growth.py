@@ -1,0 +1,284 @@
+"""Figure 7: what growing sensors and planning by imagined waves are good for.
+
+The paper has no such experiment: it names both as future work. In each world several
+learners explore for equally many steps; then they are sent on the same journeys.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, get_args
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.apps.figures.experiments.explorers import CHECKS
+from neurosnap.apps.figures.experiments.growing import (
+    FALSE,
+    GROWN,
+    KIND,
+    NEED,
+    STEPS,
+    USED,
+    WAVES,
+    WHOLE,
+    GrowthEntry,
+    Method,
+)
+from neurosnap.apps.figures.experiments.stages import settings, stage_of
+from neurosnap.apps.figures.figure import Figure, FigureOptions, Report
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+METHODS: tuple[Method, ...] = get_args(Method)
+KINDS = ("any to any", "to the goal", "fares", "squares")
+_MOST_RUNS = 3  # agents go step by step: a run takes up to minutes
+_TARGETS = 500
+_ANEW: tuple[Method, ...] = ("growth and imagining", "table", "Q-learning", "Dyna-Q")
+_COLUMNS = (
+    *("world", "learner", "runs", "moves whole", "whole after", "grown", "in use"),
+    *("journeys", "of them", "reached", "shortest", "waves a step"),
+)
+_COLOURS = dict(zip(METHODS, ("C0", "C1", "C2", "C3", "0.5", "C4", "C5"), strict=True))
+
+
+class Score(msgspec.Struct, frozen=True):
+    """How one learner did in a world, all runs together."""
+
+    world: str
+    learner: str
+    runs: int
+    steps: int
+    """Of exploration, in a run."""
+    moves: int
+    """Of the world, but for where the episode is over."""
+    whole: tuple[int, ...]
+    """Of how many, in each run, all is guaranteed in the end; of a table: tried."""
+    false: tuple[int, ...]
+    """Of how many something false is."""
+    after: tuple[int, ...]
+    """Steps after which all were for the first time seen to be; -1: they never were."""
+    grown: tuple[int, ...]
+    """Sensors grown in each run; of a table: entries."""
+    used: tuple[int, ...]
+    """Those in use in the end."""
+    kind: str
+    """Of the journeys."""
+    journeys: int
+    reached: int
+    shortest: int
+    waves: float | None
+    """Planning waves a step; None: the learner has none."""
+    learning: int
+    """Steps of exploration for all these journeys together; where a learner of values
+    learns for each anew, so many times."""
+    travelled: int
+    """Steps of the journeys that arrived."""
+
+
+def cells(options: FigureOptions) -> list[GrowthEntry]:
+    """Return a cell a world and learner, worlds outermost; then any targets."""
+    runs = min(options.runs, _MOST_RUNS)
+    every = [
+        GrowthEntry(setting=setting, method=method, runs=runs, seed=options.seed)
+        for setting in settings()
+        for method in METHODS
+    ]
+    (taxi,) = (setting for setting in settings() if setting.name == "taxi")
+    return every + [
+        GrowthEntry(
+            setting=taxi, method=method, runs=1, seed=options.seed, targets=_TARGETS
+        )
+        for method in _ANEW
+    ]
+
+
+def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
+    """Return the figure of the rows of its cells."""
+    pairs = list(zip(cells(options), rows, strict=True))
+    scores = [found for pair in pairs for found in scored(*pair)]
+    return Report(
+        columns=("world", "learner", "run", "steps", "whole", "false", "grown", "used"),
+        rows=_curves(pairs),
+        draw=lambda canvas: _draw(canvas, pairs),
+        claims=(),
+        facts={"scores": scores},
+        lines=tuple(_markdown(scores)),
+    )
+
+
+def scored(cell: GrowthEntry, rows: NDArray[Any]) -> list[Score]:
+    """Return the scores of a cell, one for each kind of journey.
+
+    Args:
+        cell: The cell.
+        rows: ``(runs, checks + journeys, 4)``.
+    """
+    stage = stage_of(cell.setting)
+    moves = int((~stage.over).sum()) * len(stage.actions)
+    curves, journeys = rows[:, :CHECKS], rows[:, CHECKS:].reshape(-1, 4)
+    journeys = journeys[journeys[:, NEED] >= 0]
+    found = []
+    for kind in np.unique(journeys[:, KIND]).tolist():
+        mine = journeys[journeys[:, KIND] == kind]
+        there = mine[:, STEPS] >= 0
+        steps = int(mine[there, STEPS].sum())
+        waves = mine[there, WAVES].sum() / max(1, steps)
+        anew = cell.targets and cell.method in ("Q-learning", "Dyna-Q")
+        found.append(
+            Score(
+                world=cell.setting.name,
+                learner=cell.method,
+                runs=cell.runs,
+                steps=cell.setting.steps,
+                moves=moves,
+                whole=tuple(curves[:, -1, WHOLE].tolist()),
+                false=tuple(curves[:, -1, FALSE].tolist()),
+                after=tuple(_after(cell, curve, moves) for curve in curves),
+                grown=tuple(curves[:, -1, GROWN].tolist()),
+                used=tuple(curves[:, -1, USED].tolist()),
+                kind=f"{_TARGETS} targets" if cell.targets else KINDS[kind],
+                journeys=len(mine),
+                reached=int(there.sum()),
+                shortest=int((mine[:, STEPS] == mine[:, NEED]).sum()),
+                waves=float(waves) if waves else None,
+                learning=cell.setting.steps * (len(mine) if anew else cell.runs),
+                travelled=steps,
+            )
+        )
+    return found
+
+
+def _after(cell: GrowthEntry, curve: NDArray[Any], moves: int) -> int:
+    """Return when all moves were first seen to be guaranteed whole; -1: never."""
+    done = np.flatnonzero(curve[:, WHOLE] >= moves)
+    return int(done[0] + 1) * _every(cell) if done.size else -1
+
+
+def _every(cell: GrowthEntry) -> int:
+    return max(1, cell.setting.steps // CHECKS)
+
+
+def _curves(
+    pairs: Sequence[tuple[GrowthEntry, NDArray[Any]]],
+) -> Iterable[Sequence[object]]:
+    for cell, rows in pairs:
+        for run, curve in enumerate(rows[:, :CHECKS].tolist()):
+            for check, point in enumerate(curve, 1):
+                yield (
+                    cell.setting.name + (", targets" if cell.targets else ""),
+                    cell.method,
+                    run,
+                    check * _every(cell),
+                    *point,
+                )
+
+
+def _markdown(scores: Sequence[Score]) -> Iterable[str]:
+    """Yield the lines of a table for people."""
+    yield f"| {' | '.join(_COLUMNS)} |"
+    yield "|" + " --- |" * len(_COLUMNS)
+    for found in scores:
+        learns = found.learner not in ("Q-learning", "Dyna-Q")
+        curve = (
+            f"{_range(found.whole)} of {found.moves}",
+            _range(found.after),
+            _range(found.grown),
+            _range(found.used),
+        )
+        line = (
+            found.world,
+            found.learner,
+            str(found.runs),
+            *(curve if learns else ("–",) * 4),
+            found.kind,
+            str(found.journeys),
+            str(found.reached),
+            str(found.shortest),
+            "–" if found.waves is None else f"{found.waves:.3g}",
+        )
+        yield f"| {' | '.join(line)} |"
+
+
+def _range(values: Sequence[int]) -> str:
+    shown = ["never" if value < 0 else str(value) for value in sorted(values)]
+    if shown[0] == "never" and shown[-1] != "never":
+        return f"never, {shown[-1]}"
+    return shown[0] if shown[0] == shown[-1] else f"{shown[0]} to {shown[-1]}"
+
+
+def _draw(canvas: "Canvas", pairs: Sequence[tuple[GrowthEntry, NDArray[Any]]]) -> None:
+    """Draw a column a world: moves guaranteed, sensors, and journeys."""
+    names = list(dict.fromkeys(cell.setting.name for cell, _ in pairs))
+    canvas.set_size_inches(2.7 * len(names), 8)
+    panels = canvas.subplots(3, len(names), squeeze=False)
+    for column, name in zip(panels.T, names, strict=True):
+        mine = [
+            (cell, rows)
+            for cell, rows in pairs
+            if cell.setting.name == name and not cell.targets
+        ]
+        column[0].set_title(name, fontsize="medium")
+        _lines(column[0], [pair for pair in mine if _curved(pair)], WHOLE)
+        _lines(column[1], [pair for pair in mine if _grows(pair)], GROWN)
+        _lines(column[1], [pair for pair in mine if _grows(pair)], USED)
+        _bars(column[2], mine)
+    panels[0, 0].set_ylabel("moves guaranteed whole (%)")
+    panels[1, 0].set_ylabel("sensors grown (dotted), in use")
+    panels[2, 0].set_ylabel("journeys by a shortest way,\nand that arrive (%)")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    canvas.legend(
+        handles, labels, loc="outside lower center", ncols=len(labels), frameon=False
+    )
+
+
+def _curved(pair: tuple[GrowthEntry, NDArray[Any]]) -> bool:
+    return pair[0].method not in ("Q-learning", "Dyna-Q", "growth only")
+
+
+def _grows(pair: tuple[GrowthEntry, NDArray[Any]]) -> bool:
+    return pair[0].method in ("growth and imagining", "whole states")
+
+
+def _lines(
+    axes: "Axes", pairs: Sequence[tuple[GrowthEntry, NDArray[Any]]], which: int
+) -> None:
+    """Draw the median of runs, and the band they are in."""
+    for cell, rows in pairs:
+        every = rows[:, :CHECKS, which].astype(float)
+        if which == WHOLE:
+            stage = stage_of(cell.setting)
+            every *= 100 / ((~stage.over).sum() * len(stage.actions))
+        steps = _every(cell) * np.arange(1, CHECKS + 1)
+        colour, style = _COLOURS[cell.method], ":" if which == GROWN else "-"
+        low, middle, high = np.quantile(every, (0, 0.5, 1), axis=0)
+        axes.fill_between(steps, low, high, color=colour, alpha=0.2, lw=0)
+        axes.plot(steps, middle, style, color=colour, label=cell.method)
+    axes.set_xlabel("steps", fontsize="small")
+    axes.grid(alpha=0.25, lw=0.6)
+    axes.set_ylim(bottom=0)
+
+
+def _bars(axes: "Axes", pairs: Sequence[tuple[GrowthEntry, NDArray[Any]]]) -> None:
+    for place, (cell, rows) in enumerate(pairs):
+        found = scored(cell, rows)
+        count = sum(each.journeys for each in found)
+        if not count:
+            continue
+        colour = _COLOURS[cell.method]
+        reached = 100 * sum(each.reached for each in found) / count
+        shortest = 100 * sum(each.shortest for each in found) / count
+        axes.bar(place, reached, color=colour, alpha=0.35)
+        axes.bar(place, shortest, color=colour)
+    axes.set_xticks([])
+    axes.set_ylim(0, 100)
+
+
+FIGURE = Figure(
+    name="growth",
+    title="Growing sensors, and planning by imagined waves",
+    cells=cells,
+    report=report,
+)
+"""Figure 7; not one of the paper's."""
