@@ -30,6 +30,7 @@ _WORLDS = {
     "neurosnap/FrozenLake-v0": "toy_text:frozen_lake",
     "neurosnap/CliffWalking-v0": "toy_text:cliff_walking",
     "neurosnap/Taxi-v0": "toy_text:taxi",
+    "neurosnap/MiniGrid-v0": "minigrid:minigrid",
 }
 
 for _name, _home in _WORLDS.items():

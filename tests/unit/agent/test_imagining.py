@@ -179,22 +179,23 @@ def test_where_all_is_known_the_curious_end_the_episode_or_test_what_they_know()
     assert first_words(walk) == tests
 
 
+def tried(walk: Walk, place: int, action: int) -> None:
+    here = np.zeros(2 * (PLACES - 1), np.bool_)
+    here[list(complete(view(FIELDS, place)))] = True
+    walk.experience.leave(here, ends=False, action=action)
+
+
 def test_tests_are_of_the_nearest_outcome_never_seen_then_of_any() -> None:
     walk = Walk(None)
     for place in range(PLACES):
-        here = np.zeros(2 * (PLACES - 1), np.bool_)
-        here[list(complete(view(FIELDS, place)))] = True
         for action in range(2):
             if (place, action) != (4, 1):
-                walk.experience.leave(here, ends=False, action=action)
-    action, why = walk.decide(2)
-    assert (action, why) == (
+                tried(walk, place, action)
+    assert walk.decide(2) == (
         "forward",
         "to test what back does there, in 3: forward, forward, back",
     )
-    here[:] = False
-    here[list(complete(view(FIELDS, 4)))] = True
-    walk.experience.leave(here, ends=False, action=1)
+    tried(walk, 4, 1)
     lengths = set()
     for tick in range(200):
         walk.experience.plan = None

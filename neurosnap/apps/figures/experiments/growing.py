@@ -118,7 +118,7 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
         anything = self.targets or self.method not in ("Q-learning", "Dyna-Q")
         if self.setting.to_goal or not anything:
             return list(_to_goal(stage, most))
-        tasks = list(_pairs(stage, most))
+        tasks = list(_pairs(stage, most)) if most else []
         if self.setting.name == "taxi" and not self.targets:
             tasks += [*_fares(stage), *_squares(stage)]
         return tasks

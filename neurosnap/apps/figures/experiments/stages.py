@@ -40,8 +40,6 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
     """Sensors added that are on or off by chance at every step."""
     journeys: int = 200
     """Drawn of all pairs of places, without putting back."""
-    without: tuple[str, ...] = ()
-    """Actions that nobody takes."""
     to_goal: bool = False
     """Whether journeys are to the world's goal only, from places drawn."""
 
@@ -76,7 +74,6 @@ def settings() -> tuple[Setting, ...]:
     )
     if find_spec("minigrid") is None:
         return always
-    idle = ("drop", "done")
     return (
         *always,
         *(
@@ -85,7 +82,6 @@ def settings() -> tuple[Setting, ...]:
                 world=minigrid,
                 arguments=(("layout", layout),),
                 steps=20_000,
-                without=idle,
                 to_goal=True,
             )
             for name, layout in (
@@ -212,16 +208,10 @@ def _made(setting: Setting) -> Stage:
         setting.world, disable_env_checker=True, **dict(setting.arguments)
     )
     try:
-        whole = _of_moves(env) if env.has_wrapper_attr("moves") else _of_table(env)
+        made = _of_moves(env) if env.has_wrapper_attr("moves") else _of_table(env)
     finally:
         env.close()
-    left = [k for k, name in enumerate(whole.actions) if name not in setting.without]
-    return replace(
-        whole,
-        actions=tuple(whole.actions[k] for k in left),
-        outcomes=tuple(tuple(row[k] for k in left) for row in whole.outcomes),
-        coins=setting.coins,
-    )
+    return replace(made, coins=setting.coins)
 
 
 def _of_moves(env: gymnasium.Env[Any, Any]) -> Stage:

@@ -1,0 +1,158 @@
+"""Stages are the worlds they stand for, and learners on them do what they should."""
+
+from typing import Any
+
+import gymnasium
+import msgspec
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from neurosnap.apps.figures import fig7_growth
+from neurosnap.apps.figures.experiments.explorers import CHECKS
+from neurosnap.apps.figures.experiments.growing import (
+    FARE,
+    KIND,
+    NEED,
+    SQUARE,
+    STEPS,
+    USED,
+    WAVES,
+    WHOLE,
+    GrowthEntry,
+    Method,
+)
+from neurosnap.apps.figures.experiments.stages import (
+    Setting,
+    StageEnv,
+    settings,
+    stage_of,
+)
+from neurosnap.apps.figures.experiments.tabular import (
+    PlaceTable,
+    follow,
+    q_learning,
+)
+from neurosnap.apps.figures.figure import FigureOptions
+
+LAKE = Setting(name="lake", world="neurosnap/FrozenLake-v0", steps=400, journeys=20)
+METHODS = fig7_growth.METHODS
+
+
+def entry(method: Method, setting: Setting = LAKE, **fields: Any) -> GrowthEntry:
+    return GrowthEntry(setting=setting, method=method, runs=1, seed=0, **fields)
+
+
+@pytest.mark.parametrize("name", ["lake 4x4", "cliff", "punctured grid", "rail"])
+def test_a_stage_does_what_the_world_does(name: str) -> None:
+    (setting,) = (one for one in settings() if one.name == name)
+    stage = stage_of(setting)
+    assert stage.certain
+    env: Any = gymnasium.make(setting.world, **dict(setting.arguments))
+    ours = StageEnv(stage)
+    reading, info = env.reset(seed=1)
+    ours.reset(seed=1)
+    ours.put(int(info.get("place", ours.place)))
+    for action in np.random.default_rng(0).integers(len(stage.actions), size=300):
+        assert (ours.reading() == reading).all()
+        reading, _, over, _, _ = env.step(int(action))
+        assert ours.step(action)[2] == over
+        if over:
+            reading, _ = env.reset()
+            ours.reset()
+    env.close()
+
+
+def test_coins_are_thrown_and_the_rest_is_sensed() -> None:
+    stage = stage_of(msgspec.structs.replace(LAKE, coins=3))
+    env = StageEnv(stage)
+    env.reset(seed=0)
+    read = np.array([env.reading() for _ in range(50)])
+    assert (read[:, :-3] == read[0, :-3]).all()
+    assert set(read[:, -3:].mean(axis=0).round()) <= {0.0, 1.0}
+    assert 0 < read[:, -3:].mean() < 1
+
+
+def test_the_slippery_have_several_outcomes_that_add_up() -> None:
+    slip = msgspec.structs.replace(LAKE, arguments=(("is_slippery", True),))
+    stage = stage_of(slip)
+    assert not stage.certain
+    for row, over in zip(stage.outcomes, stage.over, strict=True):
+        for ways in row:
+            assert over or sum(chance for chance, _ in ways) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("updates", [0, 10])
+def test_learners_of_values_find_the_goal(updates: int) -> None:
+    stage = stage_of(LAKE)
+    choice = q_learning(stage, stage.goals, 4000, 0, updates)
+    start = int(stage.start.argmax())
+    assert follow(stage, choice, start, stage.goals, 20, 0) == 6
+
+
+def test_a_table_tries_everything_and_goes_the_shortest_way() -> None:
+    stage = stage_of(LAKE)
+    table = PlaceTable(stage, 400, 0)
+    assert len(table.led) == int((~stage.over).sum()) * 4 == table.tried[-1]
+    far, choice = stage.distances(stage.goals), table.policy(stage.goals)
+    for start in np.flatnonzero(~stage.over & np.isfinite(far)).tolist():
+        assert follow(stage, choice, start, stage.goals, 20, 0) == far[start]
+
+
+def test_with_growth_all_is_whole_and_every_journey_the_shortest() -> None:
+    cell = entry("growth and imagining", msgspec.structs.replace(LAKE, steps=800))
+    row = cell.row(0)
+    assert row.shape == cell.shape
+    assert row[CHECKS - 1, WHOLE] == 44
+    assert 0 < row[CHECKS - 1, USED] <= 25
+    journeys = row[CHECKS:]
+    assert (journeys[:, STEPS] == journeys[:, NEED]).all()
+    assert (journeys[:, WAVES] > 0).all()
+
+
+def test_whole_states_are_grown_at_once_and_never_retire() -> None:
+    row = entry("whole states").row(0)
+    assert (np.diff(row[:CHECKS, USED]) >= 0).all()
+    assert row[CHECKS - 1, USED] > 25
+
+
+def test_a_taxi_has_fares_and_squares() -> None:
+    (taxi,) = (one for one in settings() if one.name == "taxi")
+    short = msgspec.structs.replace(taxi, steps=100, journeys=0)
+    row = entry("table", short).row(0)[CHECKS:]
+    assert (row[:, KIND] == FARE).sum() == 48
+    assert (row[:, KIND] == SQUARE).sum() == 96
+    assert (row[:, NEED] > 0).all()
+
+
+def test_keys_tell_cells_apart() -> None:
+    cells = fig7_growth.cells(FigureOptions())
+    assert len({cell.key for cell in cells}) == len(cells)
+    assert len({cell.name for cell in cells}) == len(cells)
+
+
+def test_scores_count_and_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fig7_growth, "settings", lambda: (LAKE, TAXI))
+    options = FigureOptions(runs=2)
+    rows = []
+    for cell in fig7_growth.cells(options):
+        made = np.zeros((cell.runs, *cell.shape), np.int32)
+        made[:, CHECKS // 2 : CHECKS, WHOLE] = 44
+        made[:, CHECKS:, NEED] = 3
+        made[:, CHECKS::2, STEPS] = 3
+        made[:, CHECKS + 1 :: 2, STEPS] = -1
+        rows.append(made)
+    report = fig7_growth.report(options, rows)
+    first = report.facts["scores"][0]
+    assert (first.world, first.learner, first.runs) == ("lake", METHODS[0], 2)
+    assert (first.journeys, first.reached, first.shortest) == (40, 20, 20)
+    assert first.whole == (44, 44)
+    assert first.after == (210, 210)
+    anew = [one for one in report.facts["scores"] if one.kind == "500 targets"]
+    assert [one.learning for one in anew] == [10_000, 10_000, 5_000_000, 5_000_000]
+    assert len(report.lines) == 2 + len(report.facts["scores"])
+    assert all(len(line) == len(report.columns) for line in report.rows)
+    report.draw(Figure(layout="constrained"))
+
+
+(TAXI,) = (one for one in settings() if one.name == "taxi")
