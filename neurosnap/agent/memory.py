@@ -40,6 +40,10 @@ class AgentMemory:
         self.experience = Experience(body) if imagines else None
         self._growth = Growth(body) if body.room else None
 
+    def grow_by(self, growth: Growth) -> None:
+        """Let another rule say what is grown."""
+        self._growth = growth
+
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to know."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.body import Body, Context
-from neurosnap.agent.growth import Growth
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.planner import Planner
 from neurosnap.agent.policy import Closures, Deliberation, Policy, Signal
 from neurosnap.apps.figures.experiments.stages import (
@@ -40,10 +40,6 @@ class WholeStates(Growth):
     sensors stand for contexts.)
     """
 
-    def __init__(self, body: Body, budget: int = BUDGET) -> None:
-        super().__init__(body, budget)
-        self._budget = budget
-
     def notice(
         self,
         action: int,
@@ -51,22 +47,23 @@ class WholeStates(Growth):
         graph: PocGraph,
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
-    ) -> Context | None:
-        """Take in an observation; return the last state if it is to be grown."""
+    ) -> None:
+        """Take in an observation; the last state may have to be grown."""
         self._history.enter(observation, known)
+        self._due = None
         body = self._body
-        if action < 0 or len(body.grown) == self._budget:
-            return None
+        if action < 0 or len(body.grown) == body.room:
+            return
         came = np.repeat(observation[: self._own], 2)
         came[1::2] ^= True
         closure = graph.up(self._actions.signals(state)[action])
         if (guaranteed([closure])[0][: 2 * self._own] >= came).all():
-            return None
+            return
         literals = body.place(state).nonzero()[0].tolist()
         context = (action, tuple(literals))
-        return None if context in body.grown else context
+        self._due = None if context in body.grown else context
 
-    def needless(self, tick: int, graph: PocGraph) -> int | None:
+    def _needless(self, tick: int, graph: PocGraph) -> int | None:
         """Return that no sensor is."""
 
 
@@ -88,7 +85,7 @@ class Explorer(Agent):
 
     def grow_whole_states(self) -> None:
         """Grow whole states from now on."""
-        self._growth = WholeStates(self.body)
+        self._memory.grow_by(WholeStates(self.body))
 
     def whole(self, stage: Stage) -> tuple[int, int, int]:
         """Hold what actions guarantee against a stage.
@@ -197,7 +194,7 @@ def _explored(
         env,
         "walker" if setting.walk else "planner",
         seed=seed,
-        grow=grows != "nothing",
+        grow={"nothing": False, "contexts": True, "whole states": BUDGET}[grows],
         imagine=not setting.walk,
     )
     if grows == "whole states":
