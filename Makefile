@@ -4,8 +4,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 LOG := logs/path-$(shell date +%Y%m%d-%H%M%S).mcap
-# Many tests wait for processes: one worker more than there are cores.
-WORKERS ?= $(shell expr $$(nproc) + 1)
+# Many tests wait for processes: more workers than there are cores.
+WORKERS ?= $(shell expr 2 \* $$(nproc) + 1)
 PYTEST := $(BIN)/python -m pytest --dist loadfile --numprocesses
 
 # A test starts hundreds of interpreters: none is to compile everything anew.

@@ -36,7 +36,7 @@ _FACING = ("east", "south", "west", "north")
 _State: TypeAlias = tuple[Any, ...]
 
 
-class Cell(NamedTuple):
+class Standing(NamedTuple):
     """Where the agent is, and what it has done."""
 
     row: int
@@ -168,7 +168,7 @@ def minigrid(
 def _explored(
     maze: Any,  # noqa: ANN401 - MiniGrid has no types
     actions: list[int],
-) -> tuple[dict[int, dict[int, list[tuple[float, int, float, bool]]]], list[Cell]]:
+) -> tuple[dict[int, dict[int, list[tuple[float, int, float, bool]]]], list[Standing]]:
     """Try every action wherever one can get to; states are numbered as they are found.
 
     Returns:
@@ -224,13 +224,13 @@ def _key(maze: Any) -> _State:  # noqa: ANN401
     return (*_cell(maze), keys)
 
 
-def _cell(maze: Any) -> Cell:  # noqa: ANN401
+def _cell(maze: Any) -> Standing:  # noqa: ANN401
     column, row = (int(x) for x in maze.agent_pos)
     under = maze.grid.get(column, row)
     door = "none"
     for one in _doors(maze):
         door = "locked" if one.is_locked else "open" if one.is_open else "closed"
-    return Cell(
+    return Standing(
         row=row,
         column=column,
         facing=_FACING[int(maze.agent_dir)],
@@ -243,31 +243,31 @@ def _cell(maze: Any) -> Cell:  # noqa: ANN401
 # Plain functions: see `world.toy_text`.
 
 
-def _row(state: Cell) -> int:
+def _row(state: Standing) -> int:
     return state.row
 
 
-def _column(state: Cell) -> int:
+def _column(state: Standing) -> int:
     return state.column
 
 
-def _facing(state: Cell) -> str:
+def _facing(state: Standing) -> str:
     return state.facing
 
 
-def _tile(state: Cell) -> str:
+def _tile(state: Standing) -> str:
     return state.tile
 
 
-def _carries(state: Cell) -> str:
+def _carries(state: Standing) -> str:
     return state.carries
 
 
-def _door(state: Cell) -> str:
+def _door(state: Standing) -> str:
     return state.door
 
 
-def _in_the_maze(env: Environment, observation: int, _: dict[str, Any]) -> Cell:
+def _in_the_maze(env: Environment, observation: int, _: dict[str, Any]) -> Standing:
     maze: Any = env.unwrapped
-    cell: Cell = maze.cells[int(observation)]
+    cell: Standing = maze.cells[int(observation)]
     return cell

@@ -105,7 +105,7 @@ def test_a_run_from_it_verifies(installed: Environment) -> None:
 
 def test_gymnasium_makes_its_worlds(installed: Environment) -> None:
     made = installed.run("python", "-c", WORLDS).split()
-    assert len(made) == 9
+    assert len(made) == 10
     assert "neurosnap/Taxi-v0" in made
 
 
