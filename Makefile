@@ -5,8 +5,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 LOG := logs/path-$(shell date +%Y%m%d-%H%M%S).mcap
 # Many tests wait for processes: more workers than there are cores.
-WORKERS ?= $(shell expr 2 \* $$(nproc) + 1)
-PYTEST := $(BIN)/python -m pytest --dist loadfile --numprocesses
+WORKERS ?= $(shell expr $$(nproc) + 2)
+# In the order of their folders: those that start processes come first, so that no long one
+# is left for the end.
+PYTEST := $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --numprocesses
 
 # A test starts hundreds of interpreters: none is to compile everything anew.
 export PYTHONDONTWRITEBYTECODE :=

@@ -219,10 +219,13 @@ def test_a_run_that_is_resumed_gets_what_had_no_tick(
             run.process.send_signal(end)
         else:
             coordinator = part(run.process.pid, "coordinator")
+            world = part(run.process.pid, "world")
             with held(coordinator, asked=end == signal.SIGINT):
                 run.feed(30)
                 until(lambda: rows_of(log)[-1].number == 40)
                 run.process.send_signal(end)
+                if end == signal.SIGKILL:  # or it might go through all of them first
+                    world.wait(PATIENCE)
         _, said = run.end()
         psutil.wait_procs(children, timeout=PATIENCE)
     kept = rows_of(log)
