@@ -241,6 +241,8 @@ class Agent:
         finally:
             before.grow(self.body)
             self._policy = before
+            if self._memory.experience is not None:
+                self._memory.experience.plan = None  # it was not that policy's
 
     @property
     def body(self) -> Body:

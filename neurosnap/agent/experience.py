@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 
 _MOST = 1 << 16  # actions that are known to have been taken at a place
 
@@ -104,11 +104,10 @@ class Experience:
             ValueError: They make no sense.
         """
         self.met = entry(arrays, "met", self.met.shape, np.bool_).copy()
-        count = len(arrays["ends"]) if "ends" in arrays else 0
-        shape = (count, self.hopeless.shape[1])
+        shape = (rows_in(arrays, "ends"), self.hopeless.shape[1])
         ends = entry(arrays, "ends", shape, np.bool_)
         self.ends = {place.tobytes() for place in ends}
-        taken = arrays["taken"].size if "taken" in arrays else 0
+        taken = rows_in(arrays, "taken")
         actions = entry(arrays, "taken", (taken,), np.int64).tolist()
         packed = entry(arrays, "tried", (taken, (shape[1] + 7) // 8), np.uint8)
         tried = np.unpackbits(packed, axis=1, count=shape[1]).astype(np.bool_)
@@ -116,7 +115,7 @@ class Experience:
             (place.tobytes(), action): None
             for place, action in zip(tried, actions, strict=True)
         }
-        steps = arrays["plan"].size if "plan" in arrays else 0
+        steps = rows_in(arrays, "plan")
         actions = entry(arrays, "plan", (steps,), np.int64).tolist()
         places = entry(arrays, "places", (steps, shape[1]), np.bool_)
         why = str(entry(arrays, "why", (), np.str_).item())

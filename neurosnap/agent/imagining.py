@@ -12,7 +12,8 @@ References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
     Reactive Planning") and names "replanning in the face of failure" as future work.
     To go where an outcome is unknown is the exploration of R-max (Brafman & Tennenholtz
-    2002), without its table.
+    2002). Of its table there is which action was taken where, and that serves only to
+    test what seems to be known.
 """
 
 from collections.abc import Generator, Iterable

@@ -13,7 +13,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.growth.sensor_changes import body_after, take_in
-from neurosnap.poc.learning.archive import Archived, Arrays, entry
+from neurosnap.poc.learning.archive import Archived, Arrays, entry, rows_in
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.wire import Decision
@@ -126,22 +126,19 @@ class AgentMemory:
         """Be as what `to_bytes` returned says.
 
         Raises:
-            InvalidValueError: It is damaged, or of another agent.
+            ValueError: It is damaged, or of another agent.
         """
         if not data and self.is_empty:
             return
-        try:
-            arrays = _Archive.from_bytes(data).arrays()
-            self.body = grown_in(self.body, arrays)
+        arrays = _Archive.from_bytes(data).arrays()
+        self.body = grown_in(self.body, arrays)
+        if self.experience is not None:
+            self.experience.restore(arrays)
+        if self._growth is not None:
+            self._growth.fit(self.body)
+            self._growth.restore(arrays)
             if self.experience is not None:
-                self.experience.restore(arrays)
-            if self._growth is not None:
-                self._growth.fit(self.body)
-                self._growth.restore(arrays)
-                if self.experience is not None:
-                    self.experience.hopeless = self._growth.hopeless
-        except (KeyError, IndexError) as error:
-            raise ValueError(f"agent: {error}") from error
+                self.experience.hopeless = self._growth.hopeless
 
 
 def body_in(body: Body, data: bytes) -> Body:
@@ -163,14 +160,17 @@ def grown_in(body: Body, arrays: Arrays) -> Body:
     Raises:
         ValueError: The arrays make no sense.
     """
-    count = arrays["sizes"].size if "sizes" in arrays else 0
+    count = rows_in(arrays, "sizes")
     sizes = entry(arrays, "sizes", (count,), np.int64)
+    if (sizes < 0).any():
+        raise ValueError("sizes: must be 0 or more")
     actions = entry(arrays, "actions", (count,), np.int64).tolist()
     literals = entry(arrays, "literals", (int(sizes.sum()),), np.int64)
     parts = np.split(literals, np.cumsum(sizes)[:-1]) if count else []
     for action, part in zip(actions, parts, strict=True):
         body = body.grow((action, tuple(part.tolist())))
-    for place in arrays["retired"].tolist():
+    retired = entry(arrays, "retired", (rows_in(arrays, "retired"),), np.int64)
+    for place in retired.tolist():
         body = body.retire(place)
     return body
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body, Context
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.history import History
 
 ROOM: Final = 120
@@ -262,9 +262,16 @@ class Grower:
         self._grown, self._births = set(body.in_use), len(body.grown)
         self._failed = entry(arrays, "failed", self._failed.shape, np.int64).copy()
         self._wait = entry(arrays, "wait", self._wait.shape, np.int64).copy()
-        count = len(arrays["trials"]) if "trials" in arrays else 0
+        count = rows_in(arrays, "trials")
         table = entry(arrays, "trials", (count, 3 + LONGEST), np.int64)
         ready = entry(arrays, "ready", (), np.int64).item()
+        limits = (len(self._failed), 2 * self._own)
+        if ((table[:, :2] < 0) | (table[:, :2] >= limits)).any() or (
+            table[:, 3:] >= limits[1]
+        ).any():
+            raise ValueError("trials: must be of the actions and literals there are")
+        if not 0 <= ready <= count:
+            raise ValueError(f"ready: must be in 0..{count}")
         found = [
             _Candidate(action, tuple(a for a in literals if a >= 0), result, held)
             for action, result, held, *literals in table.tolist()

@@ -110,6 +110,12 @@ def entry(
     return array
 
 
+def rows_in(arrays: Arrays, key: str) -> int:
+    """Return how long an array's first axis is; 0 if it has none, or is not there."""
+    array = arrays.get(key)
+    return 0 if array is None or not array.ndim else len(array)
+
+
 def pack_arrays(arrays: Arrays) -> bytes:
     """Return the arrays as the bytes of an ``.npz`` file."""
     buffer = io.BytesIO()

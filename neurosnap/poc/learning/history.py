@@ -126,7 +126,8 @@ class History:
         Raises:
             ValueError: They make no sense.
         """
-        words, sensors = arrays["on"].shape if arrays["on"].ndim == 2 else (0, 0)
+        on = arrays.get("on")
+        words, sensors = on.shape if on is not None and on.ndim == 2 else (0, 0)
         if not words:
             raise ValueError("on: must be (W, N)")
         history = cls(sensors, 64 * words)

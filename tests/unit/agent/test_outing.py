@@ -49,6 +49,15 @@ def test_to_learn_or_to_be_sent_leaves_the_policy_as_it_was() -> None:
     assert agent.decision.why == "random walk"
 
 
+def test_a_plan_to_explore_is_not_followed_by_whoever_wants_something_else() -> None:
+    agent, env = explorer(seed=1, target=["tile=goal"]), frozen_lake()
+    for steps in range(1, 6):
+        agent.learn(env, steps)
+        experience = agent._memory.experience
+        assert experience is not None
+        assert experience.plan is None
+
+
 def test_actions_can_be_left_out() -> None:
     agent = Agent.of(cliff_walking(), "walker", without=["down", "left"])
     assert agent.body.actions == ("up", "right")

@@ -1,0 +1,63 @@
+"""What an agent knows besides its snapshot, saved and taken up again."""
+
+import numpy as np
+import pytest
+
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.memory import AgentMemory, body_in
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from world.toy_text import frozen_lake
+
+
+@pytest.fixture(scope="module")
+def explorer() -> Agent:
+    agent = Agent.of(frozen_lake(), "planner", grow=20, imagine=True, seed=1)
+    agent.learn(frozen_lake(), 250, seed=1)
+    assert agent.body.grown
+    return agent
+
+
+def blank(explorer: Agent) -> AgentMemory:
+    env = frozen_lake()
+    body = Agent.of(env, "planner", grow=20, imagine=True).body
+    assert len(body.sensors) == len(explorer.body.sensors)
+    return AgentMemory(body, imagines=True)
+
+
+def test_what_is_taken_up_again_is_all_there_was(explorer: Agent) -> None:
+    data, again = explorer._memory.to_bytes(), blank(explorer)
+    again.restore(data)
+    assert again.body == explorer.body == body_in(blank(explorer).body, data)
+    assert again.to_bytes() == data
+
+
+def test_where_there_is_nothing_to_know_nothing_is_said() -> None:
+    memory = AgentMemory(Agent.of(frozen_lake(), "walker").body)
+    assert memory.is_empty
+    assert memory.to_bytes() == b""
+    memory.restore(b"")
+
+
+def test_whatever_is_missing_or_wrong_is_an_error(explorer: Agent) -> None:
+    arrays = unpack_arrays(explorer._memory.to_bytes())
+    for name in arrays:
+        less = {key: array for key, array in arrays.items() if key != name}
+        with pytest.raises(ValueError, match=r"."):
+            blank(explorer).restore(pack_arrays(less))
+        for wrong in (np.array(-1), np.array(["x"]), np.full((2, 3, 4), -7)):
+            with pytest.raises(ValueError, match=r"."):
+                blank(explorer).restore(pack_arrays({**arrays, name: wrong}))
+    for data in (b"", b"no archive"):
+        with pytest.raises(ValueError, match=r"."):
+            blank(explorer).restore(data)
+
+
+@pytest.mark.parametrize(("name", "value"), [("trials", 99), ("ready", 99)])
+def test_numbers_of_another_body_are_an_error(
+    explorer: Agent, name: str, value: int
+) -> None:
+    arrays = unpack_arrays(explorer._memory.to_bytes())
+    wrong = np.full_like(arrays[name], value)
+    assert wrong.size
+    with pytest.raises(ValueError, match=f"{name}: must be"):
+        blank(explorer).restore(pack_arrays({**arrays, name: wrong}))
