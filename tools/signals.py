@@ -84,7 +84,7 @@ class Struggle:
                 stderr=said,
                 env=os.environ | self._marked,
                 start_new_session=True,
-                preexec_fn=None if ignoring is None else partial(_ignore, ignoring),
+                preexec_fn=partial(_heed, ignoring),
             )
         self._early = False
 
@@ -193,8 +193,11 @@ def _ticks(recording: Recording) -> int:
     return int((recording.totals or {}).get("ticks", 0))
 
 
-def _ignore(number: signal.Signals) -> None:
-    signal.signal(number, signal.SIG_IGN)
+def _heed(ignored: signal.Signals | None) -> None:
+    """Heed a hang-up, even below a `nohup`; ignore one signal, if any."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if ignored is not None:
+        signal.signal(ignored, signal.SIG_IGN)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import PartDiedError, SwarmError
+from neurosnap.recording.replay.resume import whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.supervisor import Child, Supervisor
@@ -63,7 +64,8 @@ def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
     first, second = disturbed.restarts
     assert first.tick == second.tick > 0
     assert verify(log).ticks == first.tick
-    assert list(tmp_path.iterdir()) == [log]
+    # What the second recorder had begun may have been cut off within its first bytes.
+    assert [path for path in tmp_path.iterdir() if whole_ticks(path)] == [log]
 
 
 @pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 2)])

@@ -14,6 +14,7 @@ import fcntl
 import multiprocessing
 import os
 import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -155,6 +156,7 @@ def _be(
     files: Sequence[Connection],
 ) -> None:
     """Be a verb, in a process that was forked for it."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run below a `nohup`
     if own_session:
         os.setsid()
     if largest is not None:
