@@ -386,6 +386,9 @@ class Decision(_Message, frozen=True, tag="decision", omit_defaults=True):
     """What follows from them, one byte a pair."""
     retires: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
     """The number of the grown sensor that is read no more; -1: none is."""
+    chance: Naturals = ()
+    """Literals of the world's own that the action before the tick leaves to chance, as
+    it has just turned out: nothing is grown for them."""
 
 
 class KeyFrame(_Message, frozen=True, tag="keyframe"):

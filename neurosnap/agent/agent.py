@@ -259,6 +259,15 @@ class Agent:
         """``(2N,)``, coherent: its idea of the present."""
         return self.snapshot.state
 
+    @property
+    def chance(self) -> dict[str, tuple[str, ...]]:
+        """What is left to chance, by action: own sensors that nothing is grown for.
+
+        Each cover that seemed to tell when an action switches one of these on, or off,
+        has failed, and four times as often as not.
+        """
+        return self._memory.chance
+
     def set_down(self) -> None:
         """Take in that it was moved by somebody: what comes next follows no action.
 

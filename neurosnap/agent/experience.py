@@ -43,8 +43,8 @@ class Experience:
         met: ``(2N,)``: the literals that were in a state.
         ends: Places, as bytes of what `Body.place` returns, at which an episode ended
             the last time: what is done there is not seen.
-        tried: Places, likewise, each with an action that was taken there: the latest,
-            in the order in which they were first.
+        tried: Places, as `key` tells them apart, each with an action that was taken
+            there: the latest, in the order in which they were first.
         hopeless: ``(actions, 2n)``: which results of an action, literals of the world's
             own, seem to be left to chance.
         plan: What is under way; None: nothing is.
@@ -55,7 +55,45 @@ class Experience:
         self.ends: set[bytes] = set()
         self.tried: dict[tuple[bytes, int], None] = {}
         self.hopeless = np.zeros((len(body.actions), 2 * len(body.own)), np.bool_)
+        self._foreseen = np.ones(2 * len(body.own), np.bool_)
         self.plan: Plan | None = None
+
+    def key(self, place: NDArray[np.bool_]) -> bytes:
+        """Return what tells a place from another one.
+
+        It is what is said there of the sensors that some action has a foreseeable
+        effect on. Any other reading, a coin's say, is never part of an imagined place.
+
+        Args:
+            place: ``(2n,)``, as `Body.place` returns it.
+        """
+        return (place & self._foreseen).tobytes()
+
+    def is_end(self, place: NDArray[np.bool_], action: int) -> bool:
+        """Return whether an episode ended at an imagined place. O(n ends) time.
+
+        Args:
+            place: ``(2n,)``. Of some sensors it may say nothing: if that is left to
+                chance, the rest tells; else it is not known.
+            action: What is imagined to lead there.
+        """
+        said = place.reshape(-1, 2).any(axis=1).repeat(2)
+        if not self.ends or not (said | self.hopeless[action]).all():
+            return place.tobytes() in self.ends
+        ends = np.frombuffer(b"".join(self.ends), np.bool_).reshape(-1, place.size)
+        return bool(((ends & said) == place).all(axis=1).any())
+
+    def give_up(self, hopeless: NDArray[np.bool_]) -> None:
+        """Take in which results of actions, ``(actions, 2n)``, are left to chance."""
+        self.hopeless = hopeless
+        chance = hopeless.all(axis=0).reshape(-1, 2).all(axis=1)
+        foreseen = ~np.repeat(chance, 2)
+        if (foreseen != self._foreseen).any():
+            self._foreseen = foreseen
+            self.tried = {
+                (self.key(np.frombuffer(old, np.bool_)), action): None
+                for old, action in self.tried
+            }
 
     def leave(self, place: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
         """Take in what came after a place: another episode, or the next step.
@@ -65,13 +103,12 @@ class Experience:
             ends: Whether it was another episode.
             action: The one taken there; -1: it does not matter.
         """
-        here = place.tobytes()
         if ends:
-            self.ends.add(here)
+            self.ends.add(place.tobytes())
             return
-        self.ends.discard(here)
+        self.ends.discard(place.tobytes())
         if action >= 0:
-            self.tried[here, action] = None
+            self.tried[self.key(place), action] = None
             if len(self.tried) > _MOST:
                 del self.tried[next(iter(self.tried))]
 

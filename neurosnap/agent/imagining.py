@@ -161,8 +161,9 @@ class ImaginingPlanner:
             nearest that was never seen: what was learned is only as true as what was
             met. None: there is nothing of this.
         """
+        told = self._experience
         frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
-        met = self._experience.met
+        met = told.met
         always = met & ~complement(met)  # a sensor that never changed
         unknown: list[tuple[_Node, int]] = []
         known: list[tuple[_Node, int]] = []
@@ -173,8 +174,7 @@ class ImaginingPlanner:
             doubtful: list[tuple[_Node, int]] = []
             for node in frontier:
                 # Where it is now an action is due in any case.
-                ends = node.before is not None and self._experience.ends
-                if ends and node.state.tobytes() in ends:
+                if node.before is not None and told.is_end(node.state, node.action):
                     end = end or node
                     continue
                 possible = self._imaginable(node.state)
@@ -191,7 +191,7 @@ class ImaginingPlanner:
                 if self._target and state[self._target].all():
                     return self._planned(_Node(state, node, action), "")
                 place = state & self._position
-                if not self._is_whole(place, self._experience.hopeless[action]):
+                if not self._is_whole(place, told.hopeless[action]):
                     doubtful.append((node, action))
                 else:
                     known.append((node, action))
@@ -222,9 +222,9 @@ class ImaginingPlanner:
 
     def _untested(self, known: list[tuple[_Node, int]]) -> tuple[_Node, int] | None:
         """Return the nearest outcome that seems to be known and was never seen."""
-        tried = self._experience.tried
+        told = self._experience
         for node, action in known:
-            if (node.state.tobytes(), action) not in tried:
+            if (told.key(node.state), action) not in told.tried:
                 return node, action
         return None
 

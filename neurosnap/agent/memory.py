@@ -45,6 +45,18 @@ class AgentMemory:
         self._growth = growth
 
     @property
+    def chance(self) -> dict[str, tuple[str, ...]]:
+        """Return by action which of the world's own sensors it leaves to chance."""
+        if self._growth is None:
+            return {}
+        pairs = self._growth.hopeless.reshape(len(self.body.actions), -1, 2)
+        return {
+            action: tuple(self.body.own[k] for k in np.flatnonzero(left.any(axis=1)))
+            for action, left in zip(self.body.actions, pairs, strict=True)
+            if left.any()
+        }
+
+    @property
     def is_empty(self) -> bool:
         """Whether there is nothing to know."""
         return self.experience is None and self._growth is None
@@ -79,10 +91,10 @@ class AgentMemory:
         if self.experience is not None:
             self.experience.enter(state)
             if self._growth is not None:
-                self.experience.hopeless = self._growth.hopeless
+                self.experience.give_up(self._growth.hopeless)
 
     def changes(self, tick: int, graph: PocGraph, snapshot: Snapshot) -> dict[str, Any]:
-        """Return by field what a tick's decision says of sensors that come or go."""
+        """Return by field what a tick's decision says of growth."""
         if self._growth is None:
             return {}
         return self._growth.changes(tick, graph, snapshot)
@@ -138,7 +150,7 @@ class AgentMemory:
             self._growth.fit(self.body)
             self._growth.restore(arrays)
             if self.experience is not None:
-                self.experience.hopeless = self._growth.hopeless
+                self.experience.give_up(self._growth.hopeless)
 
 
 def body_in(body: Body, data: bytes) -> Body:

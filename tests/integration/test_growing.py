@@ -10,6 +10,9 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.planner import Planner
+from neurosnap.apps.figures.experiments.explorers import Explorer
+from neurosnap.apps.figures.experiments.stages import Setting, StageEnv, stage_of
+from neurosnap.wire import Decision
 from tests.support.taught_agents import distances, state_readings
 from world.table import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake
@@ -131,6 +134,41 @@ def test_neither_growth_nor_imagining_alone_is_enough() -> None:
     both = Grown(frozen_lake(), 1000, 0).journeys()
     assert all(taken == need for taken, need in both)
     assert max(imagined, greedy) < len(both)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sensors_that_are_coins_cost_no_move_and_are_told_as_chance(seed: int) -> None:
+    lake = Setting(name="coins", world="neurosnap/FrozenLake-v0", steps=0, coins=3)
+    stage = stage_of(lake)
+    agent = Explorer.of(StageEnv(stage), "planner", seed=seed, grow=True, imagine=True)
+    agent.learn(StageEnv(stage), 2000, seed=seed)
+    assert agent.whole(stage) == (44, 0, 44)
+    assert len(agent.body.in_use) <= 40
+    coins = ("coin_0", "coin_1", "coin_2")
+    assert agent.chance == dict.fromkeys(agent.body.actions, coins)
+
+
+def test_where_every_action_slips_it_says_so_and_grows_little() -> None:
+    lake = frozen_lake(is_slippery=True)
+    agent = Agent.of(lake, "planner", grow=True, imagine=True, seed=0)
+    told = list[tuple[int, int]]()
+    act = agent.act
+
+    def acting(*given: Any, **named: Any) -> Decision:
+        action = agent.decision.action
+        decision = act(*given, **named)
+        told.extend((action, literal) for literal in decision.chance)
+        return decision
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(agent, "act", acting)
+        agent.learn(lake, 2000, seed=0)
+    assert len(agent.body.in_use) <= 20
+    for action, name in enumerate(agent.body.actions):
+        assert {"column<1", "row<1"} & set(agent.chance[name])
+        for sensor in agent.chance[name]:
+            number = agent.body.own.index(sensor)
+            assert {(action, 2 * number), (action, 2 * number + 1)} & set(told)
 
 
 def test_it_is_the_same_again() -> None:

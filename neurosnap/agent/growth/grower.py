@@ -34,7 +34,8 @@ CONFIRMATIONS: Final = 5
 LONGEST: Final = 5
 """Literals of a cover at most."""
 HOPELESS: Final = 4
-"""Covers that failed in a row after which a result is taken for unpredictable."""
+"""A result is left to chance once so many covers of it failed, and so many more for
+each that became a sensor."""
 
 
 @dataclass(slots=True)
@@ -89,12 +90,14 @@ class Grower:
         shape = len(body.actions), 2 * self._own
         self._failed = np.zeros(shape, np.int64)  # covers in a row
         self._wait = np.zeros(shape, np.int64)  # surprises to let pass
+        self._lost = np.zeros(shape, np.int64)  # covers that failed, in all
+        self._won = np.zeros(shape, np.int64)  # covers of which sensors were born
 
     @property
     def hopeless(self) -> NDArray[np.bool_]:
         """``(actions, own literals)``: which results seem to be left to chance."""
-        failed: NDArray[np.bool_] = self._failed >= HOPELESS
-        return failed
+        hopeless: NDArray[np.bool_] = self._lost >= HOPELESS * (1 + self._won)
+        return hopeless
 
     def notice(
         self,
@@ -161,6 +164,7 @@ class Grower:
 
     def _fail(self, action: int, result: int) -> None:
         self._failed[action, result] += 1
+        self._lost[action, result] += 1
         self._wait[action, result] = 1 << min(int(self._failed[action, result]), 40)
 
     def _explain(
@@ -217,6 +221,7 @@ class Grower:
             due = self._ready.pop(0)
             self._failed[due.action, due.result] = 0
             self._wait[due.action, due.result] = 0
+            self._won[due.action, due.result] += 1
             if due.context not in self._grown:
                 self._grown.add(due.context)
                 self._births += 1
@@ -245,6 +250,8 @@ class Grower:
         return {
             "failed": self._failed,
             "wait": self._wait,
+            "lost": self._lost,
+            "won": self._won,
             "ready": np.array(len(self._ready), np.int64),
             "trials": np.array(rows, np.int64).reshape(len(rows), 3 + LONGEST),
         }
@@ -260,8 +267,11 @@ class Grower:
             ValueError: They make no sense.
         """
         self._grown, self._births = set(body.in_use), len(body.grown)
-        self._failed = entry(arrays, "failed", self._failed.shape, np.int64).copy()
-        self._wait = entry(arrays, "wait", self._wait.shape, np.int64).copy()
+        shape = self._failed.shape
+        self._failed = entry(arrays, "failed", shape, np.int64).copy()
+        self._wait = entry(arrays, "wait", shape, np.int64).copy()
+        self._lost = entry(arrays, "lost", shape, np.int64).copy()
+        self._won = entry(arrays, "won", shape, np.int64).copy()
         count = rows_in(arrays, "trials")
         table = entry(arrays, "trials", (count, 3 + LONGEST), np.int64)
         ready = entry(arrays, "ready", (), np.int64).item()

@@ -32,6 +32,7 @@ class Growth:
         self._own = len(body.own)
         self._body, self._actions = body, Actions(body)
         self._due: Context | None = None
+        self._chance: tuple[int, ...] = ()
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
@@ -62,35 +63,43 @@ class Growth:
             known: ``(N,)``, which of it is known; None: all.
         """
         self._history.enter(observation, known)
-        self._due = None
+        self._due, self._chance = None, ()
         if action < 0:
             return
+        before = self.hopeless[action]
         closure = graph.up(self._actions.signals(state)[action])
         own = None if known is None else known[: self._own]
         bits = observation[: self._own]
         self._due = self._grower.notice(
             action, state, closure, bits, own, self._history
         )
+        given_up = self.hopeless[action] & ~before
+        self._chance = tuple(np.flatnonzero(given_up).tolist())
 
     def changes(self, tick: int, graph: PocGraph, snapshot: Snapshot) -> dict[str, Any]:
-        """Return by field what a tick's decision says of sensors that come or go.
+        """Return by field what a tick's decision says of growth.
 
-        One comes at a tick at most, or one goes.
+        One sensor comes at a tick at most, or one goes.
 
         Args:
             tick: The tick.
             graph: What is believed.
             snapshot: What was learned.
         """
-        body = self._body
+        body, changes = self._body, dict[str, Any]()
+        if self._chance:
+            changes["chance"] = self._chance
         if self._due is not None:
             action, literals = self._due
             sensor = body.first_grown + len(body.grown)
             self._history.grow(sensor, body.members(self._due))
             said = said_of(snapshot.newborn(sensor, self._history), snapshot)
-            return {"born": sensor, "context": action, "literals": literals, **said}
+            born = {"born": sensor, "context": action, "literals": literals}
+            return changes | born | said
         place = self._needless(tick, graph)
-        return {} if place is None else {"retires": body.first_grown + place}
+        if place is not None:
+            changes["retires"] = body.first_grown + place
+        return changes
 
     def _needless(self, tick: int, graph: PocGraph) -> int | None:
         """Return a grown sensor whose part of its context guarantees as much, if any.

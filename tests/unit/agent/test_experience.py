@@ -1,0 +1,62 @@
+"""What is remembered of places: ends, what was tried, and what is left to chance."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body
+from neurosnap.agent.experience import Experience
+
+BODY = Body.full(["wall", "goal", "coin"], ["go", "stay"])
+COIN = BODY.own.index("coin")
+
+
+def place(**readings: bool) -> NDArray[np.bool_]:
+    """What is sensed at a place; nothing of sensors that are not named."""
+    found = np.zeros(2 * len(BODY.own), np.bool_)
+    for name, on in readings.items():
+        found[2 * BODY.own.index(name) + (not on)] = True
+    return found
+
+
+def by_chance(*actions: int) -> NDArray[np.bool_]:
+    """What is left to chance if these actions toss the coin."""
+    hopeless = np.zeros((len(BODY.actions), 2 * len(BODY.own)), np.bool_)
+    for action in actions:
+        hopeless[action, 2 * COIN : 2 * COIN + 2] = True
+    return hopeless
+
+
+def test_an_end_is_known_again_whatever_is_left_to_chance() -> None:
+    experience = Experience(BODY)
+    experience.leave(place(wall=False, goal=True, coin=True), ends=True)
+    assert experience.is_end(place(wall=False, goal=True, coin=True), 0)
+    assert not experience.is_end(place(wall=False, goal=True, coin=False), 0)
+    # What may or may not be known of the coin: not knowing it is no end yet.
+    imagined = place(wall=False, goal=True)
+    assert not experience.is_end(imagined, 0)
+    experience.give_up(by_chance(0))
+    assert experience.is_end(imagined, 0)
+    assert not experience.is_end(imagined, 1)  # by that action the coin can be told
+    assert not experience.is_end(place(wall=True, goal=True), 0)
+    assert not experience.is_end(place(goal=True), 0)
+
+
+def test_what_was_tried_is_known_again_once_all_actions_leave_a_sensor_to_chance() -> (
+    None
+):
+    experience = Experience(BODY)
+    heads, tails = (place(wall=True, goal=False, coin=on) for on in (True, False))
+    experience.leave(heads, ends=False, action=1)
+    assert (experience.key(heads), 1) in experience.tried
+    assert (experience.key(tails), 1) not in experience.tried
+    experience.give_up(by_chance(0))
+    assert (experience.key(tails), 1) not in experience.tried
+    experience.give_up(by_chance(0, 1))
+    assert (experience.key(tails), 1) in experience.tried
+    assert (experience.key(tails), 0) not in experience.tried
+    assert len(experience.tried) == 1
+    other = Experience(BODY)
+    other.restore(experience.arrays())
+    other.give_up(by_chance(0, 1))
+    assert list(other.tried) == list(experience.tried)
+    assert (other.key(tails), 1) in other.tried
