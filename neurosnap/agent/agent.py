@@ -242,7 +242,7 @@ class Agent:
             before.grow(self.body)
             self._policy = before
             if self._memory.experience is not None:
-                self._memory.experience.plan = None  # it was not that policy's
+                self._memory.experience.aim()  # what there was is not that policy's
 
     @property
     def body(self) -> Body:

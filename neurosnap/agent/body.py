@@ -4,14 +4,17 @@
 ``a`` was in the state recorded before it. With it, what an action leads to where
 becomes an implication like any other, ``α∧a → b``, which a snapshot can learn.
 
-A *grown* contextual sensor has several literals, ``α∧(a₁∧…∧aₖ)``. It is on iff each
-``α∧aᵢ`` is. A body gets these one by one while it lives. It has room for so many from
-the start, behind all other sensors: no number ever changes, and what nobody has grown
-yet reads nothing.
+A *grown* contextual sensor has several literals, ``α∧(a₁∧…∧aₖ)``. It is on iff ``α``
+was taken where all of them held. One of them may be an action or a contextual sensor,
+on in the state before, which tells of the step before that: in ``α∧(β∧b)``, ``α`` was
+taken after ``β`` was taken where ``b`` held. A body gets these sensors one by one while
+it lives. It has room for so many from the start, behind all other sensors: no number
+ever changes, and what nobody has grown yet reads nothing.
 
 References:
-    [GK] "Algorithm: Computing the consequences of an action", eqn:context. Grown
-    sensors are not the paper's, which names them as future work ("chunking").
+    [GK] "Algorithm: Computing the consequences of an action", eqn:context, where a
+    context may be of any sensor. Grown sensors are not the paper's, which names them as
+    future work ("chunking").
 """
 
 from collections import Counter
@@ -29,7 +32,8 @@ from neurosnap.sensorium import Sensorium
 _MOST_FREE = 10  # 2^10 generalised actions
 
 Context: TypeAlias = tuple[int, tuple[int, ...]]
-"""A contextual sensor: an action, and literals of the world's own, ascending."""
+"""A contextual sensor: an action, and literals, ascending: of the world's own sensors,
+or that an action or a single contextual sensor was on."""
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,12 +41,13 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
     The sensors stand in this order. A contextual sensor is called ``action&sensor``,
     or ``action&~sensor`` where its literal is a complement; a grown one has all its
-    literals in its name, as in ``left&row<1&~ice``, and a number if it is grown again.
+    literals in its name, as in ``left&row<1&(up&~ice)``, and a number if it is grown
+    again.
 
     Raises:
         InvalidValueError: Two sensors have the same name, or a context names an action
-            or a literal that does not exist, or is grown of less than two literals or
-            of some whose single contexts are not sensed.
+            or a literal that does not exist, or one is grown of a single literal of the
+            world's own, or of some whose single contexts are not sensed.
     """
 
     own: tuple[str, ...]
@@ -84,11 +89,18 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         single = set(self.context)
         for action, literals in self.grown:
             ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
-            if len(literals) < 2 or not ascends:
+            now, before = self.split(literals)
+            if len(now) + 2 * len(before) < 2 or not ascends:
                 rule = "must be of literals of two or more sensors, ascending"
                 raise InvalidValueError("grown", rule, (action, literals))
-            if not single.issuperset((action, literal) for literal in literals):
+            if not single.issuperset((action, literal) for literal in now):
                 rule = "must be of literals that are sensed in the action's context"
+                raise InvalidValueError("grown", rule, (action, literals))
+            if any(a & 1 or a >= 2 * self.first_grown for a in before):
+                rule = "must say of the step before what was on, of what is not grown"
+                raise InvalidValueError("grown", rule, (action, literals))
+            if not 0 <= action < len(self.actions):
+                rule = f"must be of one of {len(self.actions)} actions"
                 raise InvalidValueError("grown", rule, (action, literals))
         places = range(len(self.grown))
         if any(a >= b for a, b in pairwise(self.retired)) or not set(
@@ -181,11 +193,43 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         felt = len(self.actions) * self.senses_actions
         return len(self.own) + felt + len(self.context)
 
+    def split(
+        self, literals: tuple[int, ...]
+    ) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return the literals of a context that are of the world's own, and the others.
+
+        The others tell of the step before.
+        """
+        first = 2 * len(self.own)
+        now = tuple(a for a in literals if a < first)
+        return now, tuple(a for a in literals if a >= first)
+
     def members(self, context: Context) -> list[int]:
-        """Return the literals of the single contexts that make one of several."""
+        """Return the literals of a step that make a context, but for those before it.
+
+        They are the action, if it is sensed, and its single contexts.
+        """
         action, literals = context
+        now, _ = self.split(literals)
         first = self.first_grown - len(self.context)
-        return [2 * (first + self.context.index((action, a))) for a in literals]
+        felt = [2 * (len(self.own) + action)] if self.senses_actions else []
+        return felt + [2 * (first + self.context.index((action, a))) for a in now]
+
+    def reading(self, context: Context, state: NDArray[np.bool_]) -> bool | None:
+        """Return what a grown sensor reads, as far as a state tells.
+
+        Args:
+            context: Its context.
+            state: ``(2N,)``, of the step that ended.
+
+        Returns:
+            None: that depends on what is not in the state: on the step before, say.
+        """
+        members = self.members(context)
+        if state[[a ^ 1 for a in members]].any():
+            return False
+        _, before = self.split(context[1])
+        return True if state[members].all() and not before else None
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -203,8 +247,19 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
 
     def _name(self, context: Context) -> str:
         action, literals = context
-        named = (f"{'~' * (a & 1)}{self.own[a >> 1]}" for a in literals)
-        return "&".join((self.actions[action], *named))
+        now, before = self.split(literals)
+        named = (f"{'~' * (a & 1)}{self.own[a >> 1]}" for a in now)
+        told = (f"({self._before(a >> 1)})" for a in before)
+        return "&".join((self.actions[action], *named, *told))
+
+    def _before(self, sensor: int) -> str:
+        """Return the name of an action or of a single contextual sensor."""
+        felt = self.actions if self.senses_actions else ()
+        place = sensor - len(self.own)
+        if place < len(felt):
+            return felt[place]
+        action, literal = self.context[place - len(felt)]
+        return self._name((action, (literal,)))
 
     @property
     def choices(self) -> NDArray[np.bool_]:
@@ -221,15 +276,17 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             np.bool_
         )
 
-    def place(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return what a state says of the world's state sensors: ``(2n,)``.
+    @property
+    def looked_at(self) -> NDArray[np.bool_]:
+        """``(2N,)``: the literals that tell apart what actions may lead to.
 
-        Args:
-            state: ``(2N,)``, or the part of it that is of the world's own sensors.
+        Those of the world's state sensors, and those of the step before that a grown
+        sensor looks at.
         """
-        own = slice(2 * len(self.own))
-        place: NDArray[np.bool_] = state[own] & self.position[own]
-        return place
+        mask = self.position
+        for _, literals in self.in_use:
+            mask[list(self.split(literals)[1])] = True
+        return mask
 
     @property
     def position(self) -> NDArray[np.bool_]:
@@ -268,7 +325,8 @@ class Contexts:
         """Return which have all their literals in `state`, and are in use.
 
         Args:
-            state: ``(2N,)``, or that part of it that is of the world's own sensors.
+            state: ``(2N,)``. Where no sensor looks at the step before, the part of it
+                that is of the world's own sensors is enough.
         """
         single: NDArray[np.bool_] = state[self._single]
         if not self._starts.size:
@@ -296,7 +354,9 @@ class Contexts:
         if not self._starts.size:
             return np.concatenate((single, self._free)) if self._free.size else single
         literal = self._grown
-        told = known[literal >> 1] | state[literal] | state[literal ^ 1]
+        read = np.zeros(len(state) // 2, np.bool_)
+        read[: len(known)] = known
+        told = read[literal >> 1] | state[literal] | state[literal ^ 1]
         all_told = np.logical_and.reduceat(told, self._starts)
         one_off = np.logical_or.reduceat(told & ~state[literal], self._starts)
         return np.concatenate((single, all_told | one_off, self._free)) & self.in_use

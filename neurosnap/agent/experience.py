@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 
-_MOST = 1 << 16  # actions that are known to have been taken at a place
+_MOST = 1 << 16  # places that are remembered, each kind of them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,12 +18,12 @@ class Plan:
     actions: tuple[int, ...]
     """One or more."""
     places: NDArray[np.bool_]
-    """``(actions, 2n)``: what is expected to be sensed before each."""
+    """``(actions, 2N)``: what is expected of the state before each."""
     why: str
     """How its reason begins."""
 
     def goes_on(self, place: NDArray[np.bool_]) -> bool:
-        """Return whether what is sensed, ``(2n,)``, is all that was expected."""
+        """Return whether a state, ``(2N,)``, has all that was expected."""
         return not (self.places[0] & ~place).any()
 
     def step(self) -> tuple[int, "Plan | None"]:
@@ -41,12 +41,16 @@ class Experience:
 
     Attributes:
         met: ``(2N,)``: the literals that were in a state.
-        ends: Places, as bytes of what `Body.place` returns, at which an episode ended
-            the last time: what is done there is not seen.
+        looked_at: ``(2N,)``: the literals of a state that make a *place*: what tells
+            apart what actions may lead to; see `Body.looked_at`.
+        ends: Of places at which an episode ended the last time, what the world's own
+            sensors said, the bits packed: what is done there is not seen.
         tried: Places, as `key` tells them apart, each with an action that was taken
             there: the latest, in the order in which they were first.
         hopeless: ``(actions, 2n)``: which results of an action, literals of the world's
             own, seem to be left to chance.
+        raised: Places that led no nearer to the target, as `key` tells them apart, and
+            how many subgoals farther away each seems to be than it looks.
         plan: What is under way; None: nothing is.
     """
 
@@ -55,8 +59,22 @@ class Experience:
         self.ends: set[bytes] = set()
         self.tried: dict[tuple[bytes, int], None] = {}
         self.hopeless = np.zeros((len(body.actions), 2 * len(body.own)), np.bool_)
-        self._foreseen = np.ones(2 * len(body.own), np.bool_)
+        self.looked_at = body.looked_at
+        self._foreseen = np.ones(2 * len(body.sensors), np.bool_)
+        self.raised: dict[bytes, int] = {}
         self.plan: Plan | None = None
+
+    def aim(self) -> None:
+        """Have another target: no plan is under way, and no place is raised."""
+        self.plan = None
+        self.raised.clear()
+
+    def lift(self, place: bytes, height: int) -> None:
+        """Let a place, as `key` tells it apart, be raised by no less than `height`."""
+        if height > self.raised.get(place, 0):
+            self.raised[place] = height
+            if len(self.raised) > _MOST:
+                del self.raised[next(iter(self.raised))]
 
     def key(self, place: NDArray[np.bool_]) -> bytes:
         """Return what tells a place from another one.
@@ -65,52 +83,62 @@ class Experience:
         effect on. Any other reading, a coin's say, is never part of an imagined place.
 
         Args:
-            place: ``(2n,)``, as `Body.place` returns it.
+            place: ``(2N,)``.
         """
-        return (place & self._foreseen).tobytes()
+        return _packed(place & self._foreseen)
 
     def is_end(self, place: NDArray[np.bool_], action: int) -> bool:
         """Return whether an episode ended at an imagined place. O(n ends) time.
 
         Args:
-            place: ``(2n,)``. Of some sensors it may say nothing: if that is left to
+            place: ``(2N,)``. Of some sensors it may say nothing: if that is left to
                 chance, the rest tells; else it is not known.
             action: What is imagined to lead there.
         """
-        said = place.reshape(-1, 2).any(axis=1).repeat(2)
-        if not self.ends or not (said | self.hopeless[action]).all():
-            return place.tobytes() in self.ends
-        ends = np.frombuffer(b"".join(self.ends), np.bool_).reshape(-1, place.size)
-        return bool(((ends & said) == place).all(axis=1).any())
+        here = self._own(place)
+        said = here.reshape(-1, 2).any(axis=1).repeat(2)
+        unsaid = ~said & self._own(self.looked_at)
+        if not self.ends or not unsaid.any() or (unsaid & ~self.hopeless[action]).any():
+            return _packed(here) in self.ends
+        packed = np.frombuffer(b"".join(self.ends), np.uint8)
+        ends = _unpacked(packed.reshape(len(self.ends), -1), here.size)
+        return bool(((ends & said) == here).all(axis=1).any())
 
     def give_up(self, hopeless: NDArray[np.bool_]) -> None:
         """Take in which results of actions, ``(actions, 2n)``, are left to chance."""
         self.hopeless = hopeless
         chance = hopeless.all(axis=0).reshape(-1, 2).all(axis=1)
-        foreseen = ~np.repeat(chance, 2)
+        foreseen = np.ones_like(self._foreseen)
+        foreseen[: hopeless.shape[1]] = ~np.repeat(chance, 2)
         if (foreseen != self._foreseen).any():
             self._foreseen = foreseen
+            mask = np.packbits(foreseen)
             self.tried = {
-                (self.key(np.frombuffer(old, np.bool_)), action): None
+                ((np.frombuffer(old, np.uint8) & mask).tobytes(), action): None
                 for old, action in self.tried
             }
 
-    def leave(self, place: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
-        """Take in what came after a place: another episode, or the next step.
+    def leave(self, state: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
+        """Take in what came after a state: another episode, or the next step.
 
         Args:
-            place: ``(2n,)``.
+            state: ``(2N,)``.
             ends: Whether it was another episode.
             action: The one taken there; -1: it does not matter.
         """
+        place = state & self.looked_at
+        here = _packed(self._own(place))
         if ends:
-            self.ends.add(place.tobytes())
+            self.ends.add(here)
             return
-        self.ends.discard(place.tobytes())
+        self.ends.discard(here)
         if action >= 0:
             self.tried[self.key(place), action] = None
             if len(self.tried) > _MOST:
                 del self.tried[next(iter(self.tried))]
+
+    def _own(self, place: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return place[: self.hopeless.shape[1]]
 
     def enter(self, state: NDArray[np.bool_]) -> None:
         """Take in a state: ``(2N,)``."""
@@ -118,17 +146,20 @@ class Experience:
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
-        size = self.hopeless.shape[1]
+        size = len(self.met)
         plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
-        tried = [np.frombuffer(place, np.bool_) for place, _ in self.tried]
-        ends = [np.frombuffer(place, np.bool_) for place in sorted(self.ends)]
+        octets = (size + 7) // 8
+        ends, tried = b"".join(sorted(self.ends)), b"".join(at for at, _ in self.tried)
+        raised = np.frombuffer(b"".join(self.raised), np.uint8)
         return {
             "met": self.met,
-            "ends": np.array(ends, np.bool_).reshape(len(ends), size),
-            "tried": np.packbits(
-                np.array(tried, np.bool_).reshape(len(tried), size), axis=1
+            "ends": np.frombuffer(ends, np.uint8).reshape(
+                len(self.ends), (self.hopeless.shape[1] + 7) // 8
             ),
+            "tried": np.frombuffer(tried, np.uint8).reshape(len(self.tried), octets),
             "taken": np.array([action for _, action in self.tried], np.int64),
+            "raised": raised.reshape(len(self.raised), octets),
+            "heights": np.array(list(self.raised.values()), np.int64),
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
@@ -141,19 +172,35 @@ class Experience:
             ValueError: They make no sense.
         """
         self.met = entry(arrays, "met", self.met.shape, np.bool_).copy()
-        shape = (rows_in(arrays, "ends"), self.hopeless.shape[1])
-        ends = entry(arrays, "ends", shape, np.bool_)
+        size = len(self.met)
+        octets = (size + 7) // 8
+        shape = rows_in(arrays, "ends"), (self.hopeless.shape[1] + 7) // 8
+        ends = entry(arrays, "ends", shape, np.uint8)
         self.ends = {place.tobytes() for place in ends}
         taken = rows_in(arrays, "taken")
         actions = entry(arrays, "taken", (taken,), np.int64).tolist()
-        packed = entry(arrays, "tried", (taken, (shape[1] + 7) // 8), np.uint8)
-        tried = np.unpackbits(packed, axis=1, count=shape[1]).astype(np.bool_)
+        tried = entry(arrays, "tried", (taken, octets), np.uint8)
         self.tried = {
             (place.tobytes(), action): None
             for place, action in zip(tried, actions, strict=True)
         }
+        count = rows_in(arrays, "raised")
+        raised = entry(arrays, "raised", (count, octets), np.uint8)
+        heights = entry(arrays, "heights", (count,), np.int64).tolist()
+        self.raised = {
+            place.tobytes(): height
+            for place, height in zip(raised, heights, strict=True)
+        }
         steps = rows_in(arrays, "plan")
         actions = entry(arrays, "plan", (steps,), np.int64).tolist()
-        places = entry(arrays, "places", (steps, shape[1]), np.bool_)
+        places = entry(arrays, "places", (steps, size), np.bool_)
         why = str(entry(arrays, "why", (), np.str_).item())
         self.plan = Plan(tuple(actions), places, why) if steps else None
+
+
+def _packed(place: NDArray[np.bool_]) -> bytes:
+    return np.packbits(place).tobytes()
+
+
+def _unpacked(places: NDArray[np.uint8], size: int) -> NDArray[np.bool_]:
+    return np.unpackbits(places, axis=1, count=size).astype(np.bool_)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body, Contexts
 from neurosnap.agent.experience import Experience, Plan
-from neurosnap.agent.planner import Planner, target_literals
+from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policy import (
     Closures,
     Deliberation,
@@ -34,6 +34,7 @@ from neurosnap.agent.policy import (
     checked_share,
 )
 from neurosnap.agent.random_numbers import RandomNumbers, pick
+from neurosnap.agent.reflex import Reflex
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 
@@ -63,7 +64,7 @@ class _Node:
 
 
 class ImaginingPlanner:
-    """Plans by imagined waves; where that leads nowhere, as the greedy planner does.
+    """Plans by imagined waves; where that leads nowhere, greedily, as `Reflex` does.
 
     Args:
         body: What is sensed and done; its actions exclude each other.
@@ -99,7 +100,7 @@ class ImaginingPlanner:
         if not wanted and not curious:
             rule = "must name a sensation to achieve, or come with exploration"
             raise InvalidValueError("target", rule, "nothing")
-        self._greedy = Planner(body, wanted, seed, explore) if wanted else None
+        self._reflex = Reflex(body, wanted, seed, experience) if wanted else None
         self._target = list(target_literals(body, wanted)) if wanted else []
         self._explore = checked_share(explore)
         self._random = RandomNumbers(seed)
@@ -108,20 +109,21 @@ class ImaginingPlanner:
         self._curious = curious
         self._own = len(body.own)
         self._names = body.actions
-        self._position = body.position[: 2 * self._own]
-        experience.plan = None
+        experience.aim()
         self._fit(body)
 
     def _fit(self, body: Body) -> None:
         self._actions = Actions(body)
         self._contexts = Contexts(body)
+        self._looked_at = body.looked_at
+        self._unread = ~body.position[: 2 * self._own]  # of the own, no part of a place
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
 
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
         self._fit(body)
-        if self._greedy is not None:
-            self._greedy.grow(body)
+        if self._reflex is not None:
+            self._reflex.grow(body)
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
         """Follow the plan, or ask for the consequences of actions until there is one.
@@ -134,15 +136,15 @@ class ImaginingPlanner:
         if draws[1] < self._explore:
             known.plan = None
             return pick(np.arange(len(self._names)), draws[0]), "at random, to explore"
-        here = state[: 2 * self._own] & self._position
+        here = state & self._looked_at
         if known.plan is None or not known.plan.goes_on(here):
             known.plan = yield from self._search(here, draws[0])
         if known.plan is not None:
             why = self._told(known.plan)
             action, known.plan = known.plan.step()
             return action, why
-        if self._greedy is not None:
-            return (yield from self._greedy.decide(tick, state))
+        if self._reflex is not None:
+            return (yield from self._reflex.decide(tick, state))
         return pick(np.arange(len(self._names)), draws[0]), "at random"
 
     def _told(self, plan: Plan) -> str:
@@ -187,10 +189,10 @@ class ImaginingPlanner:
             closures = (yield signals) if signals else ()
             frontier = []
             for (node, action), bound in zip(asked, _bound(closures), strict=True):
-                state = bound[: 2 * self._own] | always[: 2 * self._own]
+                state = bound | always
                 if self._target and state[self._target].all():
                     return self._planned(_Node(state, node, action), "")
-                place = state & self._position
+                place = state & self._looked_at
                 if not self._is_whole(place, told.hopeless[action]):
                     doubtful.append((node, action))
                 else:
@@ -203,7 +205,7 @@ class ImaginingPlanner:
             unknown = unknown or doubtful
         if not self._curious:
             return None
-        nothing = np.zeros(2 * self._own, np.bool_)
+        nothing = np.zeros_like(here)
         if unknown:
             node, action = unknown[int(draw * len(unknown))]
             why = f"to learn what {self._names[action]} does there, "
@@ -232,7 +234,7 @@ class ImaginingPlanner:
         first, *way = last.way()
         return Plan(
             tuple(node.action for node in way),
-            np.stack([node.state & self._position for node in (first, *way[:-1])]),
+            np.stack([node.state for node in (first, *way[:-1])]),
             why,
         )
 
@@ -246,7 +248,7 @@ class ImaginingPlanner:
 
     def _is_whole(self, place: NDArray[np.bool_], hopeless: NDArray[np.bool_]) -> bool:
         """Return whether all is said of a state that can be said beforehand."""
-        said = place | hopeless | ~self._position
+        said = place[: 2 * self._own] | hopeless | self._unread
         return bool(said.reshape(-1, 2).any(axis=1).all())
 
 

@@ -81,7 +81,7 @@ class AgentMemory:
             known: ``(N,)``, which of it is known; None: all.
         """
         if self.experience is not None and action >= 0:
-            self.experience.leave(self.body.place(state), begins, action)
+            self.experience.leave(state, begins, action)
         if self._growth is not None:
             step = (-1 if begins else action, state)
             self._growth.notice(*step, graph, observation, known)
@@ -115,6 +115,8 @@ class AgentMemory:
         take_in(body, decision, snapshot)
         if self._growth is not None:
             self._growth.fit(body)
+        if self.experience is not None:
+            self.experience.looked_at = body.looked_at
         self.settle(snapshot.state)  # what is born holds now
         return True
 
@@ -146,6 +148,7 @@ class AgentMemory:
         self.body = grown_in(self.body, arrays)
         if self.experience is not None:
             self.experience.restore(arrays)
+            self.experience.looked_at = self.body.looked_at
         if self._growth is not None:
             self._growth.fit(self.body)
             self._growth.restore(arrays)

@@ -75,11 +75,29 @@ class Planner:
         if draws[1] < self._explore:
             return pick(possible.nonzero()[0], draws[0]), "at random, to explore"
         wanted = subgoals(state & self._position, above) & self._goals
-        met = guaranteed(closures) & wanted
-        score = np.where(possible, met.sum(axis=1), -1)
-        best = (score == score.max()).nonzero()[0]
+        bound = guaranteed(closures)
+        met = bound & wanted
+        score = self._score(met.sum(axis=1), bound, int((state & wanted).sum()), state)
+        best = (possible & (score == score[possible].max())).nonzero()[0]
         action = pick(best, draws[0])
         return action, self._why(met[action], wanted, len(best))
+
+    def _score(
+        self,
+        met: NDArray[np.int_],
+        bound: NDArray[np.bool_],
+        held: int,
+        state: NDArray[np.bool_],
+    ) -> NDArray[np.int_]:
+        """Return how good each action is.
+
+        Args:
+            met: ``(actions,)``, how many subgoals each guarantees.
+            bound: ``(actions, 2N)``, all that each guarantees.
+            held: How many subgoals the state has.
+            state: ``(2N,)``.
+        """
+        return met
 
     def _why(
         self, met: NDArray[np.bool_], wanted: NDArray[np.bool_], equals: int

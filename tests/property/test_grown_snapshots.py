@@ -12,6 +12,8 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, 
 from neurosnap.sensorium import Sensorium
 
 Bits = NDArray[np.bool_]
+Members = tuple[tuple[int, ...], tuple[int, ...]]
+"""The literals of a conjunction: of its tick, and of the one before."""
 
 
 def new(kind: str, names: tuple[str, ...]) -> Snapshot:
@@ -27,16 +29,27 @@ def read(literal: int, bits: Bits, known: Bits) -> bool | None:
     return bool(bits[literal >> 1]) != bool(literal & 1)
 
 
-def joined(members: tuple[int, ...], bits: Bits, known: Bits) -> tuple[bool, bool]:
-    """Return what a conjunction reads, and whether that is known."""
-    each = [read(literal, bits, known) for literal in members]
+def joined(
+    walk: tuple[Bits, Bits], members: Members, tick: int, first: int
+) -> tuple[bool, bool]:
+    """Return what a conjunction reads, and whether that is known.
+
+    Of the tick before the first nothing is known.
+    """
+    bits, known = walk
+    now, last = members
+    each = [read(literal, bits[tick], known[tick]) for literal in now]
+    if tick > first:
+        each += [read(a, bits[tick - 1], known[tick - 1]) for a in last]
+    else:
+        each += [None for _ in last]
     if any(one is False for one in each):
         return False, True
     return (True, True) if all(each) else (False, False)
 
 
 @st.composite
-def walks(draw: st.DrawFn) -> tuple[Bits, Bits, tuple[int, ...], int]:
+def walks(draw: st.DrawFn) -> tuple[Bits, Bits, Members, int]:
     """Draw readings, which are known, the members of a sensor, and when it is grown."""
     count, ticks = draw(st.integers(2, 5)), draw(st.integers(1, 150))
     seed = draw(st.integers(0, 2**32 - 1))
@@ -44,15 +57,22 @@ def walks(draw: st.DrawFn) -> tuple[Bits, Bits, tuple[int, ...], int]:
     bits = rng.random((ticks, count)) < rng.random(count)
     whole = draw(st.booleans())
     known = np.ones_like(bits) if whole else rng.random((ticks, count)) < 0.8
-    chosen = draw(st.permutations(range(count)))[: draw(st.integers(1, count))]
-    members = tuple(sorted(2 * s + draw(st.integers(0, 1)) for s in chosen))
-    return bits, known, members, draw(st.integers(1, ticks))
+    now, last = (
+        tuple(
+            sorted(
+                2 * sensor + draw(st.integers(0, 1))
+                for sensor in draw(st.permutations(range(count)))[:size]
+            )
+        )
+        for size in (draw(st.integers(1, count)), draw(st.integers(0, 2)))
+    )
+    return bits, known, (now, last), draw(st.integers(1, ticks))
 
 
 @pytest.mark.parametrize("kind", ["empirical", "discounted"])
 @given(walks())
 def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
-    kind: str, walk: tuple[Bits, Bits, tuple[int, ...], int]
+    kind: str, walk: tuple[Bits, Bits, Members, int]
 ) -> None:
     bits, known, members, birth = walk
     names = Sensorium.of(bits.shape[1]).names
@@ -61,7 +81,7 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
     unread = np.zeros(1, np.bool_)
     began = max(0, birth - 64)
     for tick in range(len(bits)):
-        extra = joined(members, bits[tick], known[tick])
+        extra = joined((bits, known), members, tick, began)
         more = np.append(bits[tick], extra[0]), np.append(known[tick], extra[1])
         if tick >= birth:
             grown.observe(*more)
@@ -72,9 +92,9 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
         if tick >= began:
             always.observe(*more)
         if tick + 1 == birth:
-            history.grow(count, members)
+            history.grow(count, *members)
             newborn = grown.newborn(count, history)
-            grown.grow(count, "new", members, newborn)
+            grown.grow(count, "new", newborn, None)
     assert grown.sensorium == always.sensorium
     if began:  # Of the others it knows more than that.
         squares = grown._weights.all(grown._total())[:, -count:]
@@ -93,9 +113,10 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
 @pytest.mark.parametrize("kind", ["empirical", "discounted"])
 @given(walks())
 def test_what_was_there_is_as_it_was(
-    kind: str, walk: tuple[Bits, Bits, tuple[int, ...], int]
+    kind: str, walk: tuple[Bits, Bits, Members, int]
 ) -> None:
     bits, known, members, birth = walk
+    reads = (None, False, True)[birth % 3]
     count = bits.shape[1]
     snapshot = new(kind, (*Sensorium.of(count).names, "free"))
     history = History(count + 1, 64)
@@ -106,8 +127,9 @@ def test_what_was_there_is_as_it_was(
     before = Snapshot.from_bytes(snapshot.to_bytes())
     old = range(2 * count)
     pairs = [(a, b) for a in old for b in old if a >> 1 != b >> 1]
-    history.grow(count, members)
-    snapshot.grow(count, "new", members, snapshot.newborn(count, history))
+    history.grow(count, *members)
+    snapshot.grow(count, "new", snapshot.newborn(count, history), reads)
+    assert snapshot.state[-2:].tolist() == [reads is True, reads is False]
     assert snapshot.sensorium.names[-1] == "new"
     for a, b in pairs:
         assert snapshot.weight(a, b) == before.weight(a, b)
@@ -143,11 +165,9 @@ def test_what_cannot_be_grown_is_refused() -> None:
     snapshot, history = EmpiricalSnapshot(3, 0.1), History(3)
     newborn = snapshot.newborn(2, history)
     with pytest.raises(InvalidValueError, match="must be unique"):
-        snapshot.grow(2, "s0", [0, 2], newborn)
-    with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 4"):
-        snapshot.grow(2, "new", [0, 4], newborn)
+        snapshot.grow(2, "s0", newborn, None)
     with pytest.raises(ShapeError, match="newborn: must be of 1 pairs, got"):
-        snapshot.grow(1, "new", [0], newborn)
+        snapshot.grow(1, "new", newborn, None)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
         snapshot.newborn(3, history)
     with pytest.raises(ShapeError, match="history: must be of 3 sensors, got 4"):

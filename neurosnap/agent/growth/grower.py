@@ -3,8 +3,9 @@
 Something came that the action taken did not guarantee. The *counterexamples* are the
 ticks at which the same action was taken and the opposite came. A *cover* is a set of
 literals of the state before that held together at none of them: greedily, the literal
-that excludes most of what is left, then the next. The cover is tried before it is
-believed: the sensor ``α∧(a₁∧…∧aₖ)`` is born once it has been confirmed often enough.
+that excludes most of what is left, then the next. Where the same state has led to both,
+what was done the step before, and where, is searched as well. The cover is tried before
+it is believed: the sensor ``α∧(a₁∧…∧aₖ)`` is born once it was confirmed often enough.
 
 Everything here is counted in whole numbers, and ties go to the lowest number, so that
 the same observations lead to the same births.
@@ -12,7 +13,8 @@ the same observations lead to the same births.
 References:
     Not the paper's, which names "chunking: new conditional sensors" as future work. The
     cover of counterexamples is that of AQ (Michalski 1969) and of version spaces; for
-    models of actions see Gil (1994) and Stern & Juba (2017).
+    models of actions see Gil (1994) and Stern & Juba (2017). To look one step back
+    where that tells outcomes apart is McCallum's (1996) utile suffix memory, one deep.
 """
 
 from collections.abc import Iterator
@@ -26,6 +28,7 @@ from neurosnap.agent.body import Body, Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.history import History
+from neurosnap.poc.order.literals import Words
 
 ROOM: Final = 120
 """Sensors that may be grown, unless another number is given."""
@@ -85,6 +88,8 @@ class Grower:
             ]
             table = np.array(sorted(pairs), np.intp).reshape(-1, 2)
             self._contexts.append((table[:, 0], table[:, 1]))
+        # What tells of the step before: the actions and the single contexts.
+        self._last = np.arange(self._own, body.first_grown)
         self._trials: dict[tuple[int, int], list[_Candidate]] = {}
         self._ready: list[_Candidate] = []
         shape = len(body.actions), 2 * self._own
@@ -184,8 +189,13 @@ class Grower:
         literals = self._cover(action, state, result, history)
         if literals is None:
             self._fail(action, result)
-        elif len(literals) > 1 and (action, literals) not in self._grown:
+        elif self._is_news(action, literals):
             trials.append(_Candidate(action, literals, result))
+
+    def _is_news(self, action: int, literals: tuple[int, ...]) -> bool:
+        """Return whether no sensor is on in just this context."""
+        single = len(literals) < 2 and all(a < 2 * self._own for a in literals)
+        return not single and (action, literals) not in self._grown
 
     def _cover(
         self, action: int, state: NDArray[np.bool_], result: int, history: History
@@ -194,26 +204,18 @@ class Grower:
 
         None: there are none, or too many.
         """
-        against = history.on[:, self._own + action] & history.ticks_of(result ^ 1)
+        taken = history.on[:, self._own + action]
+        against = taken & history.ticks_of(result ^ 1)
         literals, sensors = self._contexts[action]
         here = state[literals]
         literals, rings = literals[here], history.on[:, sensors[here]]
-        chosen: list[int] = []
-        left = against
-        while left.any():
-            if len(chosen) == LONGEST or not len(literals):
-                return None
-            remain = np.bitwise_count(left[:, np.newaxis] & rings).sum(axis=0)
-            best = int(remain.argmin())
-            if remain[best] == np.bitwise_count(left).sum():
-                return None
-            chosen.append(best)
-            left = left & rings[:, best]
-        for place in chosen.copy():
-            rest = [other for other in chosen if other != place]
-            if not (against & np.bitwise_and.reduce(rings[:, rest], axis=1)).any():
-                chosen = rest
-        return tuple(sorted(literals[chosen].tolist()))
+        found = _cover(against, literals, rings)
+        if found is None:
+            last = self._last[state[2 * self._last]]
+            before = taken[:, np.newaxis] & history.after(history.on[:, last])
+            rings = np.concatenate((rings, before), axis=1)
+            found = _cover(against, np.concatenate((literals, 2 * last)), rings)
+        return found
 
     def _birth(self) -> Context | None:
         """Return the next sensor that is due."""
@@ -277,7 +279,7 @@ class Grower:
         ready = entry(arrays, "ready", (), np.int64).item()
         limits = (len(self._failed), 2 * self._own)
         if ((table[:, :2] < 0) | (table[:, :2] >= limits)).any() or (
-            table[:, 3:] >= limits[1]
+            table[:, 3:] >= 2 * body.first_grown
         ).any():
             raise ValueError("trials: must be of the actions and literals there are")
         if not 0 <= ready <= count:
@@ -291,3 +293,35 @@ class Grower:
         self._trials = {}
         for trial in under_trial:
             self._trials.setdefault((trial.action, trial.result), []).append(trial)
+
+
+def _cover(
+    against: Words, literals: NDArray[np.intp], rings: Words
+) -> tuple[int, ...] | None:
+    """Return literals that held together at no tick of a set, greedily.
+
+    Args:
+        against: ``(W,)``, the ticks.
+        literals: ``(n,)``, those to choose from.
+        rings: ``(W, n)``, the ticks at which each held.
+
+    Returns:
+        Ascending, none of them superfluous; None: there are none, or too many. O(n W)
+        time for each that is chosen.
+    """
+    chosen: list[int] = []
+    left = against
+    while left.any():
+        if len(chosen) == LONGEST or not len(literals):
+            return None
+        remain = np.bitwise_count(left[:, np.newaxis] & rings).sum(axis=0)
+        best = int(remain.argmin())
+        if remain[best] == np.bitwise_count(left).sum():
+            return None
+        chosen.append(best)
+        left = left & rings[:, best]
+    for place in chosen.copy():
+        rest = [other for other in chosen if other != place]
+        if not (against & np.bitwise_and.reduce(rings[:, rest], axis=1)).any():
+            chosen = rest
+    return tuple(sorted(literals[chosen].tolist()))

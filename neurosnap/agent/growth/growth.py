@@ -92,7 +92,8 @@ class Growth:
         if self._due is not None:
             action, literals = self._due
             sensor = body.first_grown + len(body.grown)
-            self._history.grow(sensor, body.members(self._due))
+            _, before = body.split(literals)
+            self._history.grow(sensor, body.members(self._due), before)
             said = said_of(snapshot.newborn(sensor, self._history), snapshot)
             born = {"born": sensor, "context": action, "literals": literals}
             return changes | born | said
@@ -121,7 +122,7 @@ class Growth:
             return None
         action, literals = body.grown[place]
         first = 2 * body.first_grown
-        part = [2 * (self._own + action), *body.members(body.grown[place])]
+        part = body.members(body.grown[place])
         for other, (which, fewer) in enumerate(body.grown):
             smaller = which == action and set(fewer) < set(literals)
             if smaller and other not in body.retired:

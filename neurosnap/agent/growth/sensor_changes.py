@@ -55,8 +55,8 @@ def take_in(body: Body, decision: Decision, snapshot: Snapshot) -> None:
             squares = np.frombuffer(decision.weights, kind).reshape(4, sensor)
             codes = np.frombuffer(decision.codes, np.uint8)
             newborn = Newborn(decision.history, squares, codes)
-            members = body.members(body.grown[-1])
-            snapshot.grow(sensor, body.sensors[sensor], members, newborn)
+            reads = body.reading(body.grown[-1], snapshot.state)
+            snapshot.grow(sensor, body.sensors[sensor], newborn, reads)
         except ValueError as error:
             raise MessageError(f"decide: born: {error}") from error
     if decision.retires >= 0:

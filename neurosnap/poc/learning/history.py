@@ -90,14 +90,39 @@ class History:
         """Return ``(W,)``, the ticks at which `literal` was read."""
         return (self.off if literal & 1 else self.on)[:, literal >> 1]
 
-    def grow(self, sensor: int, literals: Sequence[int]) -> None:
-        """Let a sensor have read what one does that is on iff all of `literals` are.
+    def after(self, ring: Words) -> Words:
+        """Return the ticks that follow ticks of a ring.
+
+        Args:
+            ring: ``(W, n)``.
+
+        Returns:
+            ``(W, n)``. The oldest tick that is kept follows one that is not known.
+        """
+        carried = np.roll(ring >> np.uint64(63), 1, axis=0)
+        later: Words = (ring << _ONE) | carried
+        oldest = self._next % self.length
+        later[oldest // 64] &= ~(_ONE << np.uint64(oldest % 64))
+        return later
+
+    def grow(
+        self, sensor: int, literals: Sequence[int], before: Sequence[int] = ()
+    ) -> None:
+        """Let a sensor have read what one does that is on iff all of some literals are.
 
         It has read on when all of them were read, and off when the complement of one
         was.
+
+        Args:
+            sensor: Its number.
+            literals: Those of the same tick.
+            before: Those of the tick before.
         """
-        members = [self.ticks_of(a) for a in literals]
-        complements = [self.ticks_of(a ^ 1) for a in literals]
+        tick, last = list(literals), list(before)
+        members = [self.ticks_of(a) for a in tick]
+        complements = [self.ticks_of(a ^ 1) for a in tick]
+        members += [self.after(self.ticks_of(a)) for a in last]
+        complements += [self.after(self.ticks_of(a ^ 1)) for a in last]
         self.on[:, sensor] = np.bitwise_and.reduce(members)
         self.off[:, sensor] = np.bitwise_or.reduce(complements)
 

@@ -5,7 +5,6 @@ last adopted. How observations are weighed is up to each kind.
 """
 
 import abc
-from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -210,29 +209,26 @@ class Snapshot(Archived):
         return Newborn(history.ticks, *self._newborn(sensor, history))
 
     def grow(
-        self, sensor: int, name: str, literals: Sequence[int], newborn: Newborn
+        self, sensor: int, name: str, newborn: Newborn, reads: bool | None
     ) -> None:
-        """Let a sensor that was never read be on iff all of some literals are.
+        """Let a sensor that was never read be one that was.
 
-        Nothing else changes. Its literals are in the state as they follow from those of
-        its members.
+        Nothing else changes.
 
         Args:
             sensor: As in `newborn`.
             name: What it is called from now on.
-            literals: Its members, of sensors before it.
             newborn: What is known of it.
+            reads: What it reads in the present state; None: that is unknown.
 
         Raises:
-            InvalidValueError: There is another sensor of that name, or a literal is
-                none.
+            InvalidValueError: There is another sensor of that name.
             ShapeError: What is known is not of all sensors before it.
         """
         names = list(self._sensorium)
         as_literal("literal", 2 * sensor, len(self._state))
         names[sensor] = name
         sensorium = Sensorium(names)
-        members = [as_literal("literal", a, 2 * sensor) for a in literals]
         shapes = newborn.squares.shape, newborn.codes.shape
         if shapes != ((4, sensor), (sensor,)):
             raise ShapeError("newborn", f"must be of {sensor} pairs", shapes)
@@ -245,8 +241,8 @@ class Snapshot(Archived):
         self._born[sensor] = self._clock - newborn.ticks
         kernels.rewire(sensor, newborn.codes, self._codes[pairs], self._rows)
         date_changes(self._codes, self._noted, self._since, self._clock)
-        self._state[2 * sensor] = self._state[members].all()
-        self._state[2 * sensor + 1] = self._state[[a ^ 1 for a in members]].any()
+        self._state[2 * sensor] = reads is True
+        self._state[2 * sensor + 1] = reads is False
         self._graphs.clear()
 
     def silence(self, sensor: int) -> None:

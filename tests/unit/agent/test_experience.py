@@ -12,7 +12,7 @@ COIN = BODY.own.index("coin")
 
 def place(**readings: bool) -> NDArray[np.bool_]:
     """What is sensed at a place; nothing of sensors that are not named."""
-    found = np.zeros(2 * len(BODY.own), np.bool_)
+    found = np.zeros(2 * len(BODY.sensors), np.bool_)
     for name, on in readings.items():
         found[2 * BODY.own.index(name) + (not on)] = True
     return found

@@ -153,7 +153,7 @@ def test_the_curious_go_to_the_nearest_action_that_guarantees_too_little() -> No
 
 def ending(walk: Walk, place: int, ends: bool = True) -> None:
     """Let an episode end at a place, or not any more."""
-    here = np.zeros(2 * (PLACES - 1), np.bool_)
+    here = np.zeros(2 * len(BODY.sensors), np.bool_)
     here[list(complete(view(FIELDS, place)))] = True
     walk.experience.leave(here, ends=ends)
 
@@ -180,7 +180,7 @@ def test_where_all_is_known_the_curious_end_the_episode_or_test_what_they_know()
 
 
 def tried(walk: Walk, place: int, action: int) -> None:
-    here = np.zeros(2 * (PLACES - 1), np.bool_)
+    here = np.zeros(2 * len(BODY.sensors), np.bool_)
     here[list(complete(view(FIELDS, place)))] = True
     walk.experience.leave(here, ends=False, action=action)
 
@@ -213,7 +213,7 @@ def test_who_wants_something_tests_nothing_and_ends_the_episode() -> None:
 
 def test_no_way_leads_through_the_end_of_an_episode() -> None:
     walk = Walk(5)
-    place = np.zeros(2 * (PLACES - 1), np.bool_)
+    place = np.zeros(2 * len(BODY.sensors), np.bool_)
     place[list(complete(view(FIELDS, 4)))] = True
     walk.experience.leave(place, ends=True)
     _, why = walk.decide(2)

@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from neurosnap import wire
@@ -313,6 +313,13 @@ def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
         max_size=30,
     )
 )
+@example(
+    [
+        wire.WaveStart(2, 0, "state", 2, 3),
+        wire.WaveStart(2, 0, "state", 0, 1, (2,)),
+        wire.Pulse(1, 0, 0, 1, 0, 0),
+    ]
+)
 def test_no_message_is_an_exception_and_no_credit_is_made(
     messages: list[wire.Message],
 ) -> None:
@@ -329,7 +336,11 @@ def test_no_message_is_an_exception_and_no_credit_is_made(
                 came[message.wave] = came.get(message.wave, Fraction(0)) + share(
                     message.credit
                 )
-        elif isinstance(message, wire.WaveStart) and message.wave not in starts:
+        elif (
+            isinstance(message, wire.WaveStart)
+            and message.wave not in starts
+            and message.settled_below <= message.wave  # else it is refused
+        ):
             starts[message.wave] = message
             came[message.wave] = came.get(message.wave, Fraction(0)) + 2 * share(
                 message.credit

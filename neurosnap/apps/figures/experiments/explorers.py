@@ -59,7 +59,7 @@ class WholeStates(Growth):
         closure = graph.up(self._actions.signals(state)[action])
         if (guaranteed([closure])[0][: 2 * self._own] >= came).all():
             return
-        literals = body.place(state).nonzero()[0].tolist()
+        literals = (state & body.position).nonzero()[0].tolist()
         context = (action, tuple(literals))
         self._due = None if context in body.grown else context
 

@@ -1,0 +1,90 @@
+"""Worlds in which some places look alike, as tables."""
+
+from collections.abc import Mapping, Sequence
+
+import gymnasium
+import numpy as np
+
+from neurosnap.apps.figures.experiments.stages import Stage, StageEnv
+
+NAME = "tests.support.aliased_worlds:TMaze-v0"
+
+
+def t_maze() -> Stage:
+    """Return a T-maze: what is seen at the start tells where the food is.
+
+    At the junction nothing tells, except that one has just come from the start. There
+    one may stay, and has then forgotten.
+    """
+    return _table(
+        ("at_start", "light", "at_junction", "food", "nothing"),
+        ("forward", "left", "right"),
+        {
+            "start, light": (("at_start", "light"), ("junction, left", None, None)),
+            "start, dark": (("at_start",), ("junction, right", None, None)),
+            "junction, left": (("at_junction",), (None, "food", "nothing")),
+            "junction, right": (("at_junction",), (None, "nothing", "food")),
+            "food": (("food",), ()),
+            "nothing": (("nothing",), ()),
+        },
+        starts=2,
+    )
+
+
+def ring(places: int, beacons: Sequence[int]) -> Stage:
+    """Return a ring of which only the places with beacons can be told apart."""
+    table = {
+        str(place): (
+            (f"beacon_{place}",) if place in beacons else (),
+            (str((place - 1) % places), str((place + 1) % places)),
+        )
+        for place in range(places)
+    }
+    sensors = tuple(f"beacon_{place}" for place in beacons)
+    return _table(sensors, ("left", "right"), table, starts=places)
+
+
+def _table(
+    sensors: tuple[str, ...],
+    actions: tuple[str, ...],
+    places: Mapping[str, tuple[tuple[str, ...], tuple[str | None, ...]]],
+    starts: int,
+) -> Stage:
+    """Return a stage.
+
+    Args:
+        sensors: Their names.
+        actions: Their names.
+        places: By name: what is on there, and where each action leads; None: nowhere;
+            no action at all: the episode is over there.
+        starts: How many of the first places it may begin at.
+    """
+    names = list(places)
+    here = range(len(names))
+    return Stage(
+        sensors=sensors,
+        actions=actions,
+        fields=np.array(
+            [[name in on for on, _ in places.values()] for name in sensors]
+        ),
+        outcomes=tuple(
+            tuple(
+                ((1.0, place if after is None else names.index(after)),)
+                for after in (places[names[place]][1] or (None,) * len(actions))
+            )
+            for place in here
+        ),
+        over=np.array([not ways for _, ways in places.values()]),
+        start=np.array([1 / starts * (place < starts) for place in here]),
+        goals=np.zeros(len(names), np.bool_),
+    )
+
+
+class TMaze(StageEnv):
+    """The T-maze as an environment."""
+
+    def __init__(self) -> None:
+        super().__init__(t_maze())
+
+
+gymnasium.register("TMaze-v0", f"{__name__}:TMaze")
