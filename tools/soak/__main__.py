@@ -7,6 +7,9 @@ processes in a world of paths; it is made again undisturbed, in one process, for
 ticks as the first came to. Both must come to the same states and decisions, and the
 recording must hold each once.
 
+With --grow the run is an agent that explores a frozen lake and grows sensors, so that
+some are killed while a sensor is born. The births are compared, too.
+
 With --outside the run is one of its own process that reads numbered lines. It must end
 with exit code 0, and its recording must hold each line once and in order. What a killed
 intake had read and not written down is lost; that counts as wrong, too.
@@ -23,6 +26,7 @@ import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 # Run as a folder, that is on the path and the project's is not.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -50,6 +54,7 @@ SERVICES = ("hub", "recorder", "coordinator", "world")
 HOSTS: dict[HostKind, str] = {"process": "cell", "worker": "worker"}
 """Who has the cells, by their kind."""
 
+_LAKE = "neurosnap/FrozenLake-v0"
 _ENDLESS = 10**9  # ticks; the kills end the run
 
 
@@ -77,6 +82,8 @@ class Soaked(msgspec.Struct, kw_only=True):
     and they are in order."""
     verified: bool
     """A replay derives the recording again."""
+    born: int
+    """Sensors that were grown."""
     files: int
     """Files of the recording."""
     left: list[str]
@@ -203,6 +210,7 @@ def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
         doubled=len(keys) - len(set(keys)),
         equal=False,
         verified=verdict.same and verdict.complete,
+        born=sum(isinstance(m, wire.Decision) and m.born >= 0 for m in heard),
         files=verdict.files,
         left=sorted(path.name for path in {*log.parent.iterdir()} - files),
         seconds=seconds,
@@ -220,7 +228,7 @@ def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
             case wire.State() as state:
                 found.append(("state", state.tick, state.literals, state.incoherent))
             case wire.Decision() as decision if decision.tick < ticks:
-                found.append(("decide", decision.tick, decision.action, decision.why))
+                found.append(msgspec.structs.astuple(decision))
     return found
 
 
@@ -255,12 +263,9 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
         return await soak_outside(
             given.cells, *chosen, rate=given.rate, split=given.split
         )
-    source = open_source(given.source, given.seed, {"places": given.sensors + 1})
-    source.close()
+    world = _lake(given) if given.grow else _path(given)
     options = RunOptions(
-        source=given.source,
-        arguments={"places": given.sensors + 1},
-        body=body_of(source, "walker"),
+        **world,
         seed=given.seed,
         cells=given.cells,
         workers=min(2, given.sensors),
@@ -268,6 +273,29 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
         keyframe_every=given.keyframe_every,
     )
     return await soak(options, *chosen)
+
+
+def _path(given: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of a walk in a world of paths."""
+    arguments = {"places": given.sensors + 1}
+    source = open_source(given.source, given.seed, arguments)
+    source.close()
+    body = body_of(source, "walker")
+    return {"source": given.source, "arguments": arguments, "body": body}
+
+
+def _lake(given: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of an agent that explores a lake and grows sensors."""
+    source = open_source(_LAKE, given.seed)
+    source.close()
+    return {
+        "source": _LAKE,
+        "body": body_of(source, "planner", given.grow),
+        "agent": "planner",
+        "imagine": 200,
+        "explore": 0.1,
+        "threshold": 1 / 8000,
+    }
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -288,6 +316,9 @@ def _parser() -> argparse.ArgumentParser:
         "--keyframe-every", type=int, default=1000, help="ticks between key-frames"
     )
     parser.add_argument("--source", default="neurosnap/Path-v0", help="a path world")
+    parser.add_argument(
+        "--grow", type=int, default=0, help="sensors an agent may grow, on a lake"
+    )
     parser.add_argument(
         "--outside", action="store_true", help="feed it lines on standard input"
     )

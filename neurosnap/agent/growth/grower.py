@@ -241,7 +241,8 @@ class Grower:
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
-        trials = [trial for many in self._trials.values() for trial in many]
+        # In the order of the numbers: one that was restored met them in another order.
+        trials = [trial for _, many in sorted(self._trials.items()) for trial in many]
         rows = [
             (*row, *literals, *(-1 for _ in range(LONGEST - len(literals))))
             for row, literals in (

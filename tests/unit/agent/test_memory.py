@@ -6,6 +6,10 @@ import pytest
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.memory import AgentMemory, body_in
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.sources.open import open_source
+from tests.support.run_options import options_for
 from world.toy_text import frozen_lake
 
 
@@ -61,3 +65,37 @@ def test_numbers_of_another_body_are_an_error(
     assert wrong.size
     with pytest.raises(ValueError, match=f"{name}: must be"):
         blank(explorer).restore(pack_arrays({**arrays, name: wrong}))
+
+
+def test_what_was_taken_up_again_goes_on_to_the_same_bytes() -> None:
+    options = options_for(
+        "neurosnap/FrozenLake-v0", 2, agent="planner", grow=20, imagine=50, target=()
+    )
+    source = open_source(options.source, options.seed)
+    agent, bits = agent_of(options, options.new_memory()), source.first()
+    twin, taken_up = agent, 0
+    for tick in range(1, 241):
+        assert bits is not None
+        if tick % 60 == 0:
+            memory = options.new_memory()
+            memory.restore(agent._memory.to_bytes())
+            twin = agent_of(options, memory, agent.snapshot.to_bytes())
+            twin._decision = agent.decision
+            taken_up += 1
+        decision = agent.act(bits, source.begins)
+        if taken_up:
+            assert twin.act(bits, source.begins) == decision
+            assert twin._memory.to_bytes() == agent._memory.to_bytes()
+            assert twin.snapshot.to_bytes() == agent.snapshot.to_bytes()
+        bits = source.step(decision.action)
+    source.close()
+    assert taken_up == 4
+    assert len(agent.body.grown) > 5
+
+
+def agent_of(options: RunOptions, memory: AgentMemory, learned: bytes = b"") -> Agent:
+    """Return an agent that goes on from what was saved."""
+    policy = options.policy_with(memory)
+    policy.grow(memory.body)
+    snapshot = Snapshot.from_bytes(learned) if learned else options.new_snapshot()
+    return Agent(memory.body, policy, snapshot, memory)
