@@ -6,6 +6,7 @@ observations lead to the same births.
 
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +30,7 @@ class AgentMemory:
     Attributes:
         body: What is sensed by now.
         experience: What a policy that imagines has to know; None: it does not.
+        decision: The last one that was followed.
 
     Raises:
         InvalidValueError: The body has room, and its actions are not sensed in context,
@@ -38,6 +40,7 @@ class AgentMemory:
     def __init__(self, body: Body, imagines: bool = False) -> None:
         self.body = body
         self.experience = Experience(body) if imagines else None
+        self.decision = Decision(0, -1, "the run begins")
         self._growth = Growth(body) if body.room else None
 
     def grow_by(self, growth: Growth) -> None:
@@ -108,6 +111,7 @@ class AgentMemory:
         Raises:
             MessageError: It cannot be said of this body.
         """
+        self.decision = decision
         body = body_after(self.body, decision)
         if body is self.body:
             return False
@@ -126,11 +130,12 @@ class AgentMemory:
 
     def _arrays(self) -> Arrays:
         grown, retired = self.body.grown, self.body.retired
-        arrays = {
+        arrays: Arrays = {
             "actions": np.array([action for action, _ in grown], np.int64),
             "sizes": np.array([len(many) for _, many in grown], np.int64),
             "literals": np.array([a for _, many in grown for a in many], np.int64),
             "retired": np.array(retired, np.int64),
+            "decision": np.frombuffer(msgspec.json.encode(self.decision), np.uint8),
         }
         if self.experience is not None:
             arrays |= self.experience.arrays()
@@ -145,6 +150,7 @@ class AgentMemory:
         if not data and self.is_empty:
             return
         arrays = _Archive.from_bytes(data).arrays()
+        self.decision = _decision_in(arrays)
         self.body = grown_in(self.body, arrays)
         if self.experience is not None:
             self.experience.restore(arrays)
@@ -188,6 +194,19 @@ def grown_in(body: Body, arrays: Arrays) -> Body:
     for place in retired.tolist():
         body = body.retire(place)
     return body
+
+
+def _decision_in(arrays: Arrays) -> Decision:
+    """Return the last decision, whole: what it said of growth may be said again.
+
+    Raises:
+        ValueError: The arrays make no sense.
+    """
+    text = entry(arrays, "decision", (rows_in(arrays, "decision"),), np.uint8)
+    try:
+        return msgspec.json.decode(text.tobytes(), type=Decision)
+    except msgspec.DecodeError as error:
+        raise ValueError(f"decision: {error}") from error
 
 
 class _Archive(Archived):

@@ -148,11 +148,12 @@ class Coordinator:
 
     def _start_at(self, frame: wire.KeyFrame) -> None:
         self._control.start_at(frame.waves, frame.epochs)
+        self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
         if self._memory is not None:
             self._memory.restore(frame.agent)
             self._policy.grow(self._memory.body)
+            self._next_decision = self._memory.decision
         self._tick, self._known = frame.tick, frame.known
-        self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
         self.totals = Totals(
             ticks=frame.tick,
             waves=frame.waves,

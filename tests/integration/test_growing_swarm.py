@@ -137,6 +137,26 @@ def test_it_goes_on_as_if_nothing_had_been(
     asyncio.run(run(whole, log, asyncio.Event(), past=past))
     assert course(log) == course(inline)
     assert verify(log).same
+    before = decisions(inline)
+    assert all(before[tick] == one for tick, one in decisions(log).items() if tick)
+
+
+def test_it_goes_on_twice_from_the_tick_in_which_a_sensor_was_grown(
+    inline: Path, tmp_path: Path
+) -> None:
+    first, second, log = (tmp_path / name for name in ("first", "second", "log"))
+    options = lamp_options(ticks=BIRTH, cells="inline", keyframe_every=TICKS)
+    made(options, first)
+    _, past = find_resume_point(first)
+    more = msgspec.structs.replace(options, ticks=BIRTH + 3)
+    asyncio.run(run(more, second, asyncio.Event(), past=past))
+    # Of this one, the first key-frame is that of the tick of the birth.
+    _, past = find_resume_point(second, BIRTH + 2)
+    assert past.tick == BIRTH + 2
+    whole = msgspec.structs.replace(options, ticks=TICKS)
+    asyncio.run(run(whole, log, asyncio.Event(), past=past))
+    assert course(log) == course(inline)
+    assert verify(log).same
 
 
 @pytest.mark.zenoh
