@@ -60,10 +60,15 @@ class Actions:
             literal, or the several of a grown sensor.
         """
         holds = self._contexts.hold(state)
-        return [
-            (*selection, *(2 * (self._first + np.flatnonzero(holds & taken))).tolist())
-            for selection, taken in zip(self._selections, self._taken, strict=True)
-        ]
+        return [self._signal(choice, holds) for choice in range(len(self._selections))]
+
+    def signal(self, choice: int, state: NDArray[np.bool_]) -> tuple[int, ...]:
+        """Return what one choice would switch on here, as in `signals`."""
+        return self._signal(choice, self._contexts.hold(state))
+
+    def _signal(self, choice: int, holds: NDArray[np.bool_]) -> tuple[int, ...]:
+        contexts = np.flatnonzero(holds & self._taken[choice])
+        return (*self._selections[choice], *(2 * (self._first + contexts)).tolist())
 
     def admissible(self, closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
         """Return which choices the agent believes it can make: ``(choices,)``.

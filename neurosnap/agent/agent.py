@@ -331,12 +331,12 @@ class Agent:
         Raises:
             InvalidValueError: There is no such action, or actions are not sensed.
         """
-        signals = Actions(self.body).signals(self.state)
+        actions = Actions(self.body)
         number = _choice(self.body, action) if isinstance(action, str) else action
-        if not 0 <= number < len(signals):
+        if not 0 <= number < len(self.body.choices):
             rule = f"must be one of {', '.join(self.body.actions)}"
             raise InvalidValueError("action", rule, action)
-        closure: NDArray[np.bool_] = self._graph().up(signals[number])
+        closure = self._graph().up(actions.signal(number, self.state))
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound
 

@@ -97,12 +97,12 @@ class Grower:
         self._wait = np.zeros(shape, np.int64)  # surprises to let pass
         self._lost = np.zeros(shape, np.int64)  # covers that failed, in all
         self._won = np.zeros(shape, np.int64)  # covers of which sensors were born
+        self._hopeless = np.zeros(shape, np.bool_)
 
     @property
     def hopeless(self) -> NDArray[np.bool_]:
         """``(actions, own literals)``: which results seem to be left to chance."""
-        hopeless: NDArray[np.bool_] = self._lost >= HOPELESS * (1 + self._won)
-        return hopeless
+        return self._hopeless
 
     def notice(
         self,
@@ -147,9 +147,11 @@ class Grower:
         young sensor believes too much, all that it has met with.
         """
         # In the order of the numbers: what is restored is in no other.
-        for (which, result), trials in sorted(self._trials.items()):
+        mine = sorted(key for key, trials in self._trials.items() if trials)
+        for which, result in mine:
             if which != action or not came[result | 1] | came[result & ~1]:
                 continue
+            trials = self._trials[which, result]
             for trial in trials.copy():
                 if not state[list(trial.literals)].all():
                     continue
@@ -170,7 +172,12 @@ class Grower:
     def _fail(self, action: int, result: int) -> None:
         self._failed[action, result] += 1
         self._lost[action, result] += 1
+        self._judge()
         self._wait[action, result] = 1 << min(int(self._failed[action, result]), 40)
+
+    def _judge(self) -> None:
+        """Tell anew what is left to chance; an array that was given out stays."""
+        self._hopeless = self._lost >= HOPELESS * (1 + self._won)
 
     def _explain(
         self, action: int, state: NDArray[np.bool_], result: int, history: History
@@ -224,6 +231,7 @@ class Grower:
             self._failed[due.action, due.result] = 0
             self._wait[due.action, due.result] = 0
             self._won[due.action, due.result] += 1
+            self._judge()
             if due.context not in self._grown:
                 self._grown.add(due.context)
                 self._births += 1
@@ -275,6 +283,7 @@ class Grower:
         self._wait = entry(arrays, "wait", shape, np.int64).copy()
         self._lost = entry(arrays, "lost", shape, np.int64).copy()
         self._won = entry(arrays, "won", shape, np.int64).copy()
+        self._judge()
         count = rows_in(arrays, "trials")
         table = entry(arrays, "trials", (count, 3 + LONGEST), np.int64)
         ready = entry(arrays, "ready", (), np.int64).item()

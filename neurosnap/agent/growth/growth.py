@@ -14,6 +14,8 @@ from neurosnap.poc.learning.history import LENGTH, History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 
+_EVERY = 8  # ticks from one look at whether a sensor is needed to the next
+
 
 class Growth:
     """Notices what an action did not guarantee, and has a sensor ready for it.
@@ -67,7 +69,7 @@ class Growth:
         if action < 0:
             return
         before = self.hopeless[action]
-        closure = graph.up(self._actions.signals(state)[action])
+        closure = graph.up(self._actions.signal(action, state))
         own = None if known is None else known[: self._own]
         bits = observation[: self._own]
         self._due = self._grower.notice(
@@ -105,7 +107,7 @@ class Growth:
     def _needless(self, tick: int, graph: PocGraph) -> int | None:
         """Return a grown sensor whose part of its context guarantees as much, if any.
 
-        One sensor is looked at in a tick, the next in the next: ``O(N²/64)`` time.
+        One sensor is looked at every few ticks, then the next: ``O(N²/64)`` time.
 
         Args:
             tick: The tick.
@@ -115,9 +117,10 @@ class Growth:
             Its place in `Body.grown`.
         """
         body = self._body
-        if not body.grown:
+        turn, rest = divmod(tick, _EVERY)
+        if rest or not body.grown:
             return None
-        place = tick % len(body.grown)
+        place = turn % len(body.grown)
         if place in body.retired:
             return None
         action, literals = body.grown[place]

@@ -62,47 +62,69 @@ def count_squares(
     on, off = bits & known, known & ~bits
     share = np.full(count, threshold[0])
     fresh = np.empty(count, np.uint8)
-    changed = False
+    changed, reads = False, known.any()
     for i in range(1, count):
         start = i * (i - 1) // 2
         stop = start + i
+        # Of a sensor that is not read nothing new follows, but what grew too old.
+        if reads and not known[i] and _implies_nothing(rows, i):
+            continue
+        both, only_i = squares[0][start:stop], squares[1][start:stop]
+        only_j, neither = squares[2][start:stop], squares[3][start:stop]
         if known[i]:
-            both, only_i = squares[0][start:stop], squares[1][start:stop]
-            only_j, neither = squares[2][start:stop], squares[3][start:stop]
             with_j, without_j = (both, only_i) if bits[i] else (only_j, neither)
             for j in range(i):
                 with_j[j] = np.uint32(with_j[j] + np.uint32(on[j]))
                 without_j[j] = np.uint32(without_j[j] + np.uint32(off[j]))
         if threshold.shape[0] > 1:
             share[:i] = threshold[start:stop]
-        _judge(squares[:, start:stop], clock - int(born[i]), share, fresh)
+        age = float(clock - int(born[i]))
+        _judge(both, only_i, only_j, neither, age, share, fresh)
         changed |= rewire(i, fresh, codes[start:stop], rows)
     return changed
 
 
 @njit()
+def _implies_nothing(rows: Words, sensor: int) -> bool:
+    """Return whether no literal of a sensor implies any; then nor is it implied."""
+    edges = np.uint64(0)
+    for word in range(rows.shape[1]):
+        edges |= rows[2 * sensor, word] | rows[2 * sensor + 1, word]
+    return bool(edges == 0)
+
+
+@njit()
 def _judge(
-    squares: NDArray[np.uint32],
-    age: int,
+    both: NDArray[np.uint32],
+    only_i: NDArray[np.uint32],
+    only_j: NDArray[np.uint32],
+    neither: NDArray[np.uint32],
+    age: float,
     share: NDArray[np.float64],
     fresh: NDArray[np.uint8],
 ) -> None:
     """Write what one row's counts say of its pairs.
 
+    The four weights come as four arrays, each in one piece of memory: else the loop is
+    not written for vector instructions, and takes four times as long.
+
     Args:
-        squares: ``(4, i)``, of the pairs of sensor `i` with those before it.
+        both: ``(i,)``, of the pairs of sensor `i` with those before it, and so on.
+        only_i: ``(i,)``.
+        only_j: ``(i,)``.
+        neither: ``(i,)``.
         age: Observations since it began.
         share: ``(i,)`` or longer, the threshold of each pair.
         fresh: ``(i,)`` or longer, overwritten with their codes.
     """
-    both, only_i, only_j, neither = squares[0], squares[1], squares[2], squares[3]
     for j in range(both.shape[0]):
         w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
         mixed, like = min(w10, w01), min(w11, w00)
         more, most = max(w10, w01), max(w11, w00)
         total = np.uint32(np.uint32(w11 + w10) + np.uint32(w01 + w00))
         # The product is rounded once; a whole number is compared exactly with it.
-        limit = share[j] * float(total)
+        whole = float(total)
+        limit = share[j] * whole
         up = (mixed < min(more, like)) & (float(mixed) < limit)
         down = (like < min(most, mixed)) & (float(like) < limit)
         code = np.uint8(0)
@@ -110,7 +132,7 @@ def _judge(
         code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
         code = np.uint8(3) if more == 0 else code
         code = np.uint8(12) if most == 0 else code
-        judged = (2 * np.int64(total) >= age) | (limit >= 1.0)
+        judged = (2.0 * whole >= age) | (limit >= 1.0)
         fresh[j] = code if judged & (total > 0) else np.uint8(0)
 
 
@@ -129,7 +151,8 @@ def count_newborn(
         share: The threshold.
         codes: ``(N,)``, overwritten.
     """
-    _judge(squares, age, np.full(codes.shape[0], share), codes)
+    shares = np.full(codes.shape[0], share)
+    _judge(squares[0], squares[1], squares[2], squares[3], float(age), shares, codes)
 
 
 @njit()

@@ -156,6 +156,7 @@ FINE = Soaked(
     doubled=0,
     equal=True,
     verified=True,
+    born=0,
     files=1,
     left=[],
     seconds=1.0,

@@ -56,7 +56,7 @@ class WholeStates(Growth):
             return
         came = np.repeat(observation[: self._own], 2)
         came[1::2] ^= True
-        closure = graph.up(self._actions.signals(state)[action])
+        closure = graph.up(self._actions.signal(action, state))
         if (guaranteed([closure])[0][: 2 * self._own] >= came).all():
             return
         literals = (state & body.position).nonzero()[0].tolist()
