@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from neurosnap.agent.agent import Agent
     from neurosnap.agent.binary_sensors import BinarySensors
     from neurosnap.agent.body import Body
+    from neurosnap.agent.growth.birth import Birth
     from neurosnap.agent.sensor import Sensor
     from neurosnap.poc.dual.cubing import Cubing
     from neurosnap.poc.dual.morphism import PocMorphism
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Agent",
     "BinarySensors",
+    "Birth",
     "Body",
     "Cubing",
     "DiscountedSnapshot",
@@ -44,6 +46,7 @@ __all__ = [
 _HOMES = {
     "Agent": "neurosnap.agent.agent",
     "BinarySensors": "neurosnap.agent.binary_sensors",
+    "Birth": "neurosnap.agent.growth.birth",
     "Body": "neurosnap.agent.body",
     "Cubing": "neurosnap.poc.dual.cubing",
     "DiscountedSnapshot": "neurosnap.poc.learning.kinds",

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.body import Body
 from neurosnap.agent.environment import describe
+from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
 from neurosnap.agent.imagining import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
@@ -21,6 +22,7 @@ from neurosnap.agent.outing import Outing, walk
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy, decided
+from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
@@ -93,6 +95,7 @@ class Agent:
         snapshot: Snapshot | None = None,
         grow: bool | int = False,
         imagine: bool | int = False,
+        births: Iterable[Birth] = (),
         without: Iterable[str] = (),
     ) -> Self:
         """Return an agent for an environment, with every action in every context.
@@ -109,11 +112,12 @@ class Agent:
             grow: Whether it may grow sensors from what surprises it, or how many.
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
+            births: Sensors that are grown at given ticks, whatever surprises it.
             without: Actions that it does not take.
 
         Raises:
             InvalidValueError: The environment is not fit for it, or it has no such
-                actions, or none is left.
+                actions, or none is left, or what is to be grown cannot be.
         """
         said = describe(type(env.unwrapped).__name__, env)
         left_out = set(without)
@@ -128,6 +132,7 @@ class Agent:
         body = Body.full(
             said.sensors, actions, said.orders, exclusive=said.exclusive, room=room
         )
+        body = with_births(body, tuple(births))
         if snapshot is None and room:
             snapshot = EmpiricalSnapshot(Sensorium(body.sensors), _EXACT)
         memory = AgentMemory(body, imagines=bool(imagine or room))

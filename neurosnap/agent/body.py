@@ -34,6 +34,8 @@ _MOST_FREE = 10  # 2^10 generalised actions
 Context: TypeAlias = tuple[int, tuple[int, ...]]
 """A contextual sensor: an action, and literals, ascending: of the world's own sensors,
 or that an action or a single contextual sensor was on."""
+Scripted: TypeAlias = tuple[int, Context]
+"""A sensor that is grown whatever is met, and the tick whose decision says so."""
 
 
 class Body(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,6 +71,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     """Those that were, in that order."""
     retired: tuple[int, ...] = ()
     """The places in `grown` of those that are not read any more, ascending."""
+    scripted: tuple[Scripted, ...] = ()
+    """Those of the sensors there is room for that are not left to the agent."""
 
     def __post_init__(self) -> None:
         if self.orders and len(self.orders) != len(self.own):
@@ -83,25 +87,14 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             if not 0 <= literal < 2 * len(self.own):
                 rule = f"must be of a literal of {len(self.own)} sensors"
                 raise InvalidValueError("context", rule, (action, literal))
-        if len(self.grown) > self.room:
-            rule = f"must be at most {self.room}, for which there is room"
-            raise InvalidValueError("grown", rule, len(self.grown))
-        single = set(self.context)
-        for action, literals in self.grown:
-            ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
-            now, before = self.split(literals)
-            if len(now) + 2 * len(before) < 2 or not ascends:
-                rule = "must be of literals of two or more sensors, ascending"
-                raise InvalidValueError("grown", rule, (action, literals))
-            if not single.issuperset((action, literal) for literal in now):
-                rule = "must be of literals that are sensed in the action's context"
-                raise InvalidValueError("grown", rule, (action, literals))
-            if any(a & 1 or a >= 2 * self.first_grown for a in before):
-                rule = "must say of the step before what was on, of what is not grown"
-                raise InvalidValueError("grown", rule, (action, literals))
-            if not 0 <= action < len(self.actions):
-                rule = f"must be of one of {len(self.actions)} actions"
-                raise InvalidValueError("grown", rule, (action, literals))
+        scripted = [context for _, context in self.scripted]
+        self._check("grown", self.grown)
+        self._check("scripted", scripted)
+        if len(set(scripted)) < len(scripted):
+            raise InvalidValueError("scripted", "must be different", scripted)
+        if any(tick < 0 for tick, _ in self.scripted):
+            rule = "must be at ticks from 0 up"
+            raise InvalidValueError("scripted", rule, self.scripted)
         places = range(len(self.grown))
         if any(a >= b for a, b in pairwise(self.retired)) or not set(
             self.retired
@@ -116,6 +109,27 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             rule = f"must be at most {_MOST_FREE} where they do not exclude each other"
             raise InvalidValueError("actions", rule, len(self.actions))
         Sensorium(self.sensors)
+
+    def _check(self, name: str, contexts: Sequence[Context]) -> None:
+        if len(contexts) > self.room:
+            rule = f"must be at most {self.room}, for which there is room"
+            raise InvalidValueError(name, rule, len(contexts))
+        single = set(self.context)
+        for action, literals in contexts:
+            ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
+            now, before = self.split(literals)
+            if len(now) + 2 * len(before) < 2 or not ascends:
+                rule = "must be of literals of two or more sensors, ascending"
+                raise InvalidValueError(name, rule, (action, literals))
+            if not single.issuperset((action, literal) for literal in now):
+                rule = "must be of literals that are sensed in the action's context"
+                raise InvalidValueError(name, rule, (action, literals))
+            if any(a & 1 or a >= 2 * self.first_grown for a in before):
+                rule = "must say of the step before what was on, of what is not grown"
+                raise InvalidValueError(name, rule, (action, literals))
+            if not 0 <= action < len(self.actions):
+                rule = f"must be of one of {len(self.actions)} actions"
+                raise InvalidValueError(name, rule, (action, literals))
 
     @classmethod
     def full(
@@ -186,6 +200,17 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
             for place, context in enumerate(self.grown)
             if place not in self.retired
         )
+
+    @property
+    def awaited(self) -> list[Scripted]:
+        """The scripted sensors that are still to be grown, the next one first."""
+        due = [one for one in self.scripted if one[1] not in self.grown]
+        return sorted(due, key=lambda one: one[0])
+
+    @property
+    def finds(self) -> int:
+        """How many sensors the agent may grow that it finds itself."""
+        return self.room - len(self.scripted)
 
     @property
     def first_grown(self) -> int:
@@ -360,83 +385,3 @@ class Contexts:
         all_told = np.logical_and.reduceat(told, self._starts)
         one_off = np.logical_or.reduceat(told & ~state[literal], self._starts)
         return np.concatenate((single, all_told | one_off, self._free)) & self.in_use
-
-
-class Senses:
-    """Turns what the world shows into what the agent observes.
-
-    Args:
-        body: Which sensors there are.
-    """
-
-    def __init__(self, body: Body) -> None:
-        own, felt = len(body.own), len(body.actions) * body.senses_actions
-        self._own = slice(0, own)
-        self._felt = slice(own, own + felt)
-        self._contexts = Contexts(body)
-        self._contextual = slice(own + felt, own + felt + len(self._contexts.action))
-        self._choices = body.choices
-        self._count = self._contextual.stop
-        self.looks_back = bool(felt or body.context)
-        """Whether an observation depends on the step before it."""
-
-    def observe(
-        self,
-        bits: NDArray[np.bool_],
-        action: int = -1,
-        state: NDArray[np.bool_] | None = None,
-    ) -> NDArray[np.bool_]:
-        """Return the whole observation: ``(N,)``.
-
-        Args:
-            bits: What the world's own sensors read.
-            action: The choice made in the step that has just ended; -1 at the
-                beginning, when none was and no action or contextual sensor is on.
-            state: ``(2N,)``, recorded before that step; None at the beginning.
-        """
-        observation = np.zeros(self._count, np.bool_)
-        observation[self._own] = bits
-        if action >= 0 and state is not None:
-            taken = self._choices[action]
-            if self._felt.start < self._felt.stop:
-                observation[self._felt] = taken
-            np.logical_and(
-                taken[self._contexts.action],
-                self._contexts.hold(state),
-                out=observation[self._contextual],
-            )
-        return observation
-
-    def known(
-        self,
-        own: NDArray[np.bool_] | None,
-        action: int = -1,
-        state: NDArray[np.bool_] | None = None,
-        before: NDArray[np.bool_] | None = None,
-    ) -> NDArray[np.bool_] | None:
-        """Return which readings of the observation are known: ``(N,)``; None: all.
-
-        Actions always are. ``α∧a`` is known where ``α`` was not taken, for then it is
-        off; where a literal of the sensor was in the state before, even if only because
-        something implied it; and where the sensor's reading was known then. (If that
-        was contradicted, neither literal was in the state, and ``α∧a`` is off.) One of
-        several literals is on or off as the single ones are that make it; one that has
-        retired, or is still to be grown, is unknown.
-
-        Args:
-            own: ``(n,)``, which readings of the world's own sensors are known; None:
-                all.
-            action: As in `observe`.
-            state: As in `observe`.
-            before: As `own`, when `state` was recorded.
-        """
-        known = np.ones(self._count, np.bool_)
-        if own is not None:
-            known[self._own] = own
-        if action >= 0 and state is not None and before is not None:
-            told = self._contexts.told(state, before)
-            taken = self._choices[action][self._contexts.action]
-            known[self._contextual] = told | ~taken
-        if not self._contexts.in_use.all():
-            known[self._contextual] &= self._contexts.in_use
-        return None if known.all() else known

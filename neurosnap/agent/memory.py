@@ -176,7 +176,7 @@ def body_in(body: Body, data: bytes) -> Body:
 
 
 def grown_in(body: Body, arrays: Arrays) -> Body:
-    """Return a body with what was grown by now.
+    """Return a body with what was grown by now, and nothing else.
 
     Raises:
         ValueError: The arrays make no sense.
@@ -188,6 +188,7 @@ def grown_in(body: Body, arrays: Arrays) -> Body:
     actions = entry(arrays, "actions", (count,), np.int64).tolist()
     literals = entry(arrays, "literals", (int(sizes.sum()),), np.int64)
     parts = np.split(literals, np.cumsum(sizes)[:-1]) if count else []
+    body = msgspec.structs.replace(body, grown=(), retired=())
     for action, part in zip(actions, parts, strict=True):
         body = body.grow((action, tuple(part.tolist())))
     retired = entry(arrays, "retired", (rows_in(arrays, "retired"),), np.int64)

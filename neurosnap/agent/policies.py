@@ -52,7 +52,7 @@ def new_policy(
         case "planner" if imagine and experience is not None:
             # Without growth most outcomes stay unknown in part: to look for them would
             # never end.
-            curious = not target or body.room > 0
+            curious = not target or body.finds > 0
             return ImaginingPlanner(
                 body, target, seed, explore, experience, imagine, curious=curious
             )

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from neurosnap import wire
-from neurosnap.agent.body import Body, Senses
 from neurosnap.agent.growth.sensor_changes import body_after
+from neurosnap.agent.senses import Senses
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.sensorium import pack, unpack
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from neurosnap.agent.body import Body
     from neurosnap.protocol.resume_point import ResumePoint
     from neurosnap.sources.protocol import Source
 

@@ -1,15 +1,18 @@
 """Fits an agent to a source: its sensors, its actions, its target."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.open import Argument, open_source
 from neurosnap.sources.protocol import Source
 
 
-def body_of(source: Source, agent: AgentKind, room: int = 0) -> Body:
+def body_of(
+    source: Source, agent: AgentKind, room: int = 0, births: Sequence[Birth] = ()
+) -> Body:
     """Return what an agent senses of a source.
 
     A walker does what it does without regard to what it leads to, and gets the world's
@@ -19,28 +22,31 @@ def body_of(source: Source, agent: AgentKind, room: int = 0) -> Body:
         source: What there is to sense and to do.
         agent: The kind of agent.
         room: How many sensors it may grow.
+        births: Sensors that are grown besides, at given ticks.
 
     Raises:
         InvalidValueError: It is to grow sensors and is a walker, or has no actions, or
-            some that do not exclude each other.
+            some that do not exclude each other; or a birth is of what there is not.
     """
     if room and (agent == "walker" or not source.actions or not source.exclusive):
         rule = "must go with an agent that senses actions that exclude each other"
         raise InvalidValueError("grow", rule, room)
     if agent == "walker":
-        return Body(
+        body = Body(
             own=source.sensors,
             orders=source.orders,
             actions=source.actions,
             exclusive=source.exclusive,
         )
-    return Body.full(
-        source.sensors,
-        source.actions,
-        source.orders,
-        exclusive=source.exclusive,
-        room=room,
-    )
+    else:
+        body = Body.full(
+            source.sensors,
+            source.actions,
+            source.orders,
+            exclusive=source.exclusive,
+            room=room,
+        )
+    return with_births(body, births)
 
 
 def drawn_to(

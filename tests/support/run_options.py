@@ -1,7 +1,8 @@
 """Options of runs, with the sensors and actions that their sources have."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from neurosnap.agent.growth.birth import Birth
 from neurosnap.agent.policy import AgentKind
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of
@@ -15,6 +16,7 @@ def options_for(
     *,
     agent: AgentKind = "walker",
     grow: int = 0,
+    births: Sequence[Birth] = (),
     **more: object,
 ) -> RunOptions:
     """Return the options of a run.
@@ -26,6 +28,7 @@ def options_for(
         agent: What chooses the actions; a planner goes where the second sensor is on
             and the first is off.
         grow: How many sensors it may grow.
+        births: What is grown by a script.
         **more: Any other options.
     """
     given = dict(arguments or {})
@@ -36,7 +39,7 @@ def options_for(
     return RunOptions(
         source=source,
         arguments=given,
-        body=body_of(opened, agent, grow),
+        body=body_of(opened, agent, grow, births),
         agent=agent,
         seed=seed,
         **more,  # type: ignore[arg-type]

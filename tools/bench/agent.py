@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
 from neurosnap.agent.policy import Signal, decided
 from neurosnap.agent.random_numbers import RandomNumbers
+from neurosnap.agent.senses import Senses
 from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.sources.gymnasium_source import import_worlds

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.body import Senses
 from neurosnap.agent.policy import Signal, decided
+from neurosnap.agent.senses import Senses
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.observations import selection
 from neurosnap.protocol.run_options import RunOptions

@@ -73,10 +73,9 @@ class Grower:
             rule = "must come with actions that exclude each other, sensed in context"
             raise InvalidValueError("grow", rule, body.actions)
         self._own = len(body.own)
-        self._room = body.room
+        self._room = body.finds
         self._confirmations = confirmations
-        self._grown = set(body.in_use)
-        self._births = len(body.grown)
+        self._fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
         first = self._own + len(body.actions)
         self._contexts: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
@@ -98,6 +97,12 @@ class Grower:
         self._lost = np.zeros(shape, np.int64)  # covers that failed, in all
         self._won = np.zeros(shape, np.int64)  # covers of which sensors were born
         self._hopeless = np.zeros(shape, np.bool_)
+
+    def _fit(self, body: Body) -> None:
+        # What is scripted comes without being found.
+        scripted = {context for _, context in body.scripted}
+        self._grown = scripted.union(body.in_use)
+        self._births = sum(context not in scripted for context in body.grown)
 
     @property
     def hopeless(self) -> NDArray[np.bool_]:
@@ -277,7 +282,7 @@ class Grower:
         Raises:
             ValueError: They make no sense.
         """
-        self._grown, self._births = set(body.in_use), len(body.grown)
+        self._fit(body)
         shape = self._failed.shape
         self._failed = entry(arrays, "failed", shape, np.int64).copy()
         self._wait = entry(arrays, "wait", shape, np.int64).copy()

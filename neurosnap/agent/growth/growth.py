@@ -1,4 +1,8 @@
-"""The history an agent grows sensors from, and who looks for covers in it."""
+"""The history an agent grows sensors from, and who looks for covers in it.
+
+A scripted sensor is grown at its tick, or at the first tick from then on at which no
+other one is. It stays: it never retires.
+"""
 
 from typing import Any
 
@@ -29,23 +33,28 @@ class Growth:
     """
 
     def __init__(self, body: Body, length: int = LENGTH) -> None:
-        self._grower = Grower(body)
+        self._grower = Grower(body) if body.finds else None
+        self._scripted = {context for _, context in body.scripted}
         self._history = History(len(body.sensors), length)
         self._own = len(body.own)
+        self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
         self._body, self._actions = body, Actions(body)
+        self._awaited = body.awaited
         self._due: Context | None = None
         self._chance: tuple[int, ...] = ()
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
-        for place in set(body.retired) - set(self._body.retired):
-            self._grower.retire(body.grown[place])
+        if self._grower is not None:
+            for place in set(body.retired) - set(self._body.retired):
+                self._grower.retire(body.grown[place])
         self._body, self._actions = body, Actions(body)
+        self._awaited = body.awaited
 
     @property
     def hopeless(self) -> NDArray[np.bool_]:
         """``(actions, 2n)``: which results seem to be left to chance."""
-        return self._grower.hopeless
+        return self._hopeless if self._grower is None else self._grower.hopeless
 
     def notice(
         self,
@@ -66,7 +75,7 @@ class Growth:
         """
         self._history.enter(observation, known)
         self._due, self._chance = None, ()
-        if action < 0:
+        if action < 0 or self._grower is None:
             return
         before = self.hopeless[action]
         closure = graph.up(self._actions.signal(action, state))
@@ -88,14 +97,16 @@ class Growth:
             graph: What is believed.
             snapshot: What was learned.
         """
-        body, changes = self._body, dict[str, Any]()
+        body, due, changes = self._body, self._due, dict[str, Any]()
         if self._chance:
             changes["chance"] = self._chance
-        if self._due is not None:
-            action, literals = self._due
+        if due is None and self._awaited and self._awaited[0][0] <= tick:
+            due = self._awaited[0][1]
+        if due is not None:
+            action, literals = due
             sensor = body.first_grown + len(body.grown)
             _, before = body.split(literals)
-            self._history.grow(sensor, body.members(self._due), before)
+            self._history.grow(sensor, body.members(due), before)
             said = said_of(snapshot.newborn(sensor, self._history), snapshot)
             born = {"born": sensor, "context": action, "literals": literals}
             return changes | born | said
@@ -121,7 +132,7 @@ class Growth:
         if rest or not body.grown:
             return None
         place = turn % len(body.grown)
-        if place in body.retired:
+        if place in body.retired or body.grown[place] in self._scripted:
             return None
         action, literals = body.grown[place]
         first = 2 * body.first_grown
@@ -136,7 +147,8 @@ class Growth:
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
-        return self._history.arrays() | self._grower.arrays()
+        found = {} if self._grower is None else self._grower.arrays()
+        return self._history.arrays() | found
 
     def restore(self, arrays: Arrays) -> None:
         """Be as the arrays say.
@@ -146,4 +158,5 @@ class Growth:
         """
         self._history = History.from_arrays(arrays)
         self._history.check(len(self._body.sensors))
-        self._grower.restore(self._body, arrays)
+        if self._grower is not None:
+            self._grower.restore(self._body, arrays)

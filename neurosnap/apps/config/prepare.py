@@ -19,6 +19,7 @@ from msgspec import UNSET
 from neurosnap.agent.body import Body
 from neurosnap.apps.config.line_numbers import Keys
 from neurosnap.apps.config.load import Loaded
+from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.recording_names import LOGS, free_path, new_path
 from neurosnap.apps.config.sources import MqttTable
 from neurosnap.apps.config.tables import Config, RecordingTable
@@ -159,7 +160,7 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     opened = open_source(name, seed, arguments)
     opened.close()
     length = FOREVER if opened.live else opened.length
-    body = body_of(opened, agent.kind, agent.grow)
+    body = body_of(opened, agent.kind, agent.grow, agent.births)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
     return _Fitted(body, arguments, target, length)
 
@@ -276,14 +277,14 @@ def _keys(config: Config) -> Iterator[Keys]:
 def _called(name: str, among: list[Keys]) -> Iterator[Keys]:
     """Return the keys that what is called so may be about, the likeliest first."""
     for last in _CALLED.get(name, (name,)):
-        yield from (keys for keys in among if keys[-1] == last)
+        yield from (keys for keys in among if f".{dotted(keys)}".endswith(f".{last}"))
 
 
 def _leaves(value: object, at: Keys) -> Iterator[tuple[Keys, object]]:
-    """Return what stands in tables and lists, with the way to it."""
+    """Return what stands in tables and lists, and these, with the way to it."""
+    if at:
+        yield at, value
     if isinstance(value, dict | tuple):
         items = value.items() if isinstance(value, dict) else enumerate(value)
         for key, item in items:
             yield from _leaves(item, (*at, key))
-    else:
-        yield at, value

@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
+from neurosnap.agent.growth.birth import Birth
 from neurosnap.apps.config.sources import SourceTable, Text
 from neurosnap.protocol.option import option
 from neurosnap.protocol.run_options import (
@@ -63,6 +64,8 @@ class AgentTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     ] = None
     explore: Explore = _DEFAULTS["explore"]
     grow: Grow = 0
+    births: tuple[Birth, ...] = ()
+    """Sensors that are grown at given ticks, besides those that the agent may grow."""
     imagine: Imagine = _DEFAULTS["imagine"]
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.body import Senses
+from neurosnap.agent.senses import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.observations import readings, selection

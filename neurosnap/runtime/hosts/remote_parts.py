@@ -70,7 +70,8 @@ def world(source: str) -> ChooseParts:
             raise InvalidValueError("source", rule, source)
         opened = open_source(source, options.seed, options.arguments)
         opened.close()
-        if body_of(opened, options.agent, options.body.room) != options.body:
+        plain = msgspec.structs.replace(options.body, room=0, grown=(), scripted=())
+        if body_of(opened, options.agent) != plain:
             rule = "must have the sensors and actions that the coordinator knows of"
             raise InvalidValueError("source", rule, source)
         own = msgspec.structs.replace(options, source=source)

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.body import Body
+from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 from tests.support import agent_oracles as oracles
 

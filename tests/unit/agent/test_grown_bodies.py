@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.actions import Actions
-from neurosnap.agent.body import Body, Context, Senses
+from neurosnap.agent.body import Body, Context
+from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 
 BODY = Body.full(["a", "b", "c"], ["x", "y"], room=4)

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.body import Body, Senses
+from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind
+from neurosnap.agent.senses import Senses
 from neurosnap.apps.figures.experiments.entry import key_of
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import complete

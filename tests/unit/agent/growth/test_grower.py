@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.agent.body import Body, Context, Senses
+from neurosnap.agent.body import Body, Context
 from neurosnap.agent.growth.grower import LONGEST, Grower
+from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history import History
 from neurosnap.sensorium import complete

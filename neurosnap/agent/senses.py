@@ -1,0 +1,86 @@
+"""What an agent observes: its world's sensors, its actions, and these in context."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body, Contexts
+
+
+class Senses:
+    """Turns what the world shows into what the agent observes.
+
+    Args:
+        body: Which sensors there are.
+    """
+
+    def __init__(self, body: Body) -> None:
+        own, felt = len(body.own), len(body.actions) * body.senses_actions
+        self._own = slice(0, own)
+        self._felt = slice(own, own + felt)
+        self._contexts = Contexts(body)
+        self._contextual = slice(own + felt, own + felt + len(self._contexts.action))
+        self._choices = body.choices
+        self._count = self._contextual.stop
+        self.looks_back = bool(felt or body.context)
+        """Whether an observation depends on the step before it."""
+
+    def observe(
+        self,
+        bits: NDArray[np.bool_],
+        action: int = -1,
+        state: NDArray[np.bool_] | None = None,
+    ) -> NDArray[np.bool_]:
+        """Return the whole observation: ``(N,)``.
+
+        Args:
+            bits: What the world's own sensors read.
+            action: The choice made in the step that has just ended; -1 at the
+                beginning, when none was and no action or contextual sensor is on.
+            state: ``(2N,)``, recorded before that step; None at the beginning.
+        """
+        observation = np.zeros(self._count, np.bool_)
+        observation[self._own] = bits
+        if action >= 0 and state is not None:
+            taken = self._choices[action]
+            if self._felt.start < self._felt.stop:
+                observation[self._felt] = taken
+            np.logical_and(
+                taken[self._contexts.action],
+                self._contexts.hold(state),
+                out=observation[self._contextual],
+            )
+        return observation
+
+    def known(
+        self,
+        own: NDArray[np.bool_] | None,
+        action: int = -1,
+        state: NDArray[np.bool_] | None = None,
+        before: NDArray[np.bool_] | None = None,
+    ) -> NDArray[np.bool_] | None:
+        """Return which readings of the observation are known: ``(N,)``; None: all.
+
+        Actions always are. ``α∧a`` is known where ``α`` was not taken, for then it is
+        off; where a literal of the sensor was in the state before, even if only because
+        something implied it; and where the sensor's reading was known then. (If that
+        was contradicted, neither literal was in the state, and ``α∧a`` is off.) One of
+        several literals is on or off as the single ones are that make it; one that has
+        retired, or is still to be grown, is unknown.
+
+        Args:
+            own: ``(n,)``, which readings of the world's own sensors are known; None:
+                all.
+            action: As in `observe`.
+            state: As in `observe`.
+            before: As `own`, when `state` was recorded.
+        """
+        known = np.ones(self._count, np.bool_)
+        if own is not None:
+            known[self._own] = own
+        if action >= 0 and state is not None and before is not None:
+            told = self._contexts.told(state, before)
+            taken = self._choices[action][self._contexts.action]
+            known[self._contextual] = told | ~taken
+        if not self._contexts.in_use.all():
+            known[self._contextual] &= self._contexts.in_use
+        return None if known.all() else known
