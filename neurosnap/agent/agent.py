@@ -21,7 +21,14 @@ from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.outing import Outing, walk
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policies import new_policy
-from neurosnap.agent.policy import EXPLORE, AgentKind, Policy, decided
+from neurosnap.agent.policy import (
+    EXPLORE,
+    TRIES,
+    AgentKind,
+    Exploration,
+    Policy,
+    decided,
+)
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
@@ -30,7 +37,6 @@ from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
 
 _EXACT = 1 / 8000  # the threshold of an agent that grows sensors
-_TRIES = 0.1  # the share of random actions in exploring: they test what seems known
 
 
 class Agent:
@@ -80,7 +86,7 @@ class Agent:
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._decision = Decision(0, -1, "the run begins")
         self._memory = AgentMemory(body) if memory is None else memory
-        self._seed = 0
+        self._seed, self._states = 0, STATES
         self._taken: tuple[int, ...] | None = None  # the environment's actions
 
     @classmethod
@@ -91,7 +97,7 @@ class Agent:
         *,
         target: Iterable[str | int] = (),
         seed: int = 0,
-        explore: float = EXPLORE,
+        explore: Exploration = EXPLORE,
         snapshot: Snapshot | None = None,
         grow: bool | int = False,
         imagine: bool | int = False,
@@ -106,7 +112,9 @@ class Agent:
             target: For a planner: sensations to achieve jointly, by name. One that
                 imagines may have none: it explores.
             seed: Draws whatever is random.
-            explore: The share of random actions.
+            explore: The share of random actions; or ``"planned"``, for a planner that
+                imagines: it goes where the outcome of an action is unknown, as in
+                `learn`, unless it knows a way to its target.
             snapshot: Learns; None: a new empirical one. If the agent grows sensors, its
                 threshold is 1/8000: what an action guarantees has no exceptions.
             grow: Whether it may grow sensors from what surprises it, or how many.
@@ -136,17 +144,18 @@ class Agent:
         if snapshot is None and room:
             snapshot = EmpiricalSnapshot(Sensorium(body.sensors), _EXACT)
         memory = AgentMemory(body, imagines=bool(imagine or room))
+        states = STATES if imagine is True else int(imagine)
         policy = new_policy(
             kind,
             body,
             seed,
             target=target,
             explore=explore,
-            imagine=STATES if imagine is True else int(imagine),
+            imagine=states,
             experience=memory.experience,
         )
         agent = cls(body, policy, snapshot, memory)
-        agent._seed = seed
+        agent._seed, agent._states = seed, states or STATES
         agent._taken = tuple(said.actions.index(name) for name in actions)
         return agent
 
@@ -181,7 +190,7 @@ class Agent:
             InvalidValueError: The environment is not fit for it, or its actions do not
                 exclude each other.
         """
-        return self._sent(env, (), steps, seed, explore=_TRIES)
+        return self._sent(env, (), steps, seed, explore=TRIES)
 
     def send(
         self,
@@ -221,9 +230,8 @@ class Agent:
         if experience is None:
             rule = "must be one that imagines or grows sensors"
             raise InvalidValueError("agent", rule, type(self._policy).__name__)
-        self._policy = ImaginingPlanner(
-            self.body, target, self._seed, explore, experience, curious=True
-        )
+        given = target, self._seed, explore, experience, self._states
+        self._policy = ImaginingPlanner(self.body, *given, curious=True)
 
     def _sent(
         self,

@@ -24,6 +24,14 @@ Enough for an agent that forgets to find back to a target it has lost, and littl
 to stay near one it has found."""
 
 
+TRIES = 0.1
+"""The share of random actions where exploration is planned, and nothing else is wanted.
+
+They test what seems known: plans go where an outcome is unknown, and nowhere else."""
+
+Exploration: TypeAlias = float | Literal["planned"]
+"""A share of random actions; or to go where the outcome of an action is unknown."""
+
 Signal: TypeAlias = tuple[int, ...]
 """The literals a planning wave starts from, each once."""
 Closures: TypeAlias = Sequence[NDArray[np.bool_]]

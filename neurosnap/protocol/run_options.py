@@ -56,11 +56,12 @@ Agent: TypeAlias = Annotated[
     ),
 ]
 Explore: TypeAlias = Annotated[
-    float,
+    Annotated[float, msgspec.Meta(ge=0, le=1)] | Literal["planned"],
     option(
-        "Share of actions that are random all the same, from 0 to 1. A walker's all are.",
-        ge=0,
-        le=1,
+        "Share of actions that are random all the same, from 0 to 1; a walker's all are."
+        " Or the word planned, with `imagine`: go to the nearest action whose outcome is"
+        " unknown, unless there is a way to the target.",
+        unit="SHARE",
     ),
 ]
 Grow: TypeAlias = Annotated[
@@ -77,8 +78,8 @@ Imagine: TypeAlias = Annotated[
     int,
     option(
         "How many states a planner may imagine for a decision, by waves through what it"
-        " has learned; 2000 is plenty. It then explores where it knows no way, and needs"
-        " no target. 0: it looks one step ahead.",
+        " has learned; 2000 is plenty. It needs no target then: without one it explores."
+        " 0: it looks one step ahead.",
         unit="STATES",
         ge=0,
     ),

@@ -95,6 +95,23 @@ def in_bytes(size: str | int) -> int:
     return int(number) * units[unit]
 
 
+def as_share(share: str | float) -> float | str:
+    """Return a number that is given as text, and any other text as it is.
+
+    Example:
+        >>> as_share("0.5"), as_share("planned")
+        (0.5, 'planned')
+    """
+    try:
+        return float(share)
+    except ValueError:
+        return str(share)
+
+
+_PARSERS: dict[str, Callable[[Any], Any]] = {"SIZE": in_bytes, "SHARE": as_share}
+"""What reads the values of an option, by their unit."""
+
+
 class RunOption(NamedTuple):
     """An option of a run, as its field declares it."""
 
@@ -119,7 +136,7 @@ class RunOption(NamedTuple):
             self.default,
             f"{name}/--no-{name[2:]}" if self.default is True else name,
             metavar=FLAG if is_flag else self.shown.unit or None,
-            parser=in_bytes if self.shown.unit == "SIZE" else None,
+            parser=_PARSERS.get(self.shown.unit),
             rich_help_panel=self.panel,
             help=text or _OPTION.sub(lambda name: _as_flag(name[1]), self.shown.text),
             show_default=self.shown.default or True,

@@ -1,5 +1,7 @@
 """The policies by name, and what goes with which."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,15 @@ def test_a_walker_chooses_among_all_choices() -> None:
     nothing = np.zeros(2 * len(body.sensors), np.bool_)
     taken = {decided(policy, tick, nothing, [])[0] for tick in range(60)}
     assert taken == {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("kind", ["walker", "excited", "planner"])
+def test_only_who_imagines_plans_where_to_explore(kind: AgentKind) -> None:
+    body = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
+    given: dict[str, Any] = {"target": ["a"]} if kind == "planner" else {}
+    rule = r"^explore: must go with a planner that imagines .*, got 'planned'"
+    with pytest.raises(InvalidValueError, match=rule):
+        new_policy(kind, body, 0, explore="planned", **given)
 
 
 @pytest.mark.parametrize("kind", ["excited", "planner"])

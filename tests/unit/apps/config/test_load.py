@@ -59,8 +59,8 @@ VALUES = {
     "[run]\nticks = 1.5": "6: run.ticks: must be a whole number, 1 or more, got 1.5",
     "[run]\nticks = true": "6: run.ticks: must be a whole number, 1 or more, got True",
     "[run]\nseed = -1": "6: run.seed: must be in [0, 9223372036854775807], got -1",
-    "[agent]\nexplore = nan": "6: agent.explore: must be in [0, 1], got nan",
-    "[agent]\nexplore = '1'": "6: agent.explore: must be a number in [0, 1], got '1'",
+    "[agent]\nexplore = nan": "6: agent.explore: must be a number in [0, 1] or 'planned', got nan",
+    "[agent]\nexplore = '1'": "6: agent.explore: must be a number in [0, 1] or 'planned', got '1'",
     "[agent]\ntarget = [\n  'a',\n  3\n]": "8: agent.target[1]: must be text, got 3",
     "[agent]\ntarget = 1.5": (
         "6: agent.target: must be a whole number, 0 or more, text or a list, got 1.5"

@@ -227,7 +227,7 @@ def test_what_is_wrong_with_it_has_no_line_but_a_name(file: Path) -> None:
         " got [1]",
         "threshold: must be in (0, 0.25], got 0.7",
         "cells: kind: must be 'inline', 'process' or 'worker', got 'none'",
-        f"{file}:6: agent.explore: must be in [0, 1], got 3",
+        f"{file}:6: agent.explore: must be a number in [0, 1] or 'planned', got 3",
     ]
 
 
@@ -270,7 +270,10 @@ def test_check_says_what_is_wrong_and_where(file: Path) -> None:
     told = call("config", "check", file, "--json")
     assert told.exit_code == 2
     first, second = told.stderr.splitlines()
-    assert first == f"error: {file}:6: agent.explore: must be in [0, 1], got 2"
+    assert (
+        first
+        == f"error: {file}:6: agent.explore: must be a number in [0, 1] or 'planned', got 2"
+    )
     assert second == f"{file}:7: run: must be a table, got [{{}}]"
     assert json.loads(told.stdout)["faults"][1] == {
         "file": str(file),
