@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.runtime.hosts import remote_parts
+from neurosnap.runtime.hosts.numbers import Numbers
 from neurosnap.runtime.hosts.service import Served, serve
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.run import Outcome
@@ -48,7 +49,7 @@ def test_a_run_with_cells_elsewhere_comes_to_the_same(
         async with asyncio.TaskGroup() as group:
             group.create_task(
                 serve(
-                    remote_parts.cells(ELSEWHERE),
+                    remote_parts.cells(Numbers(ELSEWHERE)),
                     Network(connect=where),
                     SWARM,
                     asyncio.Event(),

@@ -66,7 +66,7 @@ def play(
     """Run a swarm of six cells, four of them on the host ``cells``."""
     network = ("--connect", endpoint, "--tls", keys)
     small = ("neurosnap/Path-v0", "--set", "places=7", "--ticks", 40, "--out", log)
-    share = [*hosts["cells"], *command("join", "demo", "--cells", "1,3-5", *network)]
+    share = [*hosts["cells"], *command("join", "demo", "--cells", "1,3-", *network)]
     with subprocess.Popen(share, stderr=subprocess.PIPE, text=True) as joined:
         whole = [
             *hosts["rest"],

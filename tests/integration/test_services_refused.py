@@ -23,9 +23,18 @@ WRONG = {
     "more cells": (
         ("join", SWARM, "--cells", "4-9"),
         2,
-        "part: must be one the run leaves to others: cell/0,",
+        "cells: must be cells of the swarm, 0 to 5, got 9",
     ),
-    "workers": (("join", SWARM, "--workers", "0"), 2, "got 'worker/0'"),
+    "an empty range": (
+        ("join", SWARM, "--cells", "6-"),
+        2,
+        "cells: must be cells of the swarm, 0 to 5, got 6",
+    ),
+    "workers": (
+        ("join", SWARM, "--workers", "0"),
+        2,
+        "workers: must go with a swarm that has workers",
+    ),
     "another world": (
         ("world", SWARM, "neurosnap/Cycle-v0"),
         2,

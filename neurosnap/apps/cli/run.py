@@ -22,8 +22,8 @@ from neurosnap.apps.cli.shared import (
     app,
     check_swarm,
     errors,
+    open_ranges,
     print_json,
-    ranges,
     run_async,
     say,
     screen,
@@ -169,9 +169,9 @@ def _away(
     if not swarm or not (network.listen or network.connect):
         rule = "must come with --swarm ID, and --listen or --connect"
         raise InvalidValueError("elsewhere", rule, elsewhere)
-    numbers, hosts = ranges("elsewhere", elsewhere), options.host_names()
-    if numbers[-1] >= len(hosts):
-        kind = "workers" if options.sharing else "cells"
-        rule = f"must be {kind} of the swarm, 0 to {len(hosts) - 1}"
-        raise InvalidValueError("elsewhere", rule, elsewhere)
-    return frozenset(hosts[number] for number in numbers)
+    numbers, hosts = open_ranges("elsewhere", elsewhere), options.host_names()
+    kind = "workers" if options.sharing else "cells"
+    try:
+        return frozenset(hosts[number] for number in numbers.of(kind, len(hosts)))
+    except InvalidValueError as error:
+        raise InvalidValueError("elsewhere", error.rule, elsewhere) from error

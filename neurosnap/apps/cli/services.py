@@ -21,8 +21,8 @@ from neurosnap.apps.cli.shared import (
     convert,
     errors,
     new_log,
+    open_ranges,
     print_json,
-    ranges,
     run_async,
     say,
     screen,
@@ -163,7 +163,8 @@ def join(
         typer.Option(
             metavar="RANGES",
             rich_help_panel=CELLS,
-            help="The numbers of the cells to run here: 0-499 or 3,7,9-12.",
+            help="The numbers of the cells to run here: 0-499, or 3,7,9-12, or 20- for"
+            " all from 20 on.",
         ),
     ] = "",
     workers: Annotated[
@@ -189,13 +190,15 @@ def join(
             rule = "must say which --cells, or which --workers"
             raise InvalidValueError("join", rule, cells or "neither")
         kind, text = ("cells", cells) if cells else ("workers", workers)
-        numbers = ranges(kind, text)
+        numbers = open_ranges(kind, text)
         choose = remote_parts.cells(numbers) if cells else remote_parts.workers(numbers)
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        named = f"{len(numbers)} {kind}"
+        open_end = numbers.rest is not None
+        named = f"{kind} {text}" if open_end else f"{len(numbers.some)} {kind}"
         served = _serve(named, swarm, choose, network, restart, patience)
         if as_json:
-            print_json({"swarm": swarm, kind: numbers, "served": _names(served)})
+            facts = {kind: numbers.some, **({"from": numbers.rest} if open_end else {})}
+            print_json({"swarm": swarm, **facts, "served": _names(served)})
 
 
 def _serve(

@@ -28,12 +28,14 @@ from neurosnap.system.signals import INTERRUPTED
 
 if TYPE_CHECKING:
     from neurosnap.recording.read.reader import Recording
+    from neurosnap.runtime.hosts.numbers import Numbers
 
 T = TypeVar("T")
 
 LOST = 3
 _RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
 """A number or a range. No swarm has a million cells, and a list of them takes room."""
+_OPEN_RANGE = re.compile(r"(\d{1,6})-", re.ASCII)
 _WIDE = 70
 """Columns of a terminal that a table of options fits."""
 _TWICE = 0.5
@@ -160,6 +162,24 @@ def ranges(name: str, text: str) -> list[int]:
             raise InvalidValueError(name, "must name each once", text)
         numbers.update(some)
     return sorted(numbers)
+
+
+def open_ranges(name: str, text: str) -> "Numbers":
+    """Return the numbers in ``0-3,20-``, whose last range may have no end.
+
+    Raises:
+        InvalidValueError: It holds something else, or a number twice.
+    """
+    from neurosnap.runtime.hosts.numbers import Numbers
+
+    closed, comma, last = text.rpartition(",")
+    match = _OPEN_RANGE.fullmatch(last.strip())
+    if match is None:
+        return Numbers(ranges(name, text))
+    some, rest = ranges(name, closed) if comma else [], int(match[1])
+    if some[-1:] >= [rest]:
+        raise InvalidValueError(name, "must name each once", text)
+    return Numbers(some, rest)
 
 
 def check_swarm(swarm: str) -> None:

@@ -14,6 +14,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.hosts.numbers import Numbers
 from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.job import Job
 from neurosnap.runtime.parts.recorder_process import RecorderJob
@@ -39,17 +40,26 @@ ChooseParts: TypeAlias = Callable[[str, RunDescription], Sequence[RemotePart]]
 where the run is not one for it. May block."""
 
 
-def cells(numbers: Sequence[int]) -> ChooseParts:
-    """Return what chooses some cells, a process each."""
-    return lambda _, __: [RemotePart(f"cell/{n}", CellJob(n)) for n in numbers]
+def cells(numbers: Numbers) -> ChooseParts:
+    """Return what chooses some cells, a process each.
+
+    There is one for every sensor that may still be grown, too.
+    """
+
+    def choose(_: str, description: RunDescription) -> list[RemotePart]:
+        chosen = numbers.of("cells", len(description.options.sensors))
+        return [RemotePart(f"cell/{n}", CellJob(n)) for n in chosen]
+
+    return choose
 
 
-def workers(numbers: Sequence[int]) -> ChooseParts:
+def workers(numbers: Numbers) -> ChooseParts:
     """Return what chooses some workers, with all the cells that are theirs."""
 
     def choose(_: str, description: RunDescription) -> list[RemotePart]:
         sizes = len(description.options.sensors), description.options.sharing
-        return [RemotePart(f"worker/{n}", WorkerJob(n, *sizes)) for n in numbers]
+        chosen = numbers.of("workers", description.options.sharing)
+        return [RemotePart(f"worker/{n}", WorkerJob(n, *sizes)) for n in chosen]
 
     return choose
 

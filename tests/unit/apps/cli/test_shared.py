@@ -3,7 +3,7 @@
 import pytest
 import typer
 
-from neurosnap.apps.cli.shared import errors, ranges
+from neurosnap.apps.cli.shared import errors, open_ranges, ranges
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
 
@@ -47,3 +47,35 @@ def test_what_is_no_range_is_refused(text: str) -> None:
 def test_a_number_given_twice_is_refused(text: str) -> None:
     with pytest.raises(InvalidValueError, match=r"^cells: must name each once, got"):
         ranges("cells", text)
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("20-", [20, 21]),
+        ("0,3-4, 21-", [0, 3, 4, 21]),
+        ("2-3", [2, 3]),
+        ("0-", list(range(22))),
+    ],
+)
+def test_the_last_range_may_be_open(text: str, numbers: list[int]) -> None:
+    assert open_ranges("cells", text).of("cells", 22) == numbers
+
+
+@pytest.mark.parametrize("text", ["-", "20-,3", ",20-", "2--", "20-*", "3,,4-"])
+def test_what_is_no_open_range_is_refused(text: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^cells: must be like 0-499 or .*got"):
+        open_ranges("cells", text)
+
+
+@pytest.mark.parametrize("text", ["3,3-", "0-4,2-"])
+def test_an_open_range_names_no_number_twice(text: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^cells: must name each once, got"):
+        open_ranges("cells", text)
+
+
+@pytest.mark.parametrize(("text", "last"), [("22-", 22), ("3,25", 25), ("40,50-", 50)])
+def test_a_range_is_of_what_there_is(text: str, last: int) -> None:
+    rule = rf"^cells: must be cells of the swarm, 0 to 21, got {last}$"
+    with pytest.raises(InvalidValueError, match=rule):
+        open_ranges("cells", text).of("cells", 22)
