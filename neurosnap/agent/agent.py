@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
+from neurosnap.agent.default_threshold import default_threshold
 from neurosnap.agent.environment import describe
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
@@ -35,8 +36,6 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
-
-_EXACT = 1 / 8000  # the threshold of an agent that grows sensors
 
 
 class Agent:
@@ -115,8 +114,8 @@ class Agent:
             explore: The share of random actions; or ``"planned"``, for a planner that
                 imagines: it goes where the outcome of an action is unknown, as in
                 `learn`, unless it knows a way to its target.
-            snapshot: Learns; None: a new empirical one. If the agent grows sensors, its
-                threshold is 1/8000: what an action guarantees has no exceptions.
+            snapshot: Learns; None: a new empirical one, with the threshold that
+                `default_threshold` says.
             grow: Whether it may grow sensors from what surprises it, or how many.
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
@@ -141,8 +140,9 @@ class Agent:
             said.sensors, actions, said.orders, exclusive=said.exclusive, room=room
         )
         body = with_births(body, tuple(births))
-        if snapshot is None and room:
-            snapshot = EmpiricalSnapshot(Sensorium(body.sensors), _EXACT)
+        threshold = default_threshold(body, said.discrete)
+        if snapshot is None and threshold is not None:
+            snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
         memory = AgentMemory(body, imagines=bool(imagine or room))
         states = STATES if imagine is True else int(imagine)
         policy = new_policy(

@@ -12,7 +12,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Discrete, MultiBinary
+from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, Tuple
 
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
@@ -32,6 +32,8 @@ class Description:
     """Exactly one action is taken at a step."""
     start: int
     """The number the environment has for its first action."""
+    discrete: bool
+    """Whether what it shows is discrete before any wrapper changes it."""
 
     def step(self, choice: int) -> Any:  # noqa: ANN401 - whatever its space holds
         """Return what to step the environment with for a choice counted from 0.
@@ -74,7 +76,21 @@ def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
         actions=_actions(name, env, count),
         exclusive=exclusive,
         start=start,
+        discrete=_is_discrete(env.unwrapped.observation_space),
     )
+
+
+def _is_discrete(space: gymnasium.Space[Any]) -> bool:
+    """Return whether no number in a space is a real one."""
+    match space:
+        case Box():
+            return not np.issubdtype(space.dtype, np.floating)
+        case Dict():
+            return all(map(_is_discrete, space.values()))
+        case Tuple():
+            return all(map(_is_discrete, space))
+        case _:
+            return True
 
 
 def _sensors(name: str, env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:

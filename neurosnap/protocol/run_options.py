@@ -6,6 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.default_threshold import EXACT
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
@@ -97,8 +98,8 @@ Threshold: TypeAlias = Annotated[
     option(
         "How rare the exceptions to an implication must be, as a share of all ticks:"
         " above 0, up to 0.25. Greater: more implications, and more wrong ones.",
-        default=f"{EmpiricalSnapshot.THRESHOLD:g};"
-        f" discounted, {DiscountedSnapshot.THRESHOLD:g}",
+        default=f"{EmpiricalSnapshot.THRESHOLD:g}; {EXACT:.5f} for a planner or an excited"
+        f" agent in a discrete world; discounted, {DiscountedSnapshot.THRESHOLD:g}",
         gt=0,
         le=0.25,
     ),

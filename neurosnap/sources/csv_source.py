@@ -41,6 +41,7 @@ class CsvSource:
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
         self.actions: tuple[str, ...] = ()
         self.exclusive: bool = True
+        self.discrete: bool = False
         self.length: int | None = sum(1 for _ in readings)
         if self.length == 0:
             raise InvalidValueError(path, "must have rows below its header", 0)

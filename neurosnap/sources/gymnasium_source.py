@@ -62,6 +62,7 @@ class GymnasiumSource:
         self.orders: tuple[int, ...] = self._said.orders
         self.actions: tuple[str, ...] = self._said.actions
         self.exclusive: bool = self._said.exclusive
+        self.discrete: bool = self._said.discrete
         self.length: int | None = None
         self.begins: bool = False
 

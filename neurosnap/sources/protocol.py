@@ -17,6 +17,8 @@ class Source(Protocol):
     """The names of the atomic actions; none: it takes none."""
     exclusive: bool
     """Exactly one of them is taken at each step."""
+    discrete: bool
+    """It shows the states of a world in which these are discrete."""
     length: int | None
     """Observations it has in all, the first included; None: no end is known."""
     begins: bool

@@ -57,7 +57,7 @@ def test_every_agent_runs_and_its_recording_verifies(
         (("--target", "below_1"), "target: must go with a planner or an excited"),
         (
             ("--agent", "excited", "--explore", 1.5),
-            "explore: must be in [0, 1], got 1.5",
+            "explore: must be a number in [0, 1] or 'planned', got 1.5",
         ),
         (("--set", "colour=red"), "arguments: must be ones that neurosnap/Path-v0"),
         (("--set", "places"), "set: must be NAME=VALUE, got 'places'"),

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from neurosnap.agent.agent import Agent
+from neurosnap.agent.default_threshold import EXACT
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run
@@ -21,7 +22,7 @@ STEPS = 40
 
 
 def planned(**more: object) -> RunOptions:
-    given = {"grow": 4, "imagine": 300, "target": (), "threshold": 1 / 8000, **more}
+    given = {"grow": 4, "imagine": 300, "target": (), "threshold": EXACT, **more}
     return options_for(LAKE, SEED, agent="planner", explore="planned", **given)  # type: ignore[arg-type]
 
 

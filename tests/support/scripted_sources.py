@@ -19,6 +19,7 @@ class Scripted:
 
     orders: tuple[int, ...] = ()
     exclusive: bool = True
+    discrete: bool = False
     length: int | None = None
     live: bool = False
 

@@ -40,6 +40,7 @@ class Partial:
         self.orders = source.orders
         self.actions = source.actions
         self.exclusive = source.exclusive
+        self.discrete = source.discrete
         self.length = source.length
         self.live = source.live
 

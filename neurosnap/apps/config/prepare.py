@@ -17,6 +17,7 @@ import msgspec
 from msgspec import UNSET
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.default_threshold import default_threshold
 from neurosnap.apps.config.line_numbers import Keys
 from neurosnap.apps.config.load import Loaded
 from neurosnap.apps.config.problems import dotted
@@ -137,9 +138,11 @@ class _Fitted(NamedTuple):
     target: tuple[str, ...]
     length: int | None
     """Observations there will be at most; None: no end is known."""
+    discrete: bool
+    """Whether the source shows the states of a discrete world."""
 
 
-_NOTHING = _Fitted(Body(own=()), {}, (), None)
+_NOTHING = _Fitted(Body(own=()), {}, (), None, False)
 """Stands where there is no source, for what can be judged without."""
 
 
@@ -162,7 +165,7 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     length = FOREVER if opened.live else opened.length
     body = body_of(opened, agent.kind, agent.grow, agent.births)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
-    return _Fitted(body, arguments, target, length)
+    return _Fitted(body, arguments, target, length, opened.discrete)
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
@@ -173,7 +176,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
     """
     optional: dict[str, Any] = {
         "ticks": _at_most(config.run.ticks, fitted.length),
-        "threshold": config.snapshot.threshold,
+        "threshold": _threshold(config, fitted),
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
     }
@@ -200,6 +203,13 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         keep=config.recording.keep,
         **{name: value for name, value in optional.items() if value is not None},
     )
+
+
+def _threshold(config: Config, fitted: _Fitted) -> float | None:
+    """Return the threshold; None: the snapshot's own default."""
+    if config.snapshot.threshold is not None or config.snapshot.kind != "empirical":
+        return config.snapshot.threshold
+    return default_threshold(fitted.body, fitted.discrete)
 
 
 def _names(target: object) -> tuple[str, ...]:

@@ -94,6 +94,7 @@ class LiveSource:
 
     live: bool = True
     exclusive: bool = True
+    discrete: bool = False
     length: int | None = None
 
     def __init__(

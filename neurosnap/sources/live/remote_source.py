@@ -72,6 +72,7 @@ class RemoteSource:
 
     live: bool = True
     exclusive: bool = True
+    discrete: bool = False
     length: int | None = None
 
     def __init__(

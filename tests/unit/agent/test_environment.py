@@ -42,6 +42,7 @@ def test_one_that_says_nothing_gets_numbers_for_names() -> None:
         actions=("action_0", "action_1"),
         exclusive=True,
         start=0,
+        discrete=True,
     )
 
 
@@ -59,6 +60,7 @@ def test_what_it_says_is_taken_over(several: Any) -> None:
         actions=("go", "stay", "turn"),
         exclusive=True,
         start=4,
+        discrete=True,
     )
 
 
