@@ -252,6 +252,9 @@ def _moves(P: _Outcomes, starts: dict[_Place, float]) -> dict[_Move, float]:
 def _definitions(env: Environment, most: int) -> tuple[Sensor, ...]:
     sensors: tuple[Sensor, ...] = env.get_wrapper_attr("definitions")
     for sensor in sensors:
+        if sensor.of_reward:
+            rule = "must be of states: the table has no rewards"
+            raise InvalidValueError(f"sensor {sensor.name}", rule, "a reward")
         if sensor.order > most:
             rule = f"must be of order {most} at most"
             raise InvalidValueError(f"sensor {sensor.name}", rule, sensor.order)

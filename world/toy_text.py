@@ -12,7 +12,7 @@ from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
 from gymnasium.envs.toy_text.taxi import TaxiEnv
 
 from neurosnap.agent.binary_sensors import BinarySensors, Environment
-from neurosnap.agent.sensor import one_hot, thresholds
+from neurosnap.agent.sensor import one_hot, rewarded, thresholds
 
 _LETTERS = {b"S": "start", b"F": "frozen", b"H": "hole", b"G": "goal"}
 _STOPS = ("red", "green", "yellow", "blue")
@@ -47,6 +47,7 @@ def frozen_lake(
     desc: list[str] | None = None,
     map_name: str = "4x4",
     is_slippery: bool = False,
+    senses_reward: bool = False,
 ) -> BinarySensors:
     """Return Gymnasium's FrozenLake.
 
@@ -55,7 +56,8 @@ def frozen_lake(
 
     Sensors:
         ``row<1``, ``row<2``, ...; ``column<1``, ...; ``tile=start``, ``tile=hole``,
-        ``tile=goal``. 9 on the map of 4 times 4.
+        ``tile=goal``. 9 on the map of 4 times 4. If asked for, ``rewarded``: the last
+        step was.
 
     Actions:
         ``left``, ``down``, ``right``, ``up``.
@@ -77,12 +79,14 @@ def frozen_lake(
         desc: A map of one's own.
         map_name: ``4x4`` or ``8x8``.
         is_slippery: Whether a move may go sideways; not, unless asked for.
+        senses_reward: Whether there is the sensor ``rewarded``.
     """
     lake = FrozenLakeEnv(render_mode, desc, map_name, is_slippery)
     sensors = (
         *thresholds("row", range(1, lake.nrow), of=_row),
         *thresholds("column", range(1, lake.ncol), of=_column),
         *one_hot("tile", ("start", "hole", "goal"), of=_tile),
+        *([rewarded()] if senses_reward else ()),
     )
     actions = ("left", "down", "right", "up")
     return BinarySensors(lake, sensors, _on_the_lake, actions)
@@ -131,7 +135,9 @@ def cliff_walking(
     return BinarySensors(cliff, sensors, _on_the_cliff, actions)
 
 
-def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensors:
+def taxi(
+    render_mode: str | None = None, is_rainy: bool = False, senses_reward: bool = False
+) -> BinarySensors:
     """Return Gymnasium's Taxi.
 
     Description:
@@ -141,7 +147,8 @@ def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensor
     Sensors:
         ``row<1`` to ``row<4``; ``column<1`` to ``column<4``; ``passenger=red``,
         ``=green``, ``=yellow``, ``=blue``, ``=taxi``; ``destination=red``, ``=green``,
-        ``=yellow``, ``=blue``. 17 in all.
+        ``=yellow``, ``=blue``. 17 in all. If asked for, ``rewarded``: the last step
+        was.
 
     Actions:
         ``south``, ``north``, ``east``, ``west``, ``pickup``, ``dropoff``.
@@ -161,8 +168,9 @@ def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensor
         ``prob``: of the move; ``action_mask``: which actions change the state.
 
     Args:
-        render_mode: As in Gymnasium, and so is the other.
+        render_mode: As in Gymnasium, and so is the next.
         is_rainy: Whether a move may go sideways.
+        senses_reward: Whether there is the sensor ``rewarded``.
     """
     cab = TaxiEnv(render_mode, is_rainy)
     sensors = (
@@ -170,6 +178,7 @@ def taxi(render_mode: str | None = None, is_rainy: bool = False) -> BinarySensor
         *thresholds("column", range(1, cab.max_col + 1), of=_column),
         *one_hot("passenger", (*_STOPS, "taxi"), of=_passenger),
         *one_hot("destination", _STOPS, of=_destination),
+        *([rewarded()] if senses_reward else ()),
     )
     actions = ("south", "north", "east", "west", "pickup", "dropoff")
     return BinarySensors(cab, sensors, _in_town, actions)

@@ -30,7 +30,7 @@ class BinarySensors(
 
     Observations are ``MultiBinary(N)``. A reset begins a trajectory, and so does a step
     whose info has `begins`; any other step extends it ([GK] "Observation Model for
-    DBAs").
+    DBAs"), with its reward, which sensors may read (`rewarded`).
 
     Args:
         env: With a ``Discrete`` action space.
@@ -119,7 +119,9 @@ class BinarySensors(
             InvalidValueError: A predicate cannot read the state.
         """
         observation, reward, terminated, truncated, info = self.env.step(action)
-        begins = info.get("begins", False)
-        enter = self._trajectory.begin if begins else self._trajectory.extend
-        readings = enter(self.state_of(observation, info))
+        state = self.state_of(observation, info)
+        if info.get("begins", False):
+            readings = self._trajectory.begin(state)
+        else:
+            readings = self._trajectory.extend(state, float(reward))
         return readings.astype(np.int8), reward, terminated, truncated, info

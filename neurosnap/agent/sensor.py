@@ -2,7 +2,8 @@
 
 A sensor of order n reads the state that has just been entered and the n before it.
 Before its start a trajectory is taken to have rested at its first state, so every
-sensor has a reading from the first state on, and nothing has changed yet.
+sensor has a reading from the first state on, and nothing has changed yet. A sensor may
+also read the reward of the step that has just ended; at the start that is 0.
 
 The predicates made here are values: equal if made alike, and fit to be pickled where
 `of` is. Gymnasium compares and copies what an environment was made with.
@@ -36,10 +37,12 @@ class Sensor:
         predicate: Is given the states one by one, the oldest first; answers with a
             bool, 0 or 1.
         order: How many steps it looks back; 0: a state sensor, 1: a transition sensor.
+        of_reward: Whether the predicate is given the reward of the last step instead of
+            states; then the order is 1.
 
     Raises:
         InvalidValueError: `name` cannot name a sensor, `predicate` cannot be called, or
-            `order` is no whole number from 0 up.
+            `order` is no whole number from 0 up, or not 1 for a reward.
 
     Example:
         >>> moved = Sensor("moved", lambda before, after: before != after, order=1)
@@ -50,6 +53,7 @@ class Sensor:
     name: str
     predicate: Callable[..., object]
     order: int = 0
+    of_reward: bool = False
 
     def __post_init__(self) -> None:
         Sensorium([self.name])
@@ -58,20 +62,24 @@ class Sensor:
         if type(self.order) is not int or self.order < 0:
             rule = "must be a whole number from 0 up"
             raise InvalidValueError("order", rule, self.order)
+        if self.of_reward and self.order != 1:
+            raise InvalidValueError("order", "must be 1 for a reward", self.order)
 
     def __call__(self, *states: object) -> bool:
         """Return whether it is on at the last of `states`.
 
         Args:
-            *states: ``order + 1`` states, the oldest first.
+            *states: ``order + 1`` states, the oldest first; or the reward alone.
 
         Raises:
-            ShapeError: Another number of states.
+            ShapeError: Another number of states, or of rewards.
             InvalidValueError: The predicate raised, or answered with something else
                 than a bool, 0 or 1; the text names the sensor and shows the states.
         """
-        if len(states) != self.order + 1:
-            rule = f"must be given {self.order + 1} states"
+        count = 1 if self.of_reward else self.order + 1
+        if len(states) != count:
+            given = "reward" if self.of_reward else "states"
+            rule = f"must be given {count} {given}"
             raise ShapeError(f"sensor {self.name}", rule, len(states))
         try:
             answer = self.predicate(*states)
@@ -120,10 +128,14 @@ class Trajectory:
         Raises:
             InvalidValueError: As for `Sensor.__call__`.
         """
-        return self._enter((deepcopy(state),) * self._length)
+        return self._enter((deepcopy(state),) * self._length, 0.0)
 
-    def extend(self, state: object) -> NDArray[np.bool_]:
+    def extend(self, state: object, reward: float = 0.0) -> NDArray[np.bool_]:
         """Enter the next state; the very first one is a beginning.
+
+        Args:
+            state: Which.
+            reward: Of the step that led to it.
 
         Returns:
             ``(N,)``, the reading of every sensor. O(N) calls.
@@ -133,10 +145,13 @@ class Trajectory:
         """
         if not self._states:
             return self.begin(state)
-        return self._enter((*self._states[1:], deepcopy(state)))
+        return self._enter((*self._states[1:], deepcopy(state)), reward)
 
-    def _enter(self, states: tuple[Any, ...]) -> NDArray[np.bool_]:
-        readings = [s(*states[-s.order - 1 :]) for s in self.sensors]
+    def _enter(self, states: tuple[Any, ...], reward: float) -> NDArray[np.bool_]:
+        readings = [
+            sensor(reward) if sensor.of_reward else sensor(*states[-sensor.order - 1 :])
+            for sensor in self.sensors
+        ]
         self._states = states
         return np.array(readings, np.bool_)
 
@@ -202,6 +217,32 @@ def increased(name: str, of: Callable[[Any], Any] = itself) -> Sensor:
         of: The quantity.
     """
     return Sensor(name, _Changed(of, operator.gt), order=1)
+
+
+def rewarded(name: str = "rewarded", above: float = 0.0) -> Sensor:
+    """Return the sensor that is on iff the last step's reward was above a value.
+
+    Args:
+        name: Of the sensor.
+        above: The value.
+
+    Example:
+        >>> Trajectory([rewarded()]).extend("goal", reward=1.0)
+        array([False])
+
+        The very first state is a beginning: no step led to it.
+    """
+    return Sensor(name, _Above(above), order=1, of_reward=True)
+
+
+@dataclass(frozen=True)
+class _Above:
+    """Whether a reward is above a value."""
+
+    value: float
+
+    def __call__(self, reward: float) -> bool:
+        return reward > self.value
 
 
 @dataclass(frozen=True)

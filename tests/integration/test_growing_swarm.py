@@ -35,7 +35,7 @@ def made(options: RunOptions, log: Path) -> Outcome:
 
 def by_one_agent(options: RunOptions) -> list[wire.Decision]:
     """Return what an agent decides that has everything in one process."""
-    source = open_source(options.source, options.seed)
+    source = open_source(options.source, options.seed, options.arguments)
     memory = options.new_memory()
     agent = Agent(
         options.body, options.policy_with(memory), options.new_snapshot(), memory

@@ -1,0 +1,106 @@
+"""The reward of a step as a sensor, and as what an agent is after."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import pytest
+
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.binary_sensors import BinarySensors
+from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.default_threshold import EXACT
+from neurosnap.agent.sensor import Sensor, Trajectory, one_hot, rewarded
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.run import run
+from tests.integration.test_growing_swarm import by_one_agent, decisions
+from tests.support.run_options import options_for
+from world.table import Table, state_fields
+from world.toy_text import frozen_lake, taxi
+
+DOWN, RIGHT = 1, 2
+WAY = (DOWN, DOWN, RIGHT, RIGHT, DOWN, RIGHT)  # from the start of the lake to its goal
+
+
+def fell(reward: float) -> bool:
+    return reward <= -100
+
+
+def test_it_is_on_after_the_step_that_was_rewarded() -> None:
+    env = frozen_lake(senses_reward=True)
+    assert (env.sensors[-1], env.orders[-1]) == ("rewarded", 1)
+    readings = [env.reset(seed=0)[0][-1]]
+    readings += [env.step(action)[0][-1] for action in WAY]
+    assert readings == [0, 0, 0, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("outside", [False, True])
+def test_at_the_beginning_of_an_episode_nothing_was_rewarded(outside: bool) -> None:
+    sensors = [rewarded(), *one_hot("place", [0])]
+    lake = gymnasium.make("FrozenLake-v1", is_slippery=False)
+    env: gymnasium.Env[Any, Any]
+    if outside:
+        env = Continuing(BinarySensors(lake, sensors))
+    else:
+        env = BinarySensors(Continuing(lake), sensors)
+    env.reset(seed=0)
+    assert [env.step(action)[0].tolist() for action in WAY][-1] == [1, 0]
+    assert env.step(DOWN)[0].tolist() == [0, 1]
+
+
+def test_any_predicate_may_read_it() -> None:
+    sensors = [Sensor("fell", fell, order=1, of_reward=True), rewarded("fine", -1.5)]
+    env = BinarySensors(gymnasium.make("CliffWalking-v1"), sensors)
+    env.reset(seed=0)
+    assert env.step(0)[0].tolist() == [0, 1]  # up
+    env.step(1)
+    assert env.step(2)[0].tolist() == [1, 0]  # and down the cliff
+
+
+def test_what_reads_a_reward_looks_back_one_step_and_gets_one_number() -> None:
+    with pytest.raises(InvalidValueError, match=r"^order: must be 1 for a reward, got"):
+        Sensor("fell", fell, of_reward=True)
+    with pytest.raises(ShapeError, match=r"^sensor rewarded: must be given 1 reward"):
+        rewarded()(0.0, 1.0)
+    trajectory = Trajectory([rewarded()])
+    assert trajectory.begin(3).tolist() == [False]
+    assert trajectory.extend(3, 0.5).tolist() == [True]
+    assert trajectory.extend(3).tolist() == [False]
+
+
+def test_a_table_of_states_does_not_know_it() -> None:
+    env = taxi(senses_reward=True)
+    with pytest.raises(InvalidValueError, match=r"^sensor rewarded: must be of states"):
+        state_fields(env, Table.of(env))
+
+
+def test_an_agent_goes_where_it_was_rewarded() -> None:
+    env = frozen_lake(senses_reward=True)
+    agent = Agent.of(env, "planner", grow=True, imagine=True, seed=1)
+    agent.learn(env, 700, seed=1)
+    outing = agent.send(env, ["rewarded"], 50)
+    assert (outing.steps, outing.reached, outing.reward) == (6, True, 1.0)
+
+
+def test_a_run_has_it_for_a_target(tmp_path: Path) -> None:
+    options = options_for(
+        "neurosnap/FrozenLake-v0",
+        1,
+        {"senses_reward": True},
+        agent="planner",
+        grow=30,
+        imagine=300,
+        target=("rewarded",),
+        explore="planned",
+        threshold=EXACT,
+        cells="inline",
+        ticks=40,
+    )
+    log = tmp_path / "log"
+    asyncio.run(run(options, log, asyncio.Event()))
+    assert verify(log).same
+    swarm = decisions(log)
+    alone = by_one_agent(options)
+    assert [swarm[tick] for tick in range(1, 40)] == alone[:-1]
