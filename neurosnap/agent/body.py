@@ -218,6 +218,17 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         felt = len(self.actions) * self.senses_actions
         return len(self.own) + felt + len(self.context)
 
+    @property
+    def size(self) -> int:
+        """How many sensors there are, without those still to be grown."""
+        return self.first_grown + len(self.grown)
+
+    @property
+    def read(self) -> tuple[int, ...]:
+        """The numbers of the sensors that are read: neither to be grown nor retired."""
+        retired = {self.first_grown + place for place in self.retired}
+        return tuple(sensor for sensor in range(self.size) if sensor not in retired)
+
     def split(
         self, literals: tuple[int, ...]
     ) -> tuple[tuple[int, ...], tuple[int, ...]]:

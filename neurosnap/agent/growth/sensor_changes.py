@@ -4,6 +4,9 @@ A decision carries all it takes, so that whoever follows a run learns of a birth
 the run did, without its history.
 """
 
+from collections.abc import Iterator
+
+import msgspec
 import numpy as np
 
 from neurosnap.agent.body import Body
@@ -11,6 +14,31 @@ from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.wire import Decision
+
+
+class Changed(msgspec.Struct, frozen=True):
+    """A sensor that was grown, or is read no more, as people are told of it."""
+
+    tick: int
+    """The tick whose decision says so; it is so from the next observation on."""
+    sensor: int
+    """Its number."""
+    name: str
+    """Its formula."""
+    retires: bool
+    """Whether it is read no more; else it was grown."""
+
+
+def changes_in(decision: Decision, body: Body) -> Iterator[Changed]:
+    """Yield what a decision says of sensors that come or go.
+
+    Args:
+        decision: The decision.
+        body: What is sensed after it.
+    """
+    for sensor, retires in ((decision.born, False), (decision.retires, True)):
+        if 0 <= sensor < body.size:
+            yield Changed(decision.tick, sensor, body.sensors[sensor], retires)
 
 
 def body_after(body: Body, decision: Decision) -> Body:

@@ -50,6 +50,7 @@ def graph(
 ) -> None:
     """Print the implications that were learned: which sensor implies which."""
     from neurosnap.apps.export.graph_text import diagram, parse_format, render
+    from neurosnap.recording.read.births import births_of
     from neurosnap.recording.read.learned_at import snapshot_at
     from neurosnap.recording.read.split_files import open_whole
 
@@ -57,7 +58,8 @@ def graph(
         wanted = parse_format("json" if as_json else form)
         recording = open_whole(log)
         tick, snapshot = snapshot_at(recording, at)
-        drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
+        births = births_of(recording)
+        drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium, births)
         if as_json:
             print_json(msgspec.to_builtins(drawn))
         else:

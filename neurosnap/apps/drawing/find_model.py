@@ -14,6 +14,8 @@ from neurosnap.poc.dual.examples import EXAMPLES, Example
 from neurosnap.poc.dual.morphism import PocMorphism
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import PocSet
+from neurosnap.protocol.observations import readings
+from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.sensorium import unpack
@@ -68,20 +70,27 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
     """Return what a recorded run had learned after a tick, and its state there.
 
     What was observed by then takes the place of a realisation, where every reading was
-    known.
+    known. A sensor that was not grown yet, or has retired, is left out.
     """
     recording = open_whole(path)
     tick, snapshot = snapshot_at(recording, tick)
     poc = PocSet.from_graph(snapshot.poc_graph(), snapshot.sensorium)
     count, state, seen = len(poc), None, []
+    births = births_of(recording)
+    read = births.read_at(tick)
     for recorded in recording.messages(("observe", "state")):
         match recorded.message:
-            case wire.Observation(tick=now, bits=bits, known=b"") if now <= tick:
-                seen.append(unpack(bits, count))
+            case wire.Observation() as observation if observation.tick <= tick:
+                bits, known = readings(observation, count)
+                if known is None or known[read].all():
+                    seen.append(bits[read])
             case wire.State(tick=now, literals=literals) if now == tick:
-                state = unpack(literals, 2 * count)
+                pairs = unpack(literals, 2 * count).reshape(count, 2)
+                state = pairs[read].ravel()
             case _:
                 pass
+    if len(read) < count:
+        poc = poc.restricted(births.names[sensor] for sensor in read)
     fields = None
     if seen:
         fields = Realization(np.unique(np.array(seen), axis=0).T, poc.sensorium)

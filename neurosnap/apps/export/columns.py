@@ -36,13 +36,16 @@ class Table:
     """Makes rows of ticks.
 
     Args:
-        body: What the run senses and does.
+        body: What the run senses and does, with all that it grows; a sensor is not
+            known before it is.
         only_readings: Leave out all but the time and the readings: what
             ``neurosnap run`` takes as a source.
     """
 
     def __init__(self, body: Body, *, only_readings: bool = False) -> None:
-        self._count = len(body.sensors)
+        self._count, self._size = len(body.sensors), body.size
+        self._names = body.sensors[: body.size]
+        self._grows = body.room > 0
         self._decisions = tuple(_called(body.actions, each) for each in body.choices)
         self._only_readings = only_readings
         time = Column("time", "time")
@@ -54,13 +57,14 @@ class Table:
             Column("incoherent", "bit"),
             Column("decision", "text"),
             Column("why", "text"),
+            *(Column(name, "text") for name in ("grew", "retired") if self._grows),
         )
         self.columns: tuple[Column, ...]
         if only_readings:
-            self.columns = (time, *(Column(name, "bit") for name in body.sensors))
+            self.columns = (time, *(Column(name, "bit") for name in self._names))
             return
         taken = [column.name for column in (time, *before, *after)]
-        names = _apart(body.sensors, taken)
+        names = _apart(self._names, taken)
         sensed = (Column(name, "bit") for name in names)
         self.columns = (time, *before, *sensed, *after)
 
@@ -81,6 +85,7 @@ class Table:
             *bits,
             *self._outcome(tick),
             *self._decided(tick),
+            *self._changed(tick),
         ]
 
     def _time(self, tick: Tick) -> int | None:
@@ -92,22 +97,23 @@ class Table:
 
     def _bits(self, tick: Tick) -> list[bool | None]:
         if tick.observation is None:
-            return [None] * self._count
+            return [None] * self._size
         try:
             bits, known = readings(tick.observation, self._count)
         except ValueError as error:
             raise _wrong(tick, f"must be of {self._count} sensors", error) from error
-        cells: list[bool | None] = bits.tolist()
+        cells: list[bool | None] = bits[: self._size].tolist()
         if known is None:
             return cells
-        return [bit if sure else None for bit, sure in zip(cells, known, strict=True)]
+        sure = known[: self._size]
+        return [bit if told else None for bit, told in zip(cells, sure, strict=True)]
 
     def _outcome(self, tick: Tick) -> list[Cell]:
         state = tick.state
         if state is None:
             return [None] * 6
         try:
-            literals = unpack(state.literals, 2 * self._count)
+            literals = unpack(state.literals, 2 * self._count)[: 2 * self._size]
         except ValueError as error:
             raise _wrong(tick, f"must be of {self._count} sensors", error) from error
         signs = np.where(literals[::2], "T", np.where(literals[1::2], "F", "?"))
@@ -128,6 +134,17 @@ class Table:
             rule = f"decision: must be one of {len(self._decisions)}"
             raise _wrong(tick, rule, action)
         return [self._decisions[action] if action >= 0 else None, tick.decision.why]
+
+    def _changed(self, tick: Tick) -> list[Cell]:
+        """Return which sensor a tick's decision grew, and which it retired."""
+        if not self._grows:
+            return []
+        decision = tick.decision
+        named = (-1, -1) if decision is None else (decision.born, decision.retires)
+        return [
+            self._names[sensor] if 0 <= sensor < self._size else None
+            for sensor in named
+        ]
 
 
 def _called(actions: Sequence[str], choice: NDArray[np.bool_]) -> str:

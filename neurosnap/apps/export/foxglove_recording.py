@@ -27,6 +27,7 @@ from neurosnap.apps.export.learned_orders import LearnedOrders
 from neurosnap.apps.export.log_lines import line_of, lost_line, resumed_line
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.protocol.observations import readings, selection
+from neurosnap.recording.read.births import Births, births_of
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.ticks import InOrder, Tick
@@ -47,7 +48,7 @@ def layout_of(recording: Recording) -> bytes:
     Raises:
         RecordingError: The recording is damaged, or not a run's.
     """
-    sensors = options_of(recording).sensors
+    sensors = births_of(recording).names
     states = (recorded.message for recorded in recording.messages(("state",)))
     heights = (state.height for state in states if isinstance(state, wire.State))
     return layout(sensors, max(heights, default=0))
@@ -67,9 +68,10 @@ def write_drawable(path: Path, recording: Recording) -> int:
         RecordingError: The recording is damaged, or not a run's.
         OSError: It cannot be written.
     """
-    sensors = options_of(recording).sensors
+    births = births_of(recording)
+    sensors = births.names
     with Sink(path, sensors) as sink:
-        drawing = _Drawing(sink, recording)
+        drawing = _Drawing(sink, recording, births)
         for recorded in recording.messages((*COPIED, "keyframe")):
             sink.copy(recorded)
             drawing.take(recorded)
@@ -81,17 +83,18 @@ def write_drawable(path: Path, recording: Recording) -> int:
 class _Drawing:
     """Derives from each message what is drawn of it."""
 
-    def __init__(self, sink: Sink, recording: Recording) -> None:
+    def __init__(self, sink: Sink, recording: Recording, births: Births) -> None:
         options = options_of(recording)
         self.ticks = 0
         self.height = 0
         """Edges on the longest chain there was."""
         self._sink = sink
         self._path = recording.path
-        self._names = options.sensors
+        self._count = len(options.sensors)
+        self._names = births.names
         self._resumed = frozenset(resumed_at(recording))
         self._order = InOrder(recording)
-        self._scenes = _Scenes(sink, LearnedOrders(recording, options), options.sensors)
+        self._scenes = _Scenes(sink, LearnedOrders(recording, options), births)
 
     def take(self, recorded: Recorded) -> None:
         """Draw a message.
@@ -117,7 +120,7 @@ class _Drawing:
         self._scenes.end()
 
     def _draw(self, message: wire.Message, time: int) -> None:
-        count = len(self._names)
+        count = self._count
         line = line_of(message, self._names, time)
         if line is not None:
             self._sink.put(LOG, line, time)
@@ -139,7 +142,8 @@ class _Drawing:
     def _signs(self, literals: NDArray[np.bool_]) -> dict[str, int]:
         """Return a number a sensor, by which of its literals is there."""
         signs = np.where(literals[::2], 1, np.where(literals[1::2], 0, UNKNOWN))
-        return dict(zip(self._names, signs.tolist(), strict=True))
+        # What was never grown has no name.
+        return dict(zip(self._names, signs.tolist(), strict=False))
 
     def _show(self, ticks: list[Tick]) -> None:
         self.ticks += len(ticks)
@@ -150,17 +154,16 @@ class _Drawing:
 class _Scenes:
     """Draws the order and the state, each where it changed, and not too often."""
 
-    def __init__(
-        self, sink: Sink, learning: LearnedOrders, names: tuple[str, ...]
-    ) -> None:
+    def __init__(self, sink: Sink, learning: LearnedOrders, births: Births) -> None:
         self._sink = sink
         self._learning = learning
-        self._sensorium = Sensorium(names)
+        self._births = births
+        self._sensorium = Sensorium(births.body.sensors)
         self._lost = False
         self._drawn = -1  # when; nothing was yet
         self._waiting: NDArray[np.bool_] | None = None
         self._settled = 0
-        self._wires: bytes | None = None
+        self._order: tuple[bytes, list[int]] | None = None
 
     def open(self, time: int) -> None:
         """Draw what was known before the first tick, unless that was done already.
@@ -206,9 +209,11 @@ class _Scenes:
 
     def _draw(self, literals: NDArray[np.bool_]) -> None:
         graph, time = self._learning.graph, self._settled
-        wires = graph.wires("hasse").tobytes()
-        if wires != self._wires:
-            self._wires = wires
-            self._sink.put(GRAPH, order_scene(graph, self._sensorium, time), time)
-        self._sink.put(STATE, state_scene(graph, literals, time), time)
+        read = self._births.read_at(self._learning.tick)
+        drawn = graph.wires("hasse").tobytes(), read
+        if drawn != self._order:
+            self._order = drawn
+            order = order_scene(graph, self._sensorium, time, read)
+            self._sink.put(GRAPH, order, time)
+        self._sink.put(STATE, state_scene(graph, literals, time, read), time)
         self._drawn, self._waiting = time, None

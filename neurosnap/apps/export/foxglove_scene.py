@@ -4,6 +4,7 @@ A viewer that jumps to some moment shows the last message before it alone, so ea
 scene holds all that is to be seen on its topic, and none builds on the one before.
 """
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -46,7 +47,9 @@ def stamp(nanoseconds: int) -> dict[str, int]:
     return {"sec": sec, "nsec": nsec}
 
 
-def order_scene(graph: PocGraph, sensorium: Sensorium, time: int) -> Scene:
+def order_scene(
+    graph: PocGraph, sensorium: Sensorium, time: int, read: Sequence[int] | None = None
+) -> Scene:
     """Return the Hasse diagram of an order, with names.
 
     Every edge leads upwards: blue ones excite, orange ones inhibit, grey ones join
@@ -56,18 +59,20 @@ def order_scene(graph: PocGraph, sensorium: Sensorium, time: int) -> Scene:
         graph: The order of N sensors.
         sensorium: Their names.
         time: Nanoseconds since the epoch.
+        read: The sensors to draw; None: all.
     """
     places = arranged(graph)
     spots = _vectors(places)
     pairs = np.argwhere(graph.hasse())
     below, above = pairs.T
     same = graph.representative[below] == graph.representative[above]
-    shown = max(_FAINTEST, min(1.0, _CLEAR / max(1, len(pairs))))
+    clear = max(_FAINTEST, min(1.0, _CLEAR / max(1, len(pairs))))
+    shown = _drawn(graph, read)
     inhibits = above % 2 == 1
     lines = [
         _lines(
             [spots[a] for a in pairs[chosen].ravel().tolist()],
-            {**colour, "a": colour["a"] * shown},
+            {**colour, "a": colour["a"] * clear},
         )
         for chosen, colour in (
             (~same & ~inhibits, _EXCITES),
@@ -85,11 +90,17 @@ def order_scene(graph: PocGraph, sensorium: Sensorium, time: int) -> Scene:
             "text": sensorium.name(literal),
         }
         for literal, spot in enumerate(_vectors(places + _UNDER_LETTERS))
+        if shown[literal]
     ]
     return _scene("order", time, lines=lines, texts=texts)
 
 
-def state_scene(graph: PocGraph, state: NDArray[np.bool_], time: int) -> Scene:
+def state_scene(
+    graph: PocGraph,
+    state: NDArray[np.bool_],
+    time: int,
+    read: Sequence[int] | None = None,
+) -> Scene:
     """Return a ball for every literal: green in the state, grey if its complement is.
 
     Yellow where neither is.
@@ -98,6 +109,7 @@ def state_scene(graph: PocGraph, state: NDArray[np.bool_], time: int) -> Scene:
         graph: The order of N sensors, which says where they stand.
         state: ``(2N,)`` bool.
         time: Nanoseconds since the epoch.
+        read: The sensors to draw; None: all.
     """
     size = {"x": _BALL, "y": _BALL, "z": _BALL}
     balls = [
@@ -106,14 +118,24 @@ def state_scene(graph: PocGraph, state: NDArray[np.bool_], time: int) -> Scene:
             "size": size,
             "color": _ON if on else _OFF if off else _OPEN,
         }
-        for spot, on, off in zip(
+        for spot, on, off, shown in zip(
             _vectors(arranged(graph)),
             state.tolist(),
             state.reshape(-1, 2)[:, ::-1].ravel().tolist(),
+            _drawn(graph, read),
             strict=True,
         )
+        if shown
     ]
     return _scene("state", time, spheres=balls)
+
+
+def _drawn(graph: PocGraph, read: Sequence[int] | None) -> list[bool]:
+    """Return of each literal whether it is drawn."""
+    drawn = np.full((graph.sensors, 2), read is None)
+    drawn[list(read or ())] = True
+    found: list[bool] = drawn.ravel().tolist()
+    return found
 
 
 def _scene(name: str, time: int, **primitives: list[dict[str, Any]]) -> Scene:

@@ -10,6 +10,7 @@ import pydot
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.recording.read.births import Birth, Births
 from neurosnap.sensorium import Sensorium
 
 Format: TypeAlias = Literal["json", "dot", "graphml"]
@@ -26,6 +27,10 @@ class Diagram(msgspec.Struct, frozen=True):
     """Covering pairs between classes, each once with its contrapositive."""
     equivalences: list[tuple[str, ...]]
     """Classes of equivalent literals, each once with its complement."""
+    births: tuple[Birth, ...] = ()
+    """Which of the sensors were grown by then, and when."""
+    room: int = 0
+    """How many more could be grown then."""
 
 
 def parse_format(name: str) -> Format:
@@ -41,8 +46,19 @@ def parse_format(name: str) -> Format:
             raise InvalidValueError("format", "must be json, dot or graphml", name)
 
 
-def diagram(tick: int, graph: PocGraph, sensorium: Sensorium) -> Diagram:
-    """Return the order of `graph` by name."""
+def diagram(
+    tick: int, graph: PocGraph, sensorium: Sensorium, births: Births | None = None
+) -> Diagram:
+    """Return the order of `graph` by name.
+
+    Args:
+        tick: The tick it was learned by.
+        graph: The order.
+        sensorium: The names of its sensors.
+        births: What the run has grown; None: all sensors were there from the start.
+    """
+    grown = () if births is None else births.at(tick)
+    room = 0 if births is None else births.body.room - len(grown)
     classes = [members for members in graph.classes() if members[0] % 2 == 0]
     standing = graph.representative
     covers = [
@@ -52,10 +68,12 @@ def diagram(tick: int, graph: PocGraph, sensorium: Sensorium) -> Diagram:
     ]
     return Diagram(
         tick=tick,
-        sensors=tuple(sensorium),
+        sensors=tuple(sensorium)[: len(sensorium) - room],
         height=graph.height(),
         implications=covers,
         equivalences=[tuple(map(sensorium.name, members)) for members in classes],
+        births=grown,
+        room=room,
     )
 
 
@@ -77,6 +95,10 @@ def _network(drawn: Diagram) -> "networkx.DiGraph[str]":
             graph.add_edge(members[0], member, kind="equivalent")
     for below, above in drawn.implications:
         graph.add_edge(below, above, kind="implies")
+    for birth in drawn.births:
+        for name in (birth.name, f"{birth.name}*"):
+            if name in graph:
+                graph.nodes[name]["born"] = birth.tick
     return graph
 
 

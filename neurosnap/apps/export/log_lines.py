@@ -3,8 +3,10 @@
 from typing import Any, TypeAlias
 
 from neurosnap import wire
+from neurosnap.agent.growth.sensor_changes import Changed
 from neurosnap.apps.anomaly_text import anomaly_line
 from neurosnap.apps.export.foxglove_scene import stamp
+from neurosnap.apps.growth_text import changed_line
 from neurosnap.protocol.anomaly_messages import told
 
 Line: TypeAlias = dict[str, Any]
@@ -33,6 +35,13 @@ def line_of(message: wire.Message, sensors: tuple[str, ...], time: int) -> Line 
             return _line(
                 time, _WARNING, message.sender, anomaly_line(told(message, sensors))
             )
+        case wire.Decision(tick=tick, born=born, retires=retires):
+            said = [
+                changed_line(Changed(tick, sensor, sensors[sensor], gone))
+                for sensor, gone in ((born, False), (retires, True))
+                if 0 <= sensor < len(sensors)
+            ]
+            return _line(time, _INFO, message.sender, "; ".join(said)) if said else None
         case _:
             return None
 

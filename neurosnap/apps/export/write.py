@@ -12,9 +12,9 @@ from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
 from neurosnap.apps.export.graph_text import diagram, render
 from neurosnap.apps.export.output_file import placed
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.system.distribution import must_have
@@ -111,7 +111,8 @@ def _write(
             return _write_table(draft, recording, _parquet(), only_readings)
         case "graphml":
             tick, snapshot = snapshot_at(recording, at)
-            drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium)
+            births = births_of(recording)
+            drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium, births)
             draft.write_text(render(drawn, "graphml"), encoding="utf-8")
             return tick, 0
         case "foxglove":
@@ -131,7 +132,7 @@ class _WriteTable(Protocol):
 def _write_table(
     draft: Path, recording: Recording, write: _WriteTable, only_readings: bool
 ) -> tuple[int, int]:
-    table = Table(options_of(recording).body, only_readings=only_readings)
+    table = Table(births_of(recording).body, only_readings=only_readings)
     count = incomplete = 0
 
     def rows() -> Iterator[list[Cell]]:

@@ -1,7 +1,8 @@
 """A summary of a recording, as data and as text like ``mcap info``.
 
 Of a finished recording everything is known from its frame and its totals, without
-unpacking a chunk. One that was cut short or is damaged is read through.
+unpacking a chunk, but for the sensors it has grown: if there is room for any, its
+decisions are read. One that was cut short or is damaged is read through.
 """
 
 from collections import Counter
@@ -16,6 +17,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged_in
+from neurosnap.recording.read.births import Birth, Births, births_of
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import first_path, part_paths
 
@@ -86,6 +88,10 @@ class Info(msgspec.Struct, frozen=True):
     """The first and the last of ticks without a state, in a damaged recording."""
     unproved: bool = False
     """What is written of the run has no checksum and may be wrong, by the damage."""
+    births: tuple[Birth, ...] = ()
+    """The sensors that were grown."""
+    room: int = 0
+    """How many more may be."""
 
 
 def describe(recording: Recording) -> Info:
@@ -102,6 +108,8 @@ def describe(recording: Recording) -> Info:
         completeness = recording.noted().completeness
     else:
         counts, start, end, completeness = _read_through(recording)
+    run = _options(recording.metadata)
+    births = _births(recording, run)
     damage = recording.damage
     return Info(
         path=str(recording.path),
@@ -122,11 +130,20 @@ def describe(recording: Recording) -> Info:
         cut=recording.cut,
         files=_files(recording),
         places={who: place.text for who, place in recording.places.items()},
-        in_force={} if (run := _options(recording.metadata)) is None else run.in_force,
+        in_force={} if run is None else run.in_force,
         damage=damage,
         missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
         unproved=recording.layout.doubts(RUN),
+        births=births.listed if births else (),
+        room=births.room if births else 0,
     )
+
+
+def _births(recording: Recording, run: RunOptions | None) -> Births | None:
+    """Return what a run has grown; None: that cannot be known."""
+    if run is None or recording.layout.doubts(RUN):
+        return None
+    return births_of(recording)
 
 
 def _options(metadata: dict[str, str]) -> RunOptions | None:
@@ -143,6 +160,8 @@ def _run(info: Info) -> dict[str, str]:
     if run is None:
         return texts
     del texts["options"]  # says all of the others again
+    there = [*run.body.sensors[: run.body.size], *(birth.name for birth in info.births)]
+    texts["sensors"] = msgspec.json.encode(there).decode()
     body = msgspec.to_builtins(run.body)
     del body["own"]  # the first of the sensors
     if not any(run.body.orders):
@@ -281,9 +300,27 @@ def _lines(info: Info) -> Iterator[str]:
     yield f"metadata: {sum(written)}"
     title = "run (may be wrong: it has no checksum):" if info.unproved else "run:"
     yield from _texts(title, _run(info))
+    yield from _grown(info)
     yield from _texts("places:", info.places)
     yield from _texts("totals:", info.totals or {})
     yield from _balance(info)
+
+
+def _grown(info: Info) -> Iterator[str]:
+    """Say which sensors were grown, and when."""
+    if not info.births and not info.room:
+        return
+    yield f"grown: {len(info.births)}, room for {info.room} more"
+    yield from _table(
+        (
+            f"\t{'tick' if birth.exact else 'by tick'} {birth.tick}",
+            f"sensor {birth.sensor}",
+            shown(birth.name),
+            "" if birth.history is None else f"from {birth.history} ticks",
+            "" if birth.retired is None else f"retired at tick {birth.retired}",
+        )
+        for birth in info.births
+    )
 
 
 def _balance(info: Info) -> Iterator[str]:

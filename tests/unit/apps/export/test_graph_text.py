@@ -97,6 +97,8 @@ def test_json_says_all_of_it() -> None:
         "height": 2,
         "implications": [["door", "light"], ["light", "quiet*"]],
         "equivalences": [["door", "motion"]],
+        "births": [],
+        "room": 0,
     }
 
 

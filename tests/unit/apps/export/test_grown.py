@@ -1,0 +1,108 @@
+"""Exports of a run that grows sensors: by their formula, from their birth on."""
+
+import asyncio
+import csv
+import json
+from pathlib import Path
+
+import networkx
+import pytest
+from mcap.reader import make_reader
+from typer.testing import CliRunner
+
+from neurosnap.apps.cli import app
+from neurosnap.apps.drawing.find_model import of_recording
+from neurosnap.apps.export.write import Form, export
+from neurosnap.runtime.run import run
+from tests.support.lamp import lamp_options
+
+TICKS, BIRTH, SENSORS, GROWN = 40, 21, 24, "press&a&b"
+"""Ticks; that of the birth; sensors at first; and what is grown."""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
+    options = lamp_options(ticks=TICKS, cells="inline")
+    asyncio.run(run(options, path, asyncio.Event()))
+    return path
+
+
+def written(log: Path, form: Form, out: Path) -> Path:
+    return Path(export(log, form, out).path)
+
+
+def test_a_table_has_a_column_of_what_is_grown_and_none_of_what_is_not(
+    log: Path, tmp_path: Path
+) -> None:
+    with written(log, "csv", tmp_path / "t.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert not any(name.startswith("grown ") for name in rows[0])
+    assert {row[GROWN] for row in rows[:BIRTH]} == {""}
+    assert {row[GROWN] for row in rows[BIRTH:]} == {"0", "1"}
+    assert {len(row["state"]) for row in rows} == {SENSORS + 1}
+    grew = [(int(row["tick"]), row["grew"]) for row in rows if row["grew"]]
+    assert grew == [(BIRTH, GROWN)]
+    assert {row["retired"] for row in rows} == {""}
+
+
+@pytest.mark.parametrize(("at", "sensors"), [(BIRTH - 1, 24), (BIRTH, 25)])
+def test_the_order_has_what_was_grown_by_then(
+    at: int, sensors: int, log: Path, tmp_path: Path
+) -> None:
+    given = ["graph", str(log), "--at", str(at)]
+    found = json.loads(CliRunner().invoke(app, given).stdout)
+    assert len(found["sensors"]) == sensors
+    assert found["room"] == 3 - (sensors - SENSORS)
+    born = [(each["tick"], each["name"]) for each in found["births"]]
+    assert born == [(BIRTH, GROWN)] * (sensors - SENSORS)
+    path = tmp_path / "g.graphml"
+    export(log, "graphml", path, at=at)
+    graph = networkx.read_graphml(path)
+    ticks = {name: tick for name, tick in graph.nodes(data="born") if tick is not None}
+    assert set(ticks) <= {GROWN, f"{GROWN}*"}
+    assert set(ticks.values()) == {tick for tick, _ in born}
+
+
+def test_foxglove_is_shown_it_by_name_from_its_birth_on(
+    log: Path, tmp_path: Path
+) -> None:
+    path = written(log, "foxglove", tmp_path / "f.mcap")
+    signs, texts, balls, lines = [], [], [], []
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            content = json.loads(message.data)
+            match channel.topic:
+                case "/believed":
+                    signs.append(content)
+                case "/graph":
+                    entity = content["entities"][0]
+                    texts.append([text["text"] for text in entity["texts"]])
+                case "/graph/state":
+                    balls.append(len(content["entities"][0]["spheres"]))
+                case "/log":
+                    lines.append(content["message"])
+                case _:
+                    pass
+    assert {len(each) for each in signs} == {SENSORS + 1}
+    assert {each[GROWN] for each in signs[:BIRTH]} == {-1}
+    assert {each[GROWN] for each in signs[BIRTH:]} == {0, 1}
+    assert len(texts[0]) == balls[0] == 2 * SENSORS
+    assert texts[-1][-2:] == [GROWN, f"{GROWN}*"]
+    assert len(texts[-1]) == balls[-1] == 2 * (SENSORS + 1)
+    assert f"tick {BIRTH}: grew {GROWN}" in lines
+    bars = written(log, "layout", tmp_path / "l.json").read_text(encoding="utf-8")
+    assert GROWN in bars
+    assert "grown 2" not in bars
+
+
+@pytest.mark.parametrize(("tick", "sensors"), [(BIRTH - 1, 24), (TICKS, 25)])
+def test_a_model_is_of_the_sensors_there_are(
+    tick: int, sensors: int, log: Path
+) -> None:
+    found = of_recording(log, tick)
+    assert len(found.poc) == sensors
+    assert found.state is not None
+    assert len(found.state) == 2 * sensors
+    assert found.fields is not None
+    assert found.fields.fields.shape[0] == sensors

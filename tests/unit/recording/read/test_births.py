@@ -1,0 +1,144 @@
+"""What a run has grown, as its decisions and key-frames say."""
+
+import asyncio
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.agent.memory import AgentMemory
+from neurosnap.errors import RecordingError
+from neurosnap.protocol.run_options import SMALLEST
+from neurosnap.recording.read.births import Birth, Births, births_of
+from neurosnap.recording.read.info import describe, render
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.split_files import open_whole
+from neurosnap.runtime.run import run
+from tests.support.lamp import lamp_options
+from tests.support.rewritten_recordings import changing, rewritten
+
+BIRTH, GROWN = 21, "press&a&b"
+BODY = Body.full(["door", "dark"], ["push"], room=3)
+FIRST = BODY.size
+ONE, TWO = (0, 2), (1, 3)  # push where door and dark hold; where neither does
+
+
+def birth(tick: int, literals: tuple[int, ...], sensor: int) -> wire.Decision:
+    return wire.Decision(tick, 0, "", born=sensor, literals=literals, history=tick)
+
+
+def frame(tick: int, body: Body) -> wire.KeyFrame:
+    memory = AgentMemory(BODY)
+    memory.body = body
+    return wire.KeyFrame(tick, b"", waves=1, agent=memory.to_bytes())
+
+
+def shown(births: Births) -> list[tuple[object, ...]]:
+    return [msgspec.structs.astuple(each) for each in births.listed]
+
+
+def test_each_birth_is_listed_with_its_tick_and_history() -> None:
+    births = Births(BODY)
+    for message in (
+        wire.Decision(0, -1, "the run begins"),
+        birth(4, ONE, FIRST),
+        wire.Decision(5, 0, ""),
+        birth(6, TWO, FIRST + 1),
+        wire.Decision(8, 0, "", retires=FIRST),
+    ):
+        births.take(message)
+    assert shown(births) == [
+        (4, FIRST, "push&door&dark", 4, True, 8),
+        (6, FIRST + 1, "push&~door&~dark", 6, True, None),
+    ]
+    assert births.names[FIRST:] == ("push&door&dark", "push&~door&~dark")
+    assert births.room == 1
+    assert births.at(3) == ()
+    assert [each.retired for each in births.at(7)] == [None, None]
+    assert births.read_at(5) == [*range(FIRST), FIRST]
+    assert births.read_at(8) == [*range(FIRST), FIRST + 1]
+
+
+def test_a_birth_that_is_grown_again_is_told_apart() -> None:
+    births = Births(BODY)
+    births.take(birth(1, ONE, FIRST))
+    births.take(wire.Decision(2, 0, "", retires=FIRST))
+    births.take(birth(3, ONE, FIRST + 1))
+    assert births.names[FIRST:] == ("push&door&dark", "push&door&dark#2")
+
+
+def test_the_last_tick_of_a_run_is_known_from_its_key_frame() -> None:
+    births = Births(BODY)
+    births.take(wire.Decision(1, 0, ""))
+    births.take(frame(2, BODY.grow((0, ONE))))
+    assert shown(births) == [(2, FIRST, "push&door&dark", None, True, None)]
+
+
+def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
+    grown = BODY.grow((0, ONE)).grow((0, TWO))
+    births = Births(BODY)
+    births.take(wire.Decision(1, 0, ""))
+    births.take(birth(9, TWO, FIRST + 1))  # what was grown before it is missing
+    assert births.listed == ()
+    births.take(frame(12, grown.retire(0)))
+    births.take(wire.Decision(12, 0, "said again"))
+    births.take(birth(14, (0, 3), FIRST + 2))
+    assert shown(births) == [
+        (12, FIRST, "push&door&dark", None, False, 12),
+        (12, FIRST + 1, "push&~door&~dark", None, False, None),
+        (14, FIRST + 2, "push&door&~dark", 14, True, None),
+    ]
+
+
+def made(log: Path, **more: object) -> None:
+    options = lamp_options(cells="inline", **{"ticks": 40, **more})
+    asyncio.run(run(options, log, asyncio.Event()))
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
+    made(path)
+    return path
+
+
+def test_info_lists_what_a_run_has_grown(log: Path) -> None:
+    found = describe(Recording.open(log))
+    only = Birth(tick=BIRTH, sensor=24, name=GROWN, history=BIRTH)
+    assert (found.births, found.room) == ((only,), 2)
+    text = render(found)
+    assert "grown: 1, room for 2 more\n" in text
+    assert f"\ttick {BIRTH}  sensor 24  {GROWN}  from {BIRTH} ticks\n" in text
+    (names,) = (line for line in text.splitlines() if "\tsensors:" in line)
+    assert json.loads(names.partition(":")[2])[23:] == ["press&~lit", GROWN]
+
+
+def test_info_of_a_run_that_has_grown_nothing_says_what_room_there_is(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "log.mcap"
+    made(log, ticks=10)
+    text = render(describe(Recording.open(log)))
+    assert "grown: 0, room for 3 more\n" in text
+    assert "grown 1" not in text
+
+
+def test_a_later_file_alone_says_by_when(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    made(log, ticks=80, split=SMALLEST)
+    (found,) = births_of(open_whole(log)).listed
+    assert (found.tick, found.exact) == (BIRTH, True)
+    last = max(tmp_path.glob("log_*.mcap"))
+    (later,) = births_of(Recording.open(last)).listed
+    assert later.tick == Recording.open(last).begins
+    assert (later.name, later.exact) == (GROWN, False)
+
+
+def test_a_key_frame_that_holds_no_agent_is_named(log: Path, tmp_path: Path) -> None:
+    change = changing(wire.KeyFrame, lambda _: True, lambda _: {"agent": b"nothing"})
+    wrong = rewritten(log, tmp_path / "wrong.mcap", change)
+    with pytest.raises(RecordingError, match="key-frame of tick 10: must hold an agen"):
+        births_of(Recording.open(wrong))
