@@ -112,6 +112,10 @@ class AnomalyDetector:
         self._blame = np.zeros(len(sensorium))
         self._calm = np.zeros(2 * len(sensorium), np.bool_)
 
+    def rename(self, sensorium: Sensorium) -> None:
+        """Go on with other names for the same sensors: one of them was grown."""
+        self._sensorium = sensorium
+
     def watch(
         self,
         tick: int,

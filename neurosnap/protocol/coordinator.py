@@ -390,6 +390,8 @@ class Coordinator:
         if memory.follow(decision, self._snapshot):
             self._policy.grow(memory.body)
             self._regrown = True
+            if self._watcher is not None:
+                self._watcher.rename(self._snapshot.sensorium)
         return decision
 
     def _longest(self, signal: tuple[int, ...]) -> int:

@@ -9,8 +9,8 @@ from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_messages import Told, told
+from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.run_description import read_description
@@ -23,7 +23,7 @@ def recorded(recording: Recording) -> Iterator[Told]:
         RecordingError: While iterating: it is damaged, or not a run's.
         MessageError: While iterating: an anomaly is none of such a run.
     """
-    sensors = options_of(recording).sensors
+    sensors = births_of(recording).body.sensors
     for each in recording.messages(("anomaly",)):
         if isinstance(each.message, wire.Anomaly):
             yield told(each.message, sensors)

@@ -12,17 +12,20 @@ from neurosnap.agent.agent import Agent
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
+from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import learned_at
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.anomaly_feed import recorded
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
 from tests.support.lamp import lamp_options
+from tests.support.run_options import options_for
 
 TICKS = 40
 BIRTH = 21
@@ -105,6 +108,32 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
         if tick in frames:
             learning.snapshot.adopt(frames[tick].state)
             assert learning.snapshot.to_bytes() == frames[tick].to_bytes()
+
+
+@pytest.mark.slow
+def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> None:
+    options = options_for(
+        "neurosnap/FrozenLake-v0",
+        0,
+        agent="planner",
+        ticks=95,
+        grow=20,
+        imagine=200,
+        target=(),
+        cells="inline",
+        watch=True,
+    )
+    log = tmp_path / "log.mcap"
+    made(options, log)
+    names = births_of(Recording.open(log)).names
+    first = options.body.first_grown
+    assert len(names) > first
+    said = [
+        link.implication
+        for told in recorded(Recording.open(log))
+        for link in told.broken
+    ]
+    assert any(name in each for name in names[first:] for each in said)
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,15 @@ def test_nothing_is_wrong_with_what_was_to_be_expected() -> None:
     )
 
 
+def test_what_is_renamed_is_told_by_its_new_name_and_goes_on() -> None:
+    watcher = AnomalyDetector(Sensorium(["a", "grown 1", "c"]))
+    shown(watcher, [(0, 0, 0), (1, 0, 1)])
+    watcher.rename(NAMES)
+    found = watcher.watch(2, CHAIN, (1, 0, 1))
+    assert found is not None
+    assert (found.since, found.broken[0].target) == (1, "b")
+
+
 def test_an_anomaly_lasts_since_the_first_in_a_row() -> None:
     found = shown(
         AnomalyDetector(NAMES), [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1), (1, 0, 1)]
