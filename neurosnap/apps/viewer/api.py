@@ -12,6 +12,7 @@ asked                                             answer
 ``/api/edge?source=&target=&tick=``               `Edge`
 ``/api/series?column=&from=&to=&points=``         `Series`
 ``/api/cells``                                    `Cells`
+``/api/births``                                   `Grown`
 ``/api/events``                                   `Event`, again and again
 ================================================= ============
 
@@ -24,6 +25,9 @@ from typing import Literal, TypeAlias
 
 import msgspec
 from msgspec import UNSET, UnsetType
+
+from neurosnap.agent.growth.sensor_changes import Changed
+from neurosnap.recording.read.births import Birth
 
 Bit: TypeAlias = Literal[0, 1] | None
 """On, off, or not known."""
@@ -64,6 +68,10 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """The file's name."""
     source: str
     sensors: tuple[str, ...]
+    """Their names when the run starts, those that may be grown last; what is grown
+    gets its name in `Graph` and `Grown`."""
+    room: int
+    """How many of them may be grown."""
     actions: tuple[str, ...]
     options: dict[str, object]
     """The options of the run, by name."""
@@ -95,6 +103,25 @@ class Wave(msgspec.Struct, frozen=True, kw_only=True):
     pulses: int
     settled: bool
     """All of its credit came back: the hops are all there are."""
+    steps: list[int] | None = None
+    """The actions, by number, of which it says what they lead to one after the other:
+    one, for a wave that starts in the present state; more where it was imagined. None:
+    it is not about an action, or it cannot be told from what it was imagined."""
+    imagined: bool = False
+    """It starts in a state that was imagined."""
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """The plan that a decision follows."""
+
+    steps: list[int]
+    """Actions by number: those that were taken, this one, and those to come."""
+    at: int
+    """The place of this one."""
+    more: int
+    """Steps to come that are not named."""
+    why: str
+    """What it is for, where that is not the target; else empty."""
 
 
 class Frame(msgspec.Struct, frozen=True, kw_only=True):
@@ -126,6 +153,15 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """Where in the world this is; None: not known."""
     waves: list[Wave]
     """Oldest first; the state's is the last of kind ``state``."""
+    sensors: int
+    """How many sensors there are after the tick: those of higher numbers were not grown
+    by then."""
+    retired: list[int]
+    """Those of them that are not read any more."""
+    changed: list[Changed]
+    """Which sensors the decision grew and retired."""
+    plan: Plan | None
+    """None: the decision follows none."""
 
 
 class Frames(msgspec.Struct, frozen=True):
@@ -209,6 +245,18 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
     """All that was asked for has been read; if not, ask again."""
 
 
+class Grown(msgspec.Struct, frozen=True, kw_only=True):
+    """The sensors that a run has grown."""
+
+    births: tuple[Birth, ...]
+    room: int
+    """How many more may be grown."""
+    read_to: int
+    """The last tick whose decision is counted."""
+    done: bool
+    """All there are have been counted; if not, ask again."""
+
+
 class Member(msgspec.Struct, frozen=True, kw_only=True):
     """One part of the swarm."""
 
@@ -259,6 +307,10 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     graph: str | UnsetType = UNSET
     place: int | UnsetType | None = UNSET
     waves: list[Wave] | UnsetType = UNSET
+    sensors: int | UnsetType = UNSET
+    retired: list[int] | UnsetType = UNSET
+    changed: list[Changed] | UnsetType = UNSET
+    plan: Plan | UnsetType | None = UNSET
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

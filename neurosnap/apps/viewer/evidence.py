@@ -52,9 +52,9 @@ def _near(run_view: RunView, source: int, target: int, tick: int) -> Iterator[We
     last = min(run_view.last, tick + _AROUND)
     apart = max(1, -(-(last - first + 1) // _NEAR))
     try:
-        for now, snapshot in run_view.recall.walk(first, last):
-            if (now - tick) % apart == 0:
-                yield _weigh(now, snapshot, source, target)
+        for learned in run_view.recall.walk(first, last):
+            if (learned.tick - tick) % apart == 0:
+                yield _weigh(learned.tick, learned.snapshot, source, target)
     except RecordingError:
         return  # what is known by then is shown
 

@@ -4,21 +4,28 @@ from hashlib import blake2b
 
 import numpy as np
 
+from neurosnap.agent.body import Body
 from neurosnap.apps.viewer.api import Arrow, Graph, Node
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sensorium import Sensorium
 
 
-def graph_id(graph: PocGraph) -> str:
+def graph_id(graph: PocGraph, body: Body) -> str:
     """Return what tells one order from another.
 
-    The Hasse wiring says all there is to draw, classes included.
+    The Hasse wiring says all there is to draw, classes included, but for which sensors
+    are read.
     """
-    return blake2b(graph.wires("hasse").tobytes(), digest_size=8).hexdigest()
+    wires = blake2b(graph.wires("hasse").tobytes(), digest_size=8)
+    wires.update(repr((body.grown, body.retired)).encode())
+    return wires.hexdigest()
 
 
-def drawn(name: str, tick: int, graph: PocGraph, sensorium: Sensorium) -> Graph:
-    """Return the order of `graph`, whose id is `name`, with its layers. O(N²) time."""
+def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
+    """Return the order of `graph`, whose id is `name`, with its layers. O(N²) time.
+
+    Only sensors that are read are drawn.
+    """
+    names = body.sensors
     standing = graph.representative
     heights = graph.heights()
     pairs = np.argwhere(graph.hasse())
@@ -31,12 +38,12 @@ def drawn(name: str, tick: int, graph: PocGraph, sensorium: Sensorium) -> Graph:
         nodes=[
             Node(
                 sensor=sensor,
-                name=name,
+                name=names[sensor],
                 layer=int(heights[2 * sensor]),
                 complement_layer=int(heights[2 * sensor + 1]),
                 group=int(standing[2 * sensor]),
             )
-            for sensor, name in enumerate(sensorium)
+            for sensor in body.read
         ],
         edges=[
             Arrow(source=a, target=b, kind="inhibit" if b & 1 else "excite")

@@ -6,7 +6,7 @@ out, by learning what was observed from the nearest key-frame on.
 """
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -14,8 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.imagined import Imagined
 from neurosnap.apps.viewer.order_drawing import drawn, graph_id
+from neurosnap.apps.viewer.plans import BEFORE, plan_at
 from neurosnap.apps.viewer.snapshot_cache import SnapshotCache
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.world_scene import Scene
@@ -23,6 +27,7 @@ from neurosnap.errors import InvalidValueError, RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.read.growing_files import Files
+from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack
@@ -58,8 +63,9 @@ class RunView:
         """How often there was more."""
         self._names = self.options.body.actions
         self._choices = self.options.body.choices
+        self._imagined = Imagined(self.options.body)
         self._graphs: OrderedDict[str, api.Graph] = OrderedDict()
-        self._identified: tuple[PocGraph, str] | None = None
+        self._identified: tuple[PocGraph, Body, str] | None = None
 
     def grow(self) -> bool:
         """Look at what the file has gained; return whether that is anything.
@@ -95,6 +101,7 @@ class RunView:
             log=self.path.name,
             source=options.source,
             sensors=options.sensors,
+            room=options.body.room,
             actions=self._names,
             options=msgspec.to_builtins(options),
             first=self.first,
@@ -120,9 +127,13 @@ class RunView:
         if first > last:
             return []
         ticks = Ticks(self.tick_index, self.options, first, last)
-        graphs = dict(self._graph_ids(first, last))
+        learned = dict(self._learned(first, last))
+        unknown = (_UNKNOWN, self.options.body)
+        decisions = {**self._decided_before(first), **ticks.decisions}
         return [
-            self._frame(ticks, ticks.states[tick], graphs.get(tick, _UNKNOWN))
+            self._frame(
+                ticks, ticks.states[tick], *learned.get(tick, unknown), decisions
+            )
             for tick in range(first, last + 1)
             if tick in ticks.states
         ]
@@ -134,11 +145,11 @@ class RunView:
             InvalidValueError: There is no such tick.
             RecordingError: An observation or a key-frame that is needed is not there.
         """
-        snapshot = self.snapshot(tick)
-        graph = snapshot.poc_graph()
-        name = graph_id(graph)
+        learned = self._learned_at(tick)
+        graph = learned.snapshot.poc_graph()
+        name = graph_id(graph, learned.body)
         if name not in self._graphs:
-            self._graphs[name] = drawn(name, tick, graph, snapshot.sensorium)
+            self._graphs[name] = drawn(name, tick, graph, learned.body)
             if len(self._graphs) > _GRAPHS:
                 self._graphs.popitem(last=False)
         self._graphs.move_to_end(name)
@@ -151,6 +162,9 @@ class RunView:
             InvalidValueError: There is no such tick.
             RecordingError: An observation or a key-frame that is needed is not there.
         """
+        return self._learned_at(tick).snapshot
+
+    def _learned_at(self, tick: int) -> Learning:
         least = 0 if self.first == 1 else self.first
         if not least <= tick <= self.last:
             rule = f"must be in [{least}, {self.last}]"
@@ -164,25 +178,41 @@ class RunView:
                 return min(observation.tick for observation in observed)
         return 1
 
-    def _graph_ids(self, first: int, last: int) -> Iterator[tuple[int, str]]:
-        """Yield the order's id after each tick, as far as it can be known."""
+    def _decided_before(self, first: int) -> dict[int, wire.Decision]:
+        """Return decisions that some tick's plan may have begun with."""
+        if not self.options.imagine or first <= self.first:
+            return {}
+        since = max(self.first, first - BEFORE)
+        return self.tick_index.decisions(since, first - 1)
+
+    def _learned(self, first: int, last: int) -> Iterator[tuple[int, tuple[str, Body]]]:
+        """Yield the order's id and the body after each tick, as far as known."""
         tick = first
         while tick <= last:
             try:
-                for now, snapshot in self.recall.walk(tick, last):
-                    tick = now + 1
-                    yield now, self._id_of(snapshot.poc_graph())
+                for learned in self.recall.walk(tick, last):
+                    tick = learned.tick + 1
+                    name = self._id_of(learned.snapshot.poc_graph(), learned.body)
+                    yield learned.tick, (name, learned.body)
             except RecordingError:
                 # Behind the gap it is known again from the next key-frame on.
                 tick = self.tick_index.keyframe_after(tick)
 
-    def _id_of(self, graph: PocGraph) -> str:
+    def _id_of(self, graph: PocGraph, body: Body) -> str:
         """Return `graph_id`; worked out once for each of a row of ticks."""
-        if self._identified is None or self._identified[0] is not graph:
-            self._identified = (graph, graph_id(graph))
-        return self._identified[1]
+        known = self._identified
+        if known is None or known[0] is not graph or known[1] is not body:
+            self._identified = known = (graph, body, graph_id(graph, body))
+        return known[2]
 
-    def _frame(self, ticks: Ticks, state: wire.State, graph: str) -> api.Frame:
+    def _frame(
+        self,
+        ticks: Ticks,
+        state: wire.State,
+        graph: str,
+        body: Body,
+        decisions: Mapping[int, wire.Decision],
+    ) -> api.Frame:
         tick, sensors = state.tick, len(self.options.sensors)
         observation = ticks.observations.get(tick)
         observed = ticks.literals(tick)
@@ -208,7 +238,11 @@ class RunView:
             pulses=state.pulses,
             graph=graph,
             place=self.scene.place(observed),
-            waves=ticks.waves(tick),
+            waves=self._imagined.followed(ticks.waves(tick), literals),
+            sensors=body.size,
+            retired=[body.first_grown + place for place in body.retired],
+            changed=[] if decision is None else list(changes_in(decision, body)),
+            plan=plan_at(tick, decisions, self._names),
         )
 
     def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:

@@ -89,6 +89,9 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
         column = query.get("column", "")
         return answer(session.time_series.series(column, first, last, points))
 
+    async def births(request: Request) -> Response:
+        return answer(session.time_series.grown())
+
     async def cells(request: Request) -> Response:
         return answer(await session.ask(members))
 
@@ -101,11 +104,12 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def nowhere(request: Request, _: Exception | None = None) -> Response:
         return refusal(404, "not here")
 
+    endpoints = (run, frames, graph, edge, series, births, cells, events)
     app = Starlette(
         routes=[
             *(
                 Route(f"/api/{endpoint.__name__}", _refusing(endpoint))
-                for endpoint in (run, frames, graph, edge, series, cells, events)
+                for endpoint in endpoints
             ),
             Route("/{name:path}", static),
         ],

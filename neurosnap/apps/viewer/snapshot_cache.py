@@ -38,21 +38,21 @@ class SnapshotCache:
         self._most = max(3, _ROOM // (_A_PAIR * pairs + 1024))
         self._most = min(self._most, 256)
 
-    def at(self, tick: int) -> Snapshot:
-        """Return the snapshot after a tick; not to be changed.
+    def at(self, tick: int) -> Learning:
+        """Return what was learned by a tick; not to be changed.
 
         Cost: as `walk`.
 
         Raises:
             RecordingError: As from `walk`.
         """
-        return next(self.walk(tick, tick))[1]
+        return next(self.walk(tick, tick))
 
-    def walk(self, first: int, last: int) -> Iterator[tuple[int, Snapshot]]:
-        """Yield each tick and the snapshot after it.
+    def walk(self, first: int, last: int) -> Iterator[Learning]:
+        """Yield what was learned by each tick.
 
-        The snapshot is the same each time, and is only right until the next is asked
-        for. Cost: O(N²/2) time for each tick since the nearest that is known, and the
+        It is the same object each time, and is only right until the next is asked for.
+        Cost: O(N²/2) time for each tick since the nearest that is known, and the
         unpacking of the chunks they are in.
 
         Args:
@@ -67,7 +67,7 @@ class SnapshotCache:
         if not self._leads(learning.tick, first):
             learning = self._nearest(first, 0)
         if learning.tick >= first:
-            yield learning.tick, learning.snapshot
+            yield learning
         ahead = self._tick_index.observations(learning.tick + 1, last)
         decisions = (
             self._tick_index.decisions(learning.tick + 1, last)
@@ -78,7 +78,7 @@ class SnapshotCache:
             if tick % _STRIDE == 0 or tick == last:
                 self._keep(learning)
             if tick >= first:
-                yield tick, learning.snapshot
+                yield learning
 
     def weigh(self, frame: wire.KeyFrame) -> Snapshot:
         """Return the snapshot of a key-frame.

@@ -5,14 +5,17 @@ fills up while one looks at something else, and what is not there yet is said to
 """
 
 import math
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.viewer.api import COLUMNS, Column, Series
+from neurosnap import wire
+from neurosnap.apps.viewer.api import COLUMNS, Column, Grown, Series
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.recording.read.births import Births
 
 _BATCH = 64
 """Ticks read at a time: others wait for as long."""
@@ -31,6 +34,7 @@ class TimeSeries:
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
         self.columns: tuple[Column, ...] = (*COLUMNS, *run_view.scene.columns)
+        self._births = Births(run_view.options.body)
         self._first = run_view.first
         self._filled = 0
         self.ended = False
@@ -68,6 +72,17 @@ class TimeSeries:
         self._values[:, self._filled : needed] = found
         self._filled = needed  # last: whoever looks meanwhile sees whole ticks
         return True
+
+    def grown(self) -> Grown:
+        """Return what the run has grown, as far as it was read."""
+        births = self._births
+        done = self.ended or self._run_view.last <= self.read_to or not births.body.room
+        return Grown(
+            births=births.listed,
+            room=births.room,
+            read_to=self.read_to,
+            done=done,
+        )
 
     def series(self, column: str, first: int, last: int, points: int) -> Series:
         """Return a column from one tick to another, thinned out.
@@ -107,6 +122,8 @@ class TimeSeries:
             )
         except RecordingError:
             return  # a message is not what it should be: not known, all of it
+        if run_view.options.body.room:
+            self._follow_births(ticks.decisions, last)
         for tick, state in ticks.states.items():
             found[: len(COLUMNS), tick - first] = [
                 getattr(state, name) for name in COLUMNS
@@ -117,14 +134,24 @@ class TimeSeries:
                 place = run_view.scene.place(ticks.literals(tick))
                 found[row, tick - first] = run_view.scene.distance(place)
 
+    def _follow_births(self, decisions: dict[int, wire.Decision], last: int) -> None:
+        """Take in what decisions say, and the last key-frame, which knows the rest."""
+        frame = self._run_view.tick_index.keyframe(last)
+        taken: list[wire.Decision | wire.KeyFrame] = [*decisions.values()]
+        if frame is not None:
+            taken.append(frame)
+        for message in sorted(taken, key=lambda each: each.tick):
+            with suppress(ValueError):  # no agent's key-frame
+                self._births.take(message)
+
     def _read_errors(self, first: int, last: int, found: NDArray[np.float32]) -> None:
         row, graph, error = self.columns.index("err"), None, math.nan
         try:
-            for tick, snapshot in self._run_view.recall.walk(first, last):
-                if snapshot.poc_graph() is not graph:
-                    graph = snapshot.poc_graph()
+            for learned in self._run_view.recall.walk(first, last):
+                if learned.snapshot.poc_graph() is not graph:
+                    graph = learned.snapshot.poc_graph()
                     error = self._run_view.scene.errors(graph)
-                found[row, tick - first] = error
+                found[row, learned.tick - first] = error
         except RecordingError:
             return  # an observation is missing: not known from there on
 

@@ -28,7 +28,8 @@ class Learning:
         self._options = options
         self.tick = 0
         """The last tick learned from; 0: none."""
-        self._body = options.body
+        self.body = options.body
+        """What is sensed after that tick."""
         self.snapshot = options.new_snapshot()
         """What was learned by then; to be changed by this class alone."""
 
@@ -44,7 +45,7 @@ class Learning:
         Raises:
             RecordingError: As from `snapshot_in`.
         """
-        self._body = _body_in(frame, self._options, self._path)
+        self.body = _body_in(frame, self._options, self._path)
         self.snapshot = snapshot_in(frame, self._options, self._path)
         self.tick = frame.tick
 
@@ -72,11 +73,11 @@ class Learning:
         self.tick = tick
         if decision is not None and self.grows:
             try:
-                body = body_after(self._body, decision)
+                body = body_after(self.body, decision)
                 take_in(body, decision, self.snapshot)
             except MessageError as error:
                 raise RecordingError(f"{place}: /{error}") from error
-            self._body = body
+            self.body = body
 
     @property
     def grows(self) -> bool:
