@@ -131,9 +131,11 @@ def state_scene(
 
 
 def _drawn(graph: PocGraph, read: Sequence[int] | None) -> list[bool]:
-    """Return of each literal whether it is drawn."""
-    drawn = np.full((graph.sensors, 2), read is None)
-    drawn[list(read or ())] = True
+    """Return of each literal whether it is drawn: also a retired one with an edge."""
+    hasse = graph.hasse()
+    wired = hasse.any(axis=0) | hasse.any(axis=1)
+    drawn = np.repeat(wired.reshape(-1, 2).any(axis=1), 2).reshape(-1, 2)
+    drawn[slice(None) if read is None else list(read)] = True
     found: list[bool] = drawn.ravel().tolist()
     return found
 

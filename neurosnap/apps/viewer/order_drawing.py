@@ -23,12 +23,17 @@ def graph_id(graph: PocGraph, body: Body) -> str:
 def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
     """Return the order of `graph`, whose id is `name`, with its layers. O(N²) time.
 
-    Only sensors that are read are drawn.
+    Sensors still to be grown are not drawn, and retired ones where they are still in
+    the order.
     """
     names = body.sensors
+    hasse = graph.hasse()
+    wired = hasse.any(axis=0) | hasse.any(axis=1)
+    shown = wired.reshape(-1, 2).any(axis=1)
+    shown[list(body.read)] = True
     standing = graph.representative
     heights = graph.heights()
-    pairs = np.argwhere(graph.hasse())
+    pairs = np.argwhere(hasse)
     below, above = pairs.T
     chosen = (below <= above ^ 1) & (standing[below] != standing[above])
     return Graph(
@@ -43,7 +48,7 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
                 complement_layer=int(heights[2 * sensor + 1]),
                 group=int(standing[2 * sensor]),
             )
-            for sensor in body.read
+            for sensor in np.flatnonzero(shown).tolist()
         ],
         edges=[
             Arrow(source=a, target=b, kind="inhibit" if b & 1 else "excite")

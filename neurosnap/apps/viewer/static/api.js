@@ -37,6 +37,9 @@ export const fetchEdge = (source, target, tick, signal) =>
 export const fetchSeries = (column, from, to, points) =>
   ask("series", { column, from, to, points });
 
+/** The sensors that were grown, as far as that was read. */
+export const fetchBirths = () => ask("births");
+
 /** The parts of the swarm. */
 export const fetchCells = () => ask("cells");
 

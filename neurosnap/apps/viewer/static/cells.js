@@ -6,7 +6,7 @@ import { few } from "./literals.js";
 const SHOWN = 6; // sensors of a worker that are named
 
 /** Show the parts of the swarm as a table. */
-export function showCells(home, names, { cells, read_to: readTo }) {
+export function showCells(home, names, growth, { cells, read_to: readTo }) {
   const titles = [["Part"], ["Sensors"], ["Messages", "number"], ["Restarts", "number"], ["Host"]];
   const head = titles.map(([title, className = ""]) =>
     make("th", { scope: "col", className }, title),
@@ -16,7 +16,7 @@ export function showCells(home, names, { cells, read_to: readTo }) {
       "tr",
       {},
       make("th", { scope: "row" }, cell.who),
-      make("td", {}, few(cell.sensors.map((sensor) => names[sensor]), SHOWN)),
+      make("td", {}, hosted(cell.sensors, names, growth)),
       make("td", { className: "number" }, String(cell.messages)),
       make("td", { className: "number" }, String(cell.restarts)),
       make("td", {}, cell.host ?? "not known"),
@@ -31,4 +31,12 @@ export function showCells(home, names, { cells, read_to: readTo }) {
   );
   const note = make("p", { className: "quiet" }, `Messages counted up to tick ${readTo}.`);
   home.replaceChildren(note, table);
+}
+
+/** The sensors that a part hosts, and the room it has for more. */
+function hosted(sensors, names, growth) {
+  const there = sensors.filter((sensor) => growth.isSensor(sensor));
+  const room = sensors.length - there.length;
+  const named = few(there.map((sensor) => names[sensor]), SHOWN);
+  return [named, room ? `room for ${room} more` : ""].filter(Boolean).join("; ");
 }

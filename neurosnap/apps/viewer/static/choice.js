@@ -2,6 +2,7 @@
 
 import { find, make, write } from "./dom.js";
 import { EdgeView } from "./edge.js";
+import { unread } from "./growth.js";
 import { bitWord, conditions, drawn, few, literalName, sensorOf } from "./literals.js";
 
 const NAMED = 8; // members of a class that are listed
@@ -10,10 +11,12 @@ const NAMED = 8; // members of a class that are listed
 export class ChoiceView {
   /**
    * @param {string[]} names
+   * @param {import("./growth.js").GrowthView} growth
    * @param {{pick: (thing: object|null) => void, fetchEdge: Function}} on
    */
-  constructor(names, on) {
+  constructor(names, growth, on) {
     this._names = names;
+    this._growth = growth;
     this._on = on;
     this._thing = null;
     this._edge = new EdgeView(find("choice-body"), names, on.fetchEdge);
@@ -55,16 +58,40 @@ export class ChoiceView {
         make("dt", {}, "state"),
         this._has,
         ...(graph ? this._place(sensor, graph) : []),
+        ...this._born(sensor),
       );
       find("choice-body").replaceChildren(facts, this._edges(sensor, graph));
       write(find("choice-title"), this._names[sensor]);
     }
-    write(this._reads, bitWord(frame.bits[sensor]));
-    write(this._has, conditions(frame)[sensor]);
+    const gone = unread(frame, sensor);
+    write(this._reads, gone || bitWord(frame.bits[sensor]));
+    write(this._has, gone || conditions(frame)[sensor]);
+  }
+
+  /** Names, or what is known of births, have changed. */
+  rename() {
+    this._graph = undefined;
+  }
+
+  _born(sensor) {
+    const birth = this._growth.of(sensor);
+    if (birth === undefined) return [];
+    const from = birth.history === null ? "" : `, learned from ${birth.history} ticks`;
+    const born = `${birth.exact ? "" : "by "}tick ${birth.tick}${from}`;
+    const facts = [make("dt", {}, "born"), make("dd", {}, born)];
+    if (birth.retired !== null) {
+      facts.push(make("dt", {}, "retired"), make("dd", {}, `tick ${birth.retired}`));
+    }
+    return facts;
+  }
+
+  _node(sensor, graph) {
+    return graph?.nodes.find((node) => node.sensor === sensor);
   }
 
   _place(sensor, graph) {
-    const node = graph.nodes[sensor];
+    const node = this._node(sensor, graph);
+    if (node === undefined) return [];
     const same = graph.classes.find((members) => members.some((a) => sensorOf(a) === sensor));
     const facts = [make("dt", {}, "layer"), make("dd", {}, String(node.layer))];
     if (same) {
@@ -88,7 +115,7 @@ export class ChoiceView {
 
   /** Why there are no edges: those of a class are drawn at the one that stands for all. */
   _none(sensor, graph) {
-    const standing = graph === null ? sensor : sensorOf(graph.nodes[sensor].class);
+    const standing = sensorOf(this._node(sensor, graph)?.class ?? 2 * sensor);
     return standing === sensor ? "No edges yet." : `Its edges are those of ${this._names[standing]}.`;
   }
 

@@ -98,6 +98,7 @@ export class Diagram {
   reveal(sensor) {
     if (this._graph === null) return;
     let item = this._drawing.itemOf[sensor];
+    if (item === undefined) return; // it is not read
     while (item.kind !== "sensor") {
       this._expand(item);
       item = this._drawing.itemOf[sensor];

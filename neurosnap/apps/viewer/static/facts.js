@@ -1,18 +1,22 @@
 // What there is to say about a tick, in a few lines.
 
 import { find, make, write } from "./dom.js";
+import { changedWords, unread } from "./growth.js";
 import { few } from "./literals.js";
+import { stepsOf } from "./plan.js";
 
-const WORDS = ["did", "why", "contradicted", "not read"];
+const WORDS = ["did", "plan", "why", "grown", "contradicted", "not read"];
 const NUMBERS = ["edges", "height", "depth", "pulses"];
 const NAMED = 6;
 
 /** The panel of the tick. */
 export class FactsView {
-  /** @param {string[]} names */
-  constructor(names) {
+  /** @param {string[]} names @param {{actions: string[], options: object, room: number}} run */
+  constructor(names, { actions, options, room }) {
     this._names = names;
-    const facts = [...WORDS, ...NUMBERS];
+    this._actions = actions;
+    const without = [...(options.imagine ? [] : ["plan"]), ...(room ? [] : ["grown"])];
+    const facts = [...WORDS, ...NUMBERS].filter((fact) => !without.includes(fact));
     this._values = new Map(facts.map((fact) => [fact, make("dd", {}, "–")]));
     for (const fact of facts) {
       const className = NUMBERS.includes(fact) ? "small" : "";
@@ -23,13 +27,32 @@ export class FactsView {
   }
 
   show(frame) {
-    const set = (fact, text) => write(this._values.get(fact), text);
+    const set = (fact, text) => this._values.has(fact) && write(this._values.get(fact), text);
     set("did", frame.action ?? "nothing");
-    set("why", frame.why || "–");
+    this._plan(frame.plan);
+    set("why", this._why(frame) || "–");
+    set("grown", changedWords(frame) || "nothing");
     for (const fact of NUMBERS) set(fact, String(frame[fact]));
     set("contradicted", this._contradicted(frame));
-    const unread = this._names.filter((_, sensor) => frame.bits[sensor] === null);
-    set("not read", few(unread, NAMED) || "none");
+    const born = frame.changed.map(({ sensor }) => sensor); // read from the next tick on
+    const silent = this._names.filter(
+      (_, sensor) =>
+        frame.bits[sensor] === null && !unread(frame, sensor) && !born.includes(sensor),
+    );
+    set("not read", few(silent, NAMED) || "none");
+  }
+
+  _plan(plan) {
+    const home = this._values.get("plan");
+    const key = JSON.stringify(plan);
+    if (home === undefined || key === this._planned) return;
+    this._planned = key;
+    home.replaceChildren(plan ? stepsOf(plan, this._actions) : "none");
+  }
+
+  /** What a plan is for; its steps are shown beside that. */
+  _why({ plan, why }) {
+    return plan ? plan.why || "to achieve the target" : why;
   }
 
   _contradicted({ contradicted, incoherent }) {

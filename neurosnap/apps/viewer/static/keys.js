@@ -25,6 +25,8 @@ export function bind(page) {
     ["expand", () => page.expand()],
     ["taller", toggleTaller],
     ["help", help],
+    ["birth-back", () => page.toBirth(-1)],
+    ["birth-on", () => page.toBirth(1)],
   ];
   for (const [id, act] of acts) find(id).addEventListener("click", act);
   tabs(document.querySelector('[role="tablist"]'), (panel) => page.open(panel));
@@ -40,6 +42,8 @@ export function bind(page) {
     { keys: ["Shift+ArrowRight"], says: "ten ticks on", act: () => player.step(10) },
     { keys: ["Home"], says: "the first tick", act: () => player.step(-Infinity) },
     { keys: ["End"], says: "the last tick", act: () => player.step(Infinity) },
+    { keys: ["b"], says: "the next birth of a sensor", act: () => page.toBirth(1) },
+    { keys: ["B"], says: "the birth before", act: () => page.toBirth(-1) },
     { keys: ["w"], says: "play the wave of this tick", act: () => page.wave.toggle() },
     { keys: ["/"], says: "find a sensor", act: () => page.search.focus() },
     { keys: ["+"], says: "larger", act: () => diagram.zoom(1.3) },

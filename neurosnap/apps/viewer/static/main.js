@@ -7,6 +7,7 @@ import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
 import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
+import { GrowthView } from "./growth.js";
 import { bind } from "./keys.js";
 import { follow, patched } from "./live.js";
 import { Orders } from "./orders.js";
@@ -28,6 +29,7 @@ const fetchRun = notices.watched("run", api.fetchRun);
 const fetchFrames = notices.watched("frames", api.fetchFrames);
 const fetchGraph = notices.watched("graph", api.fetchGraph);
 const fetchSeries = notices.watched("series", api.fetchSeries);
+const fetchBirths = notices.watched("births", api.fetchBirths);
 const fetchCells = notices.watched("cells", api.fetchCells);
 const said = () => {}; // what failed was said where it was asked
 
@@ -42,7 +44,14 @@ class Page {
     this.arranged = 0; // when an order was last shown
     this.live = false; // the run was seen under way
     this.received = Promise.resolve(); // once all that came has been taken in
-    const names = run.sensors;
+    const names = [...run.sensors]; // what is grown gets its name later
+    this.names = names;
+    this.growth = new GrowthView(run, {
+      fetchBirths,
+      seek: (tick) => this.player.seek(tick),
+      pick: (sensor) => this.goTo(sensor),
+      change: () => this.learnBirths(),
+    });
     this.frameCache = new FrameCache(fetchFrames);
     this.orders = new Orders(fetchGraph);
     this.player = new Player({
@@ -56,18 +65,20 @@ class Page {
       change: () => this.describe(),
     });
     this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
-    this.facts = new FactsView(names);
+    this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
     this.voice = new Voice(names);
-    this.outline = new Outline(find("sensors"), names, (sensor) => this.goTo(sensor));
-    this.choice = new ChoiceView(names, {
+    this.outline = new Outline(find("sensors"), names, this.growth, (sensor) =>
+      this.goTo(sensor),
+    );
+    this.choice = new ChoiceView(names, this.growth, {
       pick: (thing) => this.choose(thing),
       fetchEdge: api.fetchEdge,
     });
     this.plots = new Plots(find("plots"), run.columns, fetchSeries, (tick) =>
       this.player.seek(tick),
     );
-    this.search = new Search(names, {
+    this.search = new Search(names, this.growth, {
       mark: (found) => this.diagram.seek(found),
       pick: (sensor) => this.goTo(sensor),
     });
@@ -138,13 +149,43 @@ class Page {
     if (isDue) {
       this.arranged = now;
       const graph = this.orders.of(this.frame, (late) => this.showLate(late));
-      if (graph) this.graph = graph;
+      if (graph) this.setGraph(graph);
     }
     this.showGraph();
   }
 
-  showLate(graph) {
+  /** Take over an order, and the names of the sensors in it. */
+  setGraph(graph) {
     this.graph = graph;
+    this.rename(graph.nodes);
+  }
+
+  /** Call sensors by their names. */
+  rename(named) {
+    const another = named.filter(({ sensor, name }) => this.names[sensor] !== name);
+    for (const { sensor, name } of another) this.names[sensor] = name;
+    if (another.length === 0) return;
+    this.outline.rename();
+    this.choice.rename();
+  }
+
+  /** More is known of what was grown. */
+  learnBirths() {
+    this.rename(this.growth.births);
+    this.outline.rename();
+    this.choice.rename();
+    this.showWhat();
+    if (this.frame) this.showTick();
+  }
+
+  /** Go to the nearest birth before (-1) or after (1) this tick. */
+  toBirth(way) {
+    const tick = this.growth.beside(this.player.tick, way);
+    if (tick !== null) this.player.seek(tick);
+  }
+
+  showLate(graph) {
+    this.setGraph(graph);
     if (this.player.playing) this.showGraph();
     else this.showOrder(); // it may be of a tick before the one that was stopped at
   }
@@ -166,7 +207,16 @@ class Page {
   showDiagram() {
     if (this.frame === null) return;
     this.diagram.show(this.graph, this.frame, this.wave.shown);
+    this.showWave();
     find("drawing").dataset.tick = this.frame.tick;
+  }
+
+  /** Say which wave is on its way over the diagram. */
+  showWave() {
+    const label = find("drawing-wave");
+    label.hidden = this.wave.shown === null;
+    label.classList.toggle("imagined", this.wave.imagined);
+    write(label, this.wave.name);
   }
 
   /** Say what is drawn, for those who do not see it. */
@@ -220,9 +270,9 @@ class Page {
   /** Say what the run is, and between which ticks one can move. */
   setRun(run) {
     this.run = run;
-    const { log, source, sensors, swarm, live, cut, first, ticks } = run;
+    const { log, live, cut, first, ticks } = run;
     document.title = `${log} · neurosnap`;
-    write(find("what"), `${log} — ${source}, ${sensors.length} sensors, swarm ${swarm}`);
+    this.showWhat();
     this.live ||= live;
     find("badge").hidden = !this.live;
     find("badge").classList.toggle("over", !live);
@@ -232,6 +282,12 @@ class Page {
     this.frameCache.last = ticks;
     this.player.setRange(first, ticks);
     this.plots.load(first, ticks).catch(said);
+    this.growth.load(first, ticks).catch(said);
+  }
+
+  showWhat() {
+    const { log, source, swarm } = this.run;
+    write(find("what"), `${log} — ${source}, ${this.growth.words}, swarm ${swarm}`);
   }
 
   /** Something new has come: take it in after what came before. */
@@ -278,8 +334,10 @@ class Page {
   open(panel) {
     if (panel === "sensors" && this.frame) this.showWords();
     if (panel !== "cells") return;
-    const { sensors } = this.run;
-    fetchCells().then((cells) => showCells(find("cells"), sensors, cells), said);
+    fetchCells().then(
+      (cells) => showCells(find("cells"), this.names, this.growth, cells),
+      said,
+    );
   }
 }
 

@@ -2,6 +2,7 @@
 // or would rather read.
 
 import { find, make, write } from "./dom.js";
+import { unread } from "./growth.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "./literals.js";
 
 const RARELY = 250; // milliseconds between two updates while it plays
@@ -9,20 +10,29 @@ const NAMED = 8; // members of a class that the first of them names
 
 /** The table of sensors. */
 export class Outline {
-  /** @param {HTMLElement} home @param {string[]} names @param {(sensor: number) => void} pick */
-  constructor(home, names, pick) {
+  /**
+   * @param {HTMLElement} home
+   * @param {string[]} names
+   * @param {import("./growth.js").GrowthView} growth
+   * @param {(sensor: number) => void} pick
+   */
+  constructor(home, names, growth, pick) {
     this._home = home;
     this._names = names;
+    this._growth = growth;
     this._rows = names.map((name, sensor) => {
       const open = make("button", { type: "button" }, name);
       open.addEventListener("click", () => pick(sensor));
       const cells = ["reads", "state", "layer", "implies"].map((what) =>
         make("td", { className: what }),
       );
-      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells);
-      return { row, cells };
+      const born = make("td", { className: "born" });
+      const last = growth.grows ? [born] : [];
+      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells, ...last);
+      return { row, cells, open, born };
     });
     const titles = ["Sensor", "Reads", "State", "Layer", "Implies (→), excludes (⊣)"];
+    if (growth.grows) titles.push("Born");
     home.replaceChildren(
       make(
         "table",
@@ -42,8 +52,11 @@ export class Outline {
     this._shown = now;
     const words = conditions(frame);
     this._rows.forEach(({ row, cells: [reads, state] }, sensor) => {
-      write(reads, bitWord(frame.bits[sensor]));
-      write(state, words[sensor]);
+      row.hidden = sensor >= frame.sensors;
+      if (row.hidden) return;
+      const gone = unread(frame, sensor);
+      write(reads, gone || bitWord(frame.bits[sensor]));
+      write(state, gone || words[sensor]);
       row.dataset.state = words[sensor];
       state.classList.toggle("on", words[sensor] === "on");
     });
@@ -51,8 +64,22 @@ export class Outline {
     find("outline").dataset.tick = frame.tick;
   }
 
+  /** Names, or what is known of births, have changed. */
+  rename() {
+    this._graph = null;
+    this._rows.forEach(({ open, born }, sensor) => {
+      write(open, this._names[sensor]);
+      const birth = this._growth.of(sensor);
+      write(born, birth ? `tick ${birth.tick}` : "");
+    });
+  }
+
   _setGraph(graph) {
     this._graph = graph;
+    for (const { cells: [, , layer, implies] } of this._rows) {
+      write(layer, "");
+      write(implies, "");
+    }
     const out = this._names.map(() => []);
     for (const edge of graph.edges) {
       const { source, target, kind } = drawn(edge.source, edge.target);

@@ -6,10 +6,12 @@ import { find, write } from "./dom.js";
 export class Search {
   /**
    * @param {string[]} names
+   * @param {import("./growth.js").GrowthView} growth
    * @param {{mark: (found: Set<number>|null) => void, pick: (sensor: number) => void}} on
    */
-  constructor(names, on) {
-    this._names = names.map((name) => name.toLowerCase());
+  constructor(names, growth, on) {
+    this._names = names;
+    this._growth = growth;
     this._on = on;
     this._field = find("search-text");
     this._found = [];
@@ -34,10 +36,12 @@ export class Search {
 
   _look() {
     const text = this._field.value.trim().toLowerCase();
-    const all = this._names.map((_, sensor) => sensor);
-    this._found = text ? all.filter((sensor) => this._names[sensor].includes(text)) : [];
+    const names = this._names.map((name) => name.toLowerCase());
+    const matches = (name, sensor) => name.includes(text) && this._growth.isSensor(sensor);
+    const all = names.flatMap((name, sensor) => (matches(name, sensor) ? [sensor] : []));
+    this._found = text ? all : [];
     // A name that is the whole of what was typed comes first.
-    this._found.sort((a, b) => (this._names[b] === text) - (this._names[a] === text) || a - b);
+    this._found.sort((a, b) => (names[b] === text) - (names[a] === text) || a - b);
     this._next = 0;
     const count = this._found.length;
     write(find("search-found"), text ? (count ? `${count} found` : "none") : "");

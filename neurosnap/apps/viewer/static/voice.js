@@ -3,6 +3,7 @@
 
 import { GONE } from "./api.js";
 import { find, write } from "./dom.js";
+import { changedWords } from "./growth.js";
 import { conditions, few } from "./literals.js";
 
 const PATIENCE = 600; // milliseconds of rest before anything is said
@@ -31,7 +32,8 @@ export class Voice {
     );
     const named = few(changed, NAMED);
     const did = frame.action ? `, then ${frame.action}` : "";
-    find("said").textContent = `tick ${frame.tick}${did}${named && `: ${named}`}`;
+    const grew = changedWords(frame);
+    find("said").textContent = `tick ${frame.tick}${did}${grew && `, ${grew}`}${named && `: ${named}`}`;
   }
 }
 

@@ -1,11 +1,12 @@
 // One wave of a tick, hop by hop: which of them, how far it has gone, and how deep it
 // went against how high the order is.
 
-import { find, make, write } from "./dom.js";
+import { counted, find, make, write } from "./dom.js";
 import { literalName } from "./literals.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
+const LISTED = 200; // imagined waves that can be chosen
 const REST = 0.8; // hops' time that a wave played within a tick stands still at its end
 
 /** The panel of the wave, and the clock it is shown by. */
@@ -17,7 +18,7 @@ export class WaveView {
   constructor(on) {
     this._on = on;
     this._wave = null;
-    this._which = STATE; // or the first literal of a signal
+    this._which = STATE; // or what keyOf returns
     this._at = null; // hops gone; null: it is not being looked at
     this._hops = new Map();
     this._started = null;
@@ -38,6 +39,16 @@ export class WaveView {
   /** What the diagram shows of it: its hops by literal, and how many it has gone. */
   get shown() {
     return this._at === null ? null : { hops: this._hops, at: this._at };
+  }
+
+  /** What the wave is called. */
+  get name() {
+    return this._wave === null ? "" : this._nameOf(this._wave);
+  }
+
+  /** Whether it starts in a state that was only imagined. */
+  get imagined() {
+    return this._wave?.imagined ?? false;
   }
 
   /** Show another tick; its state, until its wave is asked for. */
@@ -97,26 +108,41 @@ export class WaveView {
   }
 
   /** What a wave has in common with those of other ticks that ask the same. */
-  _keyOf({ kind, signal }) {
-    return kind === "state" ? STATE : literalName(this._on.names, signal[0] ?? 0);
+  _keyOf({ kind, signal, steps, imagined, wave }) {
+    if (kind === "state") return STATE;
+    if (steps) return steps.map((step) => this._on.actions[step]).join(", ");
+    return imagined ? `wave ${wave}` : literalName(this._on.names, signal[0] ?? 0);
   }
 
-  _nameOf(key, { kind, signal }) {
+  _nameOf(wave) {
+    const { kind, signal, steps, imagined } = wave;
+    const key = this._keyOf(wave);
     if (kind === "state") return "state";
+    if (imagined && steps) return `imagined, ${counted(steps.length, "step")} ahead: ${key}`;
+    if (imagined) return `imagined: ${key}`;
     if (this._on.actions.includes(key)) return `consequences of ${key}`;
     const others = signal.slice(1).map((literal) => literalName(this._on.names, literal));
     if (others.length > 1) return `signal ${key} and ${others.length} more`;
     return ["signal " + key, ...others].join(" + ");
   }
 
+  /** Let one choose: what starts in the present state first, then what was imagined. */
   _offer(known) {
-    const named = new Map([...known].map(([key, wave]) => [key, this._nameOf(key, wave)]));
-    if (!named.has(this._which)) named.set(this._which, `${this._which || "state"}: not at this tick`);
-    const offered = JSON.stringify([...named]);
+    const all = [...known].map(([key, wave]) => [key, this._nameOf(wave), wave.imagined]);
+    const here = all.filter(([, , imagined]) => !imagined);
+    const ahead = all.filter(([, , imagined]) => imagined);
+    const listed = ahead.filter(([key], place) => place < LISTED || key === this._which);
+    if (!known.has(this._which)) {
+      here.push([this._which, `${this._which || "state"}: not at this tick`]);
+    }
+    const more = ahead.length - listed.length;
+    const offered = JSON.stringify([here, listed, more]);
     if (offered !== this._offered) {
       this._offered = offered;
-      const options = [...named].map(([value, name]) => make("option", { value }, name));
-      find("wave-which").replaceChildren(...options);
+      const options = (waves) => waves.map(([value, name]) => make("option", { value }, name));
+      const imagined = make("optgroup", { label: "Imagined" }, ...options(listed));
+      if (more > 0) imagined.append(make("option", { disabled: true }, `and ${more} more`));
+      find("wave-which").replaceChildren(...options(here), ...(listed.length ? [imagined] : []));
     }
     find("wave-which").value = this._which;
   }
@@ -154,9 +180,10 @@ export class WaveView {
   _words(hop) {
     if (this._wave === null) return "No wave of this tick was recorded.";
     const whole = this._wave.settled ? "" : " It has not settled.";
+    const what = this._wave.imagined ? `${this.name}. `.replace("i", "I") : "";
     const all = `${this._hops.size} literals reached with ${this._wave.pulses} pulses.${whole}`;
-    if (hop === null) return all;
+    if (hop === null) return what + all;
     const there = [...this._hops.values()].filter((at) => at <= hop).length;
-    return `Hop ${hop} of ${this._wave.depth}: ${there} of ${all}`;
+    return `${what}Hop ${hop} of ${this._wave.depth}: ${there} of ${all}`;
   }
 }
