@@ -1,6 +1,6 @@
 """What an agent grows, in lines of text."""
 
-from neurosnap.agent.growth.sensor_changes import Changed
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.sensorium import visible
 
 

@@ -21,6 +21,8 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
+from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.anomaly import AnomalyDetector
@@ -63,6 +65,10 @@ class Totals(msgspec.Struct, kw_only=True):
     """Observations that contradicted what was believed before they were learned."""
     faults: int = 0
     """Messages dropped as bad or unexpected."""
+    grown: int = 0
+    """Sensors that were grown."""
+    retired: int = 0
+    """Those of them that are not read any more."""
 
 
 class Coordinator:
@@ -164,6 +170,7 @@ class Coordinator:
             incoherent=frame.incoherent,
             anomalies=frame.anomalies,
         )
+        self._count_grown()
 
     @property
     def tick(self) -> int:
@@ -184,6 +191,11 @@ class Coordinator:
     def memory(self) -> AgentMemory | None:
         """What the agent knows besides the snapshot; None: nothing."""
         return self._memory
+
+    def changes(self, decision: wire.Decision) -> list[Changed]:
+        """Return which sensors the last decision grew and retired."""
+        memory = self._memory
+        return [] if memory is None else list(changes_in(decision, memory.body))
 
     @property
     def decision(self) -> wire.Decision:
@@ -390,6 +402,7 @@ class Coordinator:
         if memory.follow(decision, self._snapshot):
             self._policy.grow(memory.body)
             self._regrown = True
+            self._count_grown()
             if self._watcher is not None:
                 self._watcher.rename(self._snapshot.sensorium)
         return decision
@@ -417,6 +430,11 @@ class Coordinator:
         self.totals.height = state.height
         self.totals.edges = state.edges
         self.totals.incoherent += state.incoherent
+
+    def _count_grown(self) -> None:
+        if self._memory is not None:
+            body = self._memory.body
+            self.totals.grown, self.totals.retired = len(body.grown), len(body.retired)
 
     def _keyframe(self) -> wire.KeyFrame:
         """Return what somebody else may go on from: nothing older matters then."""

@@ -1,32 +1,38 @@
-"""A stream of a run's anomalies, live or recorded."""
+"""A stream of a run's anomalies and births, live or recorded."""
 
 import asyncio
 import contextlib
 from collections.abc import Callable, Iterator
 
 from neurosnap import wire
+from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_messages import Told, told
-from neurosnap.recording.read.births import births_of
+from neurosnap.recording.read.births import Births, births_of
 from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.run_description import read_description
 
 
-def recorded(recording: Recording) -> Iterator[Told]:
-    """Return the anomalies of a recorded run, in order.
+def recorded(recording: Recording) -> Iterator[Told | Changed]:
+    """Return the anomalies of a recorded run, and what it grew and retired, in order.
 
     Raises:
         RecordingError: While iterating: it is damaged, or not a run's.
         MessageError: While iterating: an anomaly is none of such a run.
     """
-    sensors = births_of(recording).body.sensors
+    births = births_of(recording)
+    sensors, changes = births.body.sensors, births.changes()
     for each in recording.messages(("anomaly",)):
         if isinstance(each.message, wire.Anomaly):
+            while changes and changes[0].tick < each.message.tick:
+                yield changes.pop(0)
             yield told(each.message, sensors)
+    yield from changes
 
 
 def without_anomalies(recording: Recording) -> str:
@@ -45,7 +51,7 @@ async def watch(
     network: Network,
     swarm: str,
     stop: asyncio.Event,
-    on_anomaly: Callable[[Told], None],
+    tell: Callable[[Told | Changed], None],
     *,
     patience: float = 10.0,
 ) -> None:
@@ -57,11 +63,11 @@ async def watch(
         network: Where its hub is; `Network.connect` names it.
         swarm: Its id.
         stop: Ends it.
-        on_anomaly: Is given each anomaly.
+        tell: Is given each anomaly, and each sensor that is grown or retired.
         patience: Seconds until a coordinator is there, the first or the next.
 
     Raises:
-        InvalidValueError: The run does not tell of anomalies.
+        InvalidValueError: The run tells of no anomalies, and grows nothing.
         SwarmError: There is no such swarm.
     """
     seen_one = False
@@ -75,7 +81,7 @@ async def watch(
                     return
                 rule = f"must have a coordinator within {patience:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
-            if seen is None or await _look_on(connections, seen, stop, on_anomaly):
+            if seen is None or await _look_on(connections, seen, stop, tell):
                 return
             seen_one = True
 
@@ -84,40 +90,65 @@ async def _look_on(
     connections: Connections,
     seen: FoundSwarm,
     stop: asyncio.Event,
-    on_anomaly: Callable[[Told], None],
+    tell: Callable[[Told | Changed], None],
 ) -> bool:
     """Look on at one incarnation; tell whether it ended in order."""
-    sensors: tuple[str, ...] = ()
+    births: Births | None = None
     over = asyncio.Event()
-    early: list[wire.Anomaly] = []  # before it is known what the sensors are called
+    early: list[wire.Message] = []  # before it is known what the sensors are called
 
-    def tell(anomaly: wire.Anomaly) -> None:
-        with contextlib.suppress(MessageError):  # it is none of such a run
-            on_anomaly(told(anomaly, sensors))
+    def hear(message: wire.Message) -> None:
+        if births is None:
+            early.append(message)
+            return
+        with contextlib.suppress(ValueError):  # it is none of such a run
+            match message:
+                case wire.Anomaly():
+                    tell(told(message, births.body.sensors))
+                case wire.Decision():
+                    births.take(message)
+                    for change in _changes(message, births):
+                        tell(change)
+                case wire.KeyFrame():  # what was grown before anybody looked on
+                    births.take(message)
+                case _:
+                    pass
 
     def handle(deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
             with contextlib.suppress(MessageError):
-                match wire.decode(delivery.key, delivery.payload):
-                    case wire.Anomaly() as anomaly if sensors:
-                        tell(anomaly)
-                    case wire.Anomaly() as anomaly:
-                        early.append(anomaly)
-                    case wire.Leave():
-                        over.set()
-                    case _:
-                        pass
+                message = wire.decode(delivery.key, delivery.payload)
+                if isinstance(message, wire.Leave):
+                    over.set()
+                else:
+                    hear(message)
 
     async with connections.to("watcher", seen.name).fabric() as fabric:
-        await fabric.subscribe(("anomaly", "leave/coordinator"), handle)
+        await fabric.subscribe(
+            ("anomaly", "decide", "keyframe", "leave/coordinator"), handle
+        )
         content = await fabric.ask()
         if content is None:
             return False
         options = read_description(content).options
-        if not options.watch:
+        if not options.watch and not options.body.room:
             raise InvalidValueError("swarm", "must be run with --anomalies", seen.name)
-        sensors = options.sensors
-        for anomaly in early:
-            tell(anomaly)
+        births = Births(options.body)
+        for message in early:
+            hear(message)
         await wait_any(seen.gone, over, stop)
         return over.is_set() or stop.is_set()
+
+
+def _changes(decision: wire.Decision, births: Births) -> Iterator[Changed]:
+    """Yield what a decision grew and retired.
+
+    What was grown before anybody looked on is known from the next key-frame on; until
+    then a sensor that is grown has its formula alone.
+    """
+    if decision.born < births.body.size:
+        yield from changes_in(decision, births.body)
+        return
+    context = decision.context, decision.literals
+    body = births.first.grow(context)
+    yield Changed(decision.tick, decision.born, body.sensors[body.first_grown])

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from neurosnap import wire
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.protocol.partition import shares
@@ -67,6 +69,7 @@ async def run_inline(
     stop: asyncio.Event,
     on_progress: Callable[[int], None],
     way_in: WayIn | None = None,
+    on_change: Callable[[Changed], None] = lambda _: None,
 ) -> InlineEnding:
     """Run a swarm in this process; see `neurosnap.runtime.run.run`."""
     began = time.perf_counter()
@@ -79,7 +82,7 @@ async def run_inline(
         stack.callback(swarm.source.close)
         try:
             async with asyncio.TaskGroup() as group:
-                seconds, balance = await swarm.run(group, stop, on_progress)
+                seconds, balance = await swarm.run(group, stop, on_progress, on_change)
         except BaseExceptionGroup as errors:
             raise _first_of(errors) from errors
     return InlineEnding(
@@ -130,6 +133,7 @@ class _Inline:
         group: asyncio.TaskGroup,
         stop: asyncio.Event,
         on_progress: Callable[[int], None],
+        on_change: Callable[[Changed], None],
     ) -> tuple[float, Completeness | None]:
         """Start all parts in `group`; return seconds and the recording's balance."""
         hosts = self._options.host_names()
@@ -150,6 +154,10 @@ class _Inline:
         world.add_done_callback(lambda _: ending.set())
         stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
 
+        def on_decision(decision: wire.Decision) -> None:
+            for change in self.core.changes(decision):
+                on_change(change)
+
         async def coordinate(fabric: MemoryFabric) -> float:
             return await run_coordinator(
                 self.core,
@@ -158,6 +166,7 @@ class _Inline:
                 parts=heard,
                 deadline=self._options.deadline,
                 on_progress=on_progress,
+                on_decision=on_decision,
             )
 
         seconds = await self._play("coordinator", coordinate)

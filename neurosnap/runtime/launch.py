@@ -16,6 +16,7 @@ from pathlib import Path
 
 import msgspec
 
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
@@ -99,6 +100,7 @@ async def run_processes(
     plan: Plan,
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
+    on_change: Callable[[Changed], None] = lambda _: None,
 ) -> Ending:
     """Run a swarm to its end, or until `stop` is set. No process outlives the call.
 
@@ -108,6 +110,7 @@ async def run_processes(
         on_progress: Called with the tick once the swarm is up, at most twenty times per
             second; four times per second while no tick comes and no deadline has
             passed. An exception that it raises ends the run and is raised here.
+        on_change: Called with each sensor that is grown or retired; likewise.
 
     Raises:
         NothingBegunError: `stop` was set before the external hub could be reached.
@@ -123,13 +126,15 @@ async def run_processes(
         async with Supervisor() as supervisor:
             launch = _Launch(plan, supervisor, endpoint, folder)
             reporting = asyncio.create_task(
-                _report(supervisor, on_progress), name="launch/progress"
+                _report(supervisor, on_progress, on_change), name="launch/progress"
             )
             source = plan.metadata.get("source", "")
             try:
                 shown = plan.network.endpoint("hub", endpoint)
                 with noted(launch.swarm, source, shown, plan.log):
-                    return await launch.run(stop)
+                    ending = await launch.run(stop)
+                _tell(supervisor, on_change)
+                return ending
             finally:
                 reporting.cancel()
 
@@ -297,12 +302,23 @@ def _result(child: Child) -> bytes:
     return child.result
 
 
-async def _report(supervisor: Supervisor, on_progress: Callable[[int], None]) -> None:
-    """Pass each progress report of the coordinator on, and nothing else."""
+async def _report(
+    supervisor: Supervisor,
+    on_progress: Callable[[int], None],
+    on_change: Callable[[Changed], None],
+) -> None:
+    """Pass what the coordinator says of its progress on, and nothing else."""
     try:
         while True:
             await supervisor.progressed.wait()
             supervisor.progressed.clear()
+            _tell(supervisor, on_change)
             on_progress(supervisor.tick)
     except Exception as error:  # noqa: BLE001 - ends the run, and comes out of it
         supervisor.blame(error)
+
+
+def _tell(supervisor: Supervisor, on_change: Callable[[Changed], None]) -> None:
+    changes, supervisor.changes = supervisor.changes, []
+    for change in changes:
+        on_change(change)

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import msgspec
 
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.protocol.resume_point import ResumePoint
@@ -61,6 +62,7 @@ async def run_with_restarts(
     swarm: str = "",
     elsewhere: frozenset[str] = frozenset(),
     way_in: WayIn | None = None,
+    on_change: Callable[[Changed], None] = lambda _: None,
 ) -> Outcome:
     """Run a swarm of processes to its end; restart it when a part dies.
 
@@ -79,6 +81,7 @@ async def run_with_restarts(
             incarnation of this id.
         elsewhere: As in `run`; these parts must be started anew for every incarnation.
         way_in: As in `run`.
+        on_change: As in `run`; of ticks that are done again it is not told again.
 
     Raises:
         InvalidValueError: Something of an earlier run is beside `log`.
@@ -91,7 +94,7 @@ async def run_with_restarts(
     files.check_free()
     swarm = swarm or new_swarm_id()
     allowed = Restarts(supervision)
-    restarts = reached = 0
+    restarts = reached = changed = 0
     vanished: list[str] = []
     cannot_repeat = way_in is None and is_live(options.source)
     redone = asyncio.Event()  # set once this incarnation is past its resume point
@@ -102,6 +105,12 @@ async def run_with_restarts(
         if tick > (0 if past is None else past.tick):
             redone.set()
         on_progress(tick)
+
+    def tell(change: Changed) -> None:
+        nonlocal changed
+        if change.tick > changed:
+            changed = change.tick
+            on_change(change)
 
     try:
         while True:
@@ -119,6 +128,7 @@ async def run_with_restarts(
                         incarnation=restarts,
                         elsewhere=elsewhere,
                         way_in=way_in,
+                        on_change=tell,
                     )
             except NothingBegunError as error:
                 if not restarts:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -70,6 +71,7 @@ async def run(
     elsewhere: frozenset[str] = frozenset(),
     patience: float | None = None,
     way_in: WayIn | None = None,
+    on_change: Callable[[Changed], None] = lambda _: None,
 ) -> Outcome:
     """Run a swarm to its end, or until `stop` is set.
 
@@ -87,6 +89,8 @@ async def run(
             many.
         way_in: How outside readings get to the world, where they are kept; see
             `neurosnap.runtime.journaled_run`.
+        on_change: Told of each sensor that is grown or retired, but by the decision of
+            the last tick, which nobody follows.
 
     Raises:
         InvalidValueError: There are more sensors than a key-frame can hold.
@@ -97,7 +101,7 @@ async def run(
     metadata = describe(options)
     if options.cells == "inline":
         inline = await run_inline(
-            options, log, metadata, past, stop, on_progress, way_in
+            options, log, metadata, past, stop, on_progress, way_in, on_change
         )
         result, completeness = inline.result, inline.completeness
         total, stopped = inline.seconds, inline.stopped
@@ -120,7 +124,7 @@ async def run(
             incarnation=incarnation,
             elsewhere=elsewhere,
         )
-        ending = await run_processes(plan, stop, on_progress)
+        ending = await run_processes(plan, stop, on_progress, on_change)
         result = msgspec.json.decode(ending.result, type=Result)
         completeness = ending.completeness
         total, stopped = ending.seconds, ending.stopped

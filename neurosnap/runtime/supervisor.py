@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_any
@@ -26,11 +26,15 @@ from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.parts.reports import (
     Done,
     Failed,
+    Grown,
     Progress,
     Ready,
     Report,
     read_report,
 )
+
+if TYPE_CHECKING:
+    from neurosnap.agent.growth.changed import Changed
 
 # Per child: a sentinel and the pipe that makes it, here; the same again in the server.
 _FILES_A_CHILD = 3
@@ -65,6 +69,8 @@ class Supervisor:
         self.progressed = asyncio.Event()
         """Set whenever a part says how far it is: `tick`."""
         self.tick = 0
+        self.changes: list[Changed] = []
+        """What was grown or retired since somebody looked."""
         self.has_begun = False
         """The coordinator has said that every part is there."""
         self._context = multiprocessing.get_context("forkserver")
@@ -193,6 +199,9 @@ class Supervisor:
             case Progress(tick=tick):
                 self.tick = tick
                 self.has_begun = True
+                self.progressed.set()
+            case Grown(changes=changes):
+                self.changes += changes
                 self.progressed.set()
             case Done(result=result):
                 self._expected.add(report.who)

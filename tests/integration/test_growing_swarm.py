@@ -9,8 +9,10 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.anomaly_messages import Told
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import learned_at
@@ -110,6 +112,18 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
             assert learning.snapshot.to_bytes() == frames[tick].to_bytes()
 
 
+@pytest.mark.parametrize(
+    "cells", ["inline", pytest.param("worker", marks=pytest.mark.zenoh)]
+)
+def test_a_birth_is_told_when_it_happens(cells: CellKind) -> None:
+    heard: list[Changed] = []
+    options = lamp_options(ticks=TICKS, cells=cells)
+    going = run(options, None, asyncio.Event(), on_change=heard.append)
+    outcome = asyncio.run(going)
+    assert heard == [Changed(BIRTH, 24, GROWN)]
+    assert (outcome.totals.grown, outcome.totals.retired) == (1, 0)
+
+
 @pytest.mark.slow
 def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> None:
     options = options_for(
@@ -131,6 +145,7 @@ def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> Non
     said = [
         link.implication
         for told in recorded(Recording.open(log))
+        if isinstance(told, Told)
         for link in told.broken
     ]
     assert any(name in each for name in names[first:] for each in said)

@@ -6,27 +6,14 @@ the run did, without its history.
 
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.wire import Decision
-
-
-class Changed(msgspec.Struct, frozen=True):
-    """A sensor that was grown, or is read no more, as people are told of it."""
-
-    tick: int
-    """The tick whose decision says so; it is so from the next observation on."""
-    sensor: int
-    """Its number."""
-    name: str
-    """Its formula."""
-    retires: bool
-    """Whether it is read no more; else it was grown."""
 
 
 def changes_in(decision: Decision, body: Body) -> Iterator[Changed]:

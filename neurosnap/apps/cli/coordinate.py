@@ -104,6 +104,7 @@ def coordinate(
                     swarm=swarm,
                     elsewhere=frozenset(parts),
                     patience=patience,
+                    on_change=lambda change: output.changed(screen, change),
                 )
             )
         output.outcome(say(as_json), options, outcome, None)

@@ -19,6 +19,7 @@ from rich.progress import (
 from rich.table import Table
 
 from neurosnap.apps.anomaly_text import few
+from neurosnap.apps.growth_text import changed_line, grown_text
 from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from neurosnap.agent.growth.changed import Changed
     from neurosnap.apps.doctor import Finding
     from neurosnap.apps.figures.run import FigureResults
     from neurosnap.depth.measure import Line
@@ -110,6 +112,11 @@ def outcome_facts(
     }
 
 
+def changed(console: Console, change: Changed) -> None:
+    """Say that a sensor was grown, or retired."""
+    console.print(changed_line(change), markup=False, highlight=False, soft_wrap=True)
+
+
 def restart(console: Console, event: Restart) -> None:
     """Say that a run goes on, what that costs, and what it could not go on from."""
     what = "readings are lost" if event.outside else "ticks are done again"
@@ -168,6 +175,9 @@ def outcome(
         ),
         "implications": f"{totals.edges}",
     }
+    if room := options.body.room:
+        left = room - totals.grown
+        rows["grown"] = grown_text(totals.grown, totals.retired, left)
     if totals.faults:
         rows["faults"] = f"{totals.faults} messages dropped as bad or unexpected"
     if outcome_.restarts:

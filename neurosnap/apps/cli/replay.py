@@ -177,7 +177,13 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
         async def work(stop: asyncio.Event) -> Outcome:
             async def swarm_of(way_in: WayIn | None) -> Outcome:
                 return await run_swarm(
-                    options, new, stop, on_progress, past, way_in=way_in
+                    options,
+                    new,
+                    stop,
+                    on_progress,
+                    past,
+                    way_in=way_in,
+                    on_change=lambda change: output.changed(screen, change),
                 )
 
             return await run_journaled(options, new, swarm_of, past)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.apps.cli.broker import brokered
 from neurosnap.apps.cli.config import described
 from neurosnap.apps.cli.options import (
@@ -110,6 +111,9 @@ def run(
                 show_tick(tick)
                 service.progress(tick)
 
+            def on_change(change: Changed) -> None:
+                output.changed(screen, change)
+
             def tell(outcome: Outcome) -> None:
                 output.outcome(say(as_json), options, outcome, log)
 
@@ -129,6 +133,7 @@ def run(
                         swarm=swarm,
                         elsewhere=away,
                         way_in=way_in,
+                        on_change=on_change,
                     )
                 return await run_with_restarts(
                     options,
@@ -141,6 +146,7 @@ def run(
                     swarm=swarm,
                     elsewhere=away,
                     way_in=way_in,
+                    on_change=on_change,
                 )
 
             if view and log is not None:

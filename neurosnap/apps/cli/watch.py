@@ -48,20 +48,25 @@ def watch(
 ) -> None:
     """Show anomalies: observations that contradict what was learned before.
 
-    Each names the sensors that may be wrong, and the implications it breaks.
+    Each names the sensors that may be wrong, and the implications it breaks. A sensor
+    that is grown, or retired, is told of, too.
 
     Of a recording all are shown; of a swarm, those that come, until Ctrl-C.
     """
+    from neurosnap.agent.growth.changed import Changed
     from neurosnap.apps.anomaly_text import anomaly_line
+    from neurosnap.apps.growth_text import changed_line
     from neurosnap.protocol.anomaly_messages import Told
     from neurosnap.recording.read.split_files import open_whole
     from neurosnap.runtime import registry
     from neurosnap.runtime.anomaly_feed import recorded, without_anomalies
     from neurosnap.runtime.anomaly_feed import watch as look_on
 
-    def show(told: Told) -> None:
+    def show(told: Told | Changed) -> None:
         if as_json:
             print_json(told)
+        elif isinstance(told, Changed):
+            typer.echo(changed_line(told))
         else:
             typer.echo(anomaly_line(told))
 
@@ -71,7 +76,7 @@ def watch(
             found = False
             for told in recorded(recording):
                 show(told)
-                found = True
+                found |= isinstance(told, Told)
             if not found and not as_json:
                 typer.echo(without_anomalies(recording))
             end_by(recording)

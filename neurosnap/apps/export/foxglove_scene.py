@@ -132,12 +132,10 @@ def state_scene(
 
 def _drawn(graph: PocGraph, read: Sequence[int] | None) -> list[bool]:
     """Return of each literal whether it is drawn: also a retired one with an edge."""
-    hasse = graph.hasse()
-    wired = hasse.any(axis=0) | hasse.any(axis=1)
-    drawn = np.repeat(wired.reshape(-1, 2).any(axis=1), 2).reshape(-1, 2)
-    drawn[slice(None) if read is None else list(read)] = True
-    found: list[bool] = drawn.ravel().tolist()
-    return found
+    if read is None:
+        return [True] * len(graph)
+    shown = {*read, *(np.argwhere(graph.hasse()) >> 1).ravel().tolist()}
+    return [literal >> 1 in shown for literal in range(len(graph))]
 
 
 def _scene(name: str, time: int, **primitives: list[dict[str, Any]]) -> Scene:

@@ -3,7 +3,7 @@
 from typing import Any, TypeAlias
 
 from neurosnap import wire
-from neurosnap.agent.growth.sensor_changes import Changed
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.apps.anomaly_text import anomaly_line
 from neurosnap.apps.export.foxglove_scene import stamp
 from neurosnap.apps.growth_text import changed_line

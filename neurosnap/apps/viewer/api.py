@@ -26,7 +26,7 @@ from typing import Literal, TypeAlias
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from neurosnap.agent.growth.sensor_changes import Changed
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.recording.read.births import Birth
 
 Bit: TypeAlias = Literal[0, 1] | None

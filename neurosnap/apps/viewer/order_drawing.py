@@ -27,13 +27,10 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
     the order.
     """
     names = body.sensors
-    hasse = graph.hasse()
-    wired = hasse.any(axis=0) | hasse.any(axis=1)
-    shown = wired.reshape(-1, 2).any(axis=1)
-    shown[list(body.read)] = True
+    pairs = np.argwhere(graph.hasse())
+    shown = sorted({*body.read, *(pairs >> 1).ravel().tolist()})
     standing = graph.representative
     heights = graph.heights()
-    pairs = np.argwhere(hasse)
     below, above = pairs.T
     chosen = (below <= above ^ 1) & (standing[below] != standing[above])
     return Graph(
@@ -48,7 +45,7 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
                 complement_layer=int(heights[2 * sensor + 1]),
                 group=int(standing[2 * sensor]),
             )
-            for sensor in np.flatnonzero(shown).tolist()
+            for sensor in shown
         ],
         edges=[
             Arrow(source=a, target=b, kind="inhibit" if b & 1 else "excite")

@@ -6,6 +6,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.agent.memory import body_in
 from neurosnap.errors import MessageError, RecordingError
@@ -39,12 +40,13 @@ class Births:
         body: What is sensed when the run starts.
 
     Attributes:
+        first: What is sensed when the run starts.
         body: What is sensed by now.
         listed: What was grown by now, in order.
     """
 
     def __init__(self, body: Body) -> None:
-        self._first = body
+        self.first = body
         self._tick = 0
         self.body = body
         self.listed: tuple[Birth, ...] = ()
@@ -59,7 +61,7 @@ class Births:
         """
         if isinstance(message, wire.KeyFrame):
             exact = message.tick <= self._tick + 1
-            body = body_in(self._first, message.agent)
+            body = body_in(self.first, message.agent)
             history = None
         elif message.tick <= self._tick:  # said again where a run goes on
             return
@@ -90,6 +92,16 @@ class Births:
             for birth in self.listed
             if birth.tick <= tick
         )
+
+    def changes(self) -> list[Changed]:
+        """Return what was grown and retired by now, by tick."""
+        grown = [Changed(b.tick, b.sensor, b.name, False) for b in self.listed]
+        retired = [
+            Changed(b.retired, b.sensor, b.name, True)
+            for b in self.listed
+            if b.retired is not None
+        ]
+        return sorted((*grown, *retired), key=lambda change: change.tick)
 
     def read_at(self, tick: int) -> list[int]:
         """Return the numbers of the sensors that are read after a tick."""

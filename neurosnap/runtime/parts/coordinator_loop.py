@@ -63,6 +63,7 @@ async def run_coordinator(
     answer: float | None = None,
     patience: float = 60.0,
     on_progress: Callable[[int], None] = lambda _: None,
+    on_decision: Callable[[wire.Decision], None] = lambda _: None,
 ) -> float:
     """Let `core` direct the swarm until it has finished or `stop` is set.
 
@@ -81,6 +82,7 @@ async def run_coordinator(
         patience: Seconds the parts may take to come up.
         on_progress: Told the core's tick once the swarm is up, after each burst, and
             while nothing is over its deadline four times a second; on any thread.
+        on_decision: Told every decision that is published, likewise.
 
     Returns:
         Seconds from the beginning to the end, the wait for the parts left out.
@@ -91,7 +93,13 @@ async def run_coordinator(
         WaveLostError: A wave did not settle, and neither did its repeats.
     """
     shell = _CoordinatorLoop(
-        core, fabric, deadline, WorldDeadline(answer), on_progress, parts
+        core,
+        fabric,
+        deadline,
+        WorldDeadline(answer),
+        on_progress,
+        on_decision,
+        parts,
     )
     presence = _Presence(parts, fabric, shell)
     await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
@@ -133,6 +141,7 @@ class _CoordinatorLoop:
         deadline: float,
         answer: WorldDeadline,
         on_progress: Callable[[int], None],
+        on_decision: Callable[[wire.Decision], None],
         parts: Collection[str],
     ) -> None:
         self._answer = answer
@@ -143,6 +152,7 @@ class _CoordinatorLoop:
         self._fabric = fabric
         self._deadline = deadline
         self._on_progress = on_progress
+        self._on_decision = on_decision
         self._begun = False
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
@@ -193,6 +203,8 @@ class _CoordinatorLoop:
                 self._started[message.wave] = time.monotonic()
                 if message.repeats:
                     self._repeat = message.wave
+            if isinstance(message, wire.Decision):
+                self._on_decision(message)
         if self._core.finished:
             self._loop.call_soon_threadsafe(self.over.set)
 

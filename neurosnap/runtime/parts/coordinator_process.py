@@ -94,6 +94,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
                     answer=answer_within(options),
                     patience=patience,
                     on_progress=part.reporter.progress,
+                    on_decision=lambda said: part.reporter.changed(core.changes(said)),
                 ),
             )
             part.reporter.done(Result.of(core, seconds))

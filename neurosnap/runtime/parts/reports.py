@@ -11,6 +11,8 @@ from typing import Annotated, TypeAlias
 
 import msgspec
 
+from neurosnap.agent.growth.changed import Changed
+
 # A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one; four
 # of them are the length of what follows.
 _LONGEST = 4096 - 4
@@ -30,6 +32,13 @@ class Progress(msgspec.Struct, frozen=True, tag=True):
     tick: Annotated[int, msgspec.Meta(ge=0)]
 
 
+class Grown(msgspec.Struct, frozen=True, tag=True):
+    """Sensors were grown, or retired."""
+
+    who: str
+    changes: list[Changed]
+
+
 class Done(msgspec.Struct, frozen=True, tag=True):
     """The part has done its work; `result` is what came of it."""
 
@@ -46,7 +55,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     """It would be able to if another part had not died."""
 
 
-Report: TypeAlias = Ready | Progress | Done | Failed
+Report: TypeAlias = Ready | Progress | Grown | Done | Failed
 
 _encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
@@ -81,6 +90,11 @@ class Reporter:
             return
         self._next_progress = now + _PROGRESS
         self._send(Progress(self._who, tick))
+
+    def changed(self, changes: list[Changed]) -> None:
+        """Say what was grown or retired. Only for parts with a pipe of their own."""
+        if changes:
+            self._send(Grown(self._who, changes))
 
     def done(self, result: object = None) -> None:
         """Say what came of it. Only for parts with a pipe of their own."""

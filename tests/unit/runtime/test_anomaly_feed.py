@@ -7,8 +7,11 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.memory import AgentMemory
 from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
+from neurosnap.protocol.anomaly_messages import Told
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import _look_on
 from neurosnap.runtime.parts.run_description import RunDescription
@@ -24,7 +27,13 @@ class Swarm:
 
     who = "watcher"
 
-    def __init__(self, before: list[wire.Message], after: list[wire.Message]) -> None:
+    def __init__(
+        self,
+        before: list[wire.Message],
+        after: list[wire.Message],
+        options: RunOptions = OPTIONS,
+    ) -> None:
+        self._options = options
         self._before = before
         self._after = after
 
@@ -46,7 +55,7 @@ class Swarm:
     async def ask(self) -> bytes:
         self._say(self._before)
         asyncio.get_running_loop().call_soon(self._say, self._after)
-        return RunDescription(options=OPTIONS).to_bytes()
+        return RunDescription(options=self._options).to_bytes()
 
     def _say(self, messages: list[wire.Message]) -> None:
         self._handler([wire.Delivery(m.key, 0, 0, wire.encode(m)) for m in messages])
@@ -54,6 +63,11 @@ class Swarm:
 
 async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None:
     heard: list[tuple[str, ...]] = []
+
+    def hear(told: Told | Changed) -> None:
+        assert isinstance(told, Told)
+        heard.append(told.culprits)
+
     said: list[wire.Message] = [BAD, GOOD]
     swarm: Any = Swarm(said, [*said, wire.Leave("coordinator")])
     async with asyncio.timeout(PATIENCE):
@@ -61,7 +75,38 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
             swarm,
             FoundSwarm("demo"),
             asyncio.Event(),
-            lambda told: heard.append(told.culprits),
+            hear,
         )
     assert in_order
     assert heard == [("door",), ("door",)]
+
+
+def grown(tick: int, literals: tuple[int, ...], sensor: int) -> wire.Decision:
+    return wire.Decision(tick, 0, "", born=sensor, literals=literals)
+
+
+async def test_births_are_told_also_by_who_came_after_the_first() -> None:
+    body = Body.full(["door", "dark"], ["push"], room=4)
+    first = body.size
+    memory = AgentMemory(body)
+    memory.body = body.grow((0, (0, 2))).grow((0, (1, 3)))
+    frame = wire.KeyFrame(7, b"", agent=memory.to_bytes())
+    early: list[wire.Message] = [
+        grown(6, (1, 3), first + 1),
+        frame,
+    ]  # that of `first` was not heard
+    late: list[wire.Message] = [
+        grown(8, (0, 2), first + 2),
+        wire.Decision(9, 0, "", retires=first),
+        wire.Leave("coordinator"),
+    ]
+    options = RunOptions(source="none", body=body, agent="planner")
+    heard: list[object] = []
+    async with asyncio.timeout(PATIENCE):
+        swarm: Any = Swarm(early, late, options)
+        await _look_on(swarm, FoundSwarm("demo"), asyncio.Event(), heard.append)
+    assert heard == [
+        Changed(6, first + 1, "push&~door&~dark"),
+        Changed(8, first + 2, "push&door&dark#2"),
+        Changed(9, first, "push&door&dark", retires=True),
+    ]

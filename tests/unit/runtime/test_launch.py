@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from neurosnap.agent.growth.changed import Changed
 from neurosnap.runtime.launch import Plan, _parts_here, _report
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartContext
@@ -20,14 +21,21 @@ class NoJob:
 
 
 async def test_progress_is_passed_on_when_it_is_said_and_not_again() -> None:
-    supervisor, heard = Supervisor(), list[int]()
-    reporting = asyncio.create_task(_report(supervisor, heard.append))
+    supervisor, heard, heard_of = Supervisor(), list[int](), list[Changed]()
+    reporting = asyncio.create_task(_report(supervisor, heard.append, heard_of.append))
     for tick in (3, 4, 4):
         supervisor.tick = tick
         supervisor.progressed.set()
         for _ in range(5):
             await asyncio.sleep(0)
     assert heard == [3, 4, 4]
+    assert heard_of == []
+    supervisor.changes.append(grown := Changed(4, 24, "press&a&b"))
+    supervisor.progressed.set()
+    for _ in range(5):
+        await asyncio.sleep(0)
+    assert heard_of == [grown]
+    assert supervisor.changes == []
     reporting.cancel()
     await asyncio.wait({reporting})
 
@@ -38,7 +46,7 @@ async def test_an_error_of_who_is_told_ends_the_run() -> None:
 
     supervisor = Supervisor()
     supervisor.progressed.set()
-    await _report(supervisor, refuse)
+    await _report(supervisor, refuse, lambda _: None)
     with pytest.raises(LookupError, match="no such part"):
         await supervisor.wait(asyncio.Event())
 

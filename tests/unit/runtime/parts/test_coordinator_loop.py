@@ -76,7 +76,7 @@ async def test_late_waves_are_repeated_one_after_the_other(
     monkeypatch.setattr(coordinator_loop, "time", clock)
     fabric = MemoryHub().fabric("coordinator")
     shell_ = _CoordinatorLoop(
-        core, fabric, 1.0, WorldDeadline(None), lambda _: None, ()
+        core, fabric, 1.0, WorldDeadline(None), lambda _: None, lambda _: None, ()
     )
 
     def settle(wave: int) -> None:
