@@ -21,7 +21,6 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.agent.growth.changed import Changed
 from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
@@ -35,6 +34,7 @@ from neurosnap.sensorium import complement, pack
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from neurosnap.agent.growth.changed import Changed
     from neurosnap.agent.memory import AgentMemory
     from neurosnap.agent.policy import Closures, Deliberation, Policy
     from neurosnap.poc.order.graph import PocGraph

@@ -1,6 +1,6 @@
 """The plans that decisions follow, step by step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from neurosnap import wire
 from neurosnap.agent.imagining import PlanTold, plan_told
@@ -12,13 +12,17 @@ longer ago are not shown."""
 
 
 def plan_at(
-    tick: int, decisions: Mapping[int, wire.Decision], actions: Sequence[str]
+    tick: int,
+    decisions: Mapping[int, wire.Decision],
+    asked: Container[int],
+    actions: Sequence[str],
 ) -> Plan | None:
     """Return the plan that a tick's decision follows; None: it follows none.
 
     Args:
         tick: The tick.
         decisions: Those of the ticks around, by tick.
+        asked: The ticks of planning waves: a plan that is followed asks none.
         actions: What the actions are called.
     """
     told = _told(decisions.get(tick), actions)
@@ -26,7 +30,7 @@ def plan_at(
         return None
     done: list[int] = []
     now = told
-    while len(done) < BEFORE:
+    while len(done) < BEFORE and tick not in asked:
         tick -= 1
         before = _told(decisions.get(tick), actions)
         if before is None or not _goes_on(before, now):

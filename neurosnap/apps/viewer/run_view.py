@@ -6,7 +6,7 @@ out, by learning what was observed from the nearest key-frame on.
 """
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import changes_in
+from neurosnap.agent.growth.sensor_changes import body_before, changes_in
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.imagined import Imagined
 from neurosnap.apps.viewer.order_drawing import drawn, graph_id
@@ -129,10 +129,15 @@ class RunView:
         ticks = Ticks(self.tick_index, self.options, first, last)
         learned = dict(self._learned(first, last))
         unknown = (_UNKNOWN, self.options.body)
-        decisions = {**self._decided_before(first), **ticks.decisions}
+        decisions, asked = self._decided_before(first)
+        decisions |= ticks.decisions
+        asked |= ticks.asked
         return [
             self._frame(
-                ticks, ticks.states[tick], *learned.get(tick, unknown), decisions
+                ticks,
+                ticks.states[tick],
+                *learned.get(tick, unknown),
+                plan_at(tick, decisions, asked, self._names),
             )
             for tick in range(first, last + 1)
             if tick in ticks.states
@@ -178,12 +183,19 @@ class RunView:
                 return min(observation.tick for observation in observed)
         return 1
 
-    def _decided_before(self, first: int) -> dict[int, wire.Decision]:
-        """Return decisions that some tick's plan may have begun with."""
+    def _decided_before(self, first: int) -> tuple[dict[int, wire.Decision], set[int]]:
+        """Return decisions some plan may have begun with, and ticks that planned."""
         if not self.options.imagine or first <= self.first:
-            return {}
+            return {}, set()
         since = max(self.first, first - BEFORE)
-        return self.tick_index.decisions(since, first - 1)
+        chunks = self.tick_index.chunk_of(since), self.tick_index.chunk_of(first) + 1
+        asked = {
+            start.tick
+            for _, chunk in self.tick_index.readable(*chunks)
+            for start in chunk.all("wave", wire.WaveStart)
+            if start.kind == "signal"
+        }
+        return self.tick_index.decisions(since, first - 1), asked
 
     def _learned(self, first: int, last: int) -> Iterator[tuple[int, tuple[str, Body]]]:
         """Yield the order's id and the body after each tick, as far as known."""
@@ -211,7 +223,7 @@ class RunView:
         state: wire.State,
         graph: str,
         body: Body,
-        decisions: Mapping[int, wire.Decision],
+        plan: api.Plan | None,
     ) -> api.Frame:
         tick, sensors = state.tick, len(self.options.sensors)
         observation = ticks.observations.get(tick)
@@ -238,11 +250,13 @@ class RunView:
             pulses=state.pulses,
             graph=graph,
             place=self.scene.place(observed),
-            waves=self._imagined.followed(ticks.waves(tick), literals),
+            waves=self._imagined.followed(
+                ticks.waves(tick), literals, body_before(body, decision)
+            ),
             sensors=body.size,
             retired=[body.first_grown + place for place in body.retired],
             changed=[] if decision is None else list(changes_in(decision, body)),
-            plan=plan_at(tick, decisions, self._names),
+            plan=plan,
         )
 
     def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:

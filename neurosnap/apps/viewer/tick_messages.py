@@ -45,6 +45,8 @@ class Ticks:
         self.observations: dict[int, wire.Observation] = {}
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
+        self.asked: set[int] = set()
+        """The ticks of planning waves, where waves are read."""
         self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
@@ -109,6 +111,8 @@ class Ticks:
             for start in chunk.all("wave", wire.WaveStart):
                 if start.tick in self._range:
                     self._waves.begin(start)
+                    if start.kind == "signal":
+                        self.asked.add(start.tick)
             self._waves.report(chunk.all("settle", wire.CellReport))
             self._waves.tally(chunk.all("tally", wire.WorkerReport))
 

@@ -2,6 +2,8 @@
 
 import asyncio
 import itertools
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,10 @@ from neurosnap.apps.viewer.plans import plan_at
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.runtime.run import run
+from tests.support.aliased_worlds import NAME as MAZE
+from tests.support.lamp import NAME as LAMP
 from tests.support.lamp import Lamp, lamp_options
+from tests.support.run_options import options_for
 
 TICKS, BIRTH, SENSORS, GROWN = 120, 21, 24, "press&a&b"
 LEARNED = 60  # ticks after which every outcome in the lamp's world is guaranteed
@@ -86,6 +91,28 @@ def test_an_imagined_wave_says_where_in_the_world_it_starts(view: RunView) -> No
     assert checked >= {1, 2, 3}
 
 
+@pytest.mark.parametrize("world", [LAMP, MAZE])
+def test_the_planner_finds_its_way_among_the_waves(world: str, tmp_path: Path) -> None:
+    """Also where a sensor looks at the step before, since places look alike."""
+    log, seen = tmp_path / "log.mcap", 0
+    more: dict[str, Any] = {"grow": 20, "imagine": 200, "explore": 0.1}
+    options = options_for(
+        world, 3, agent="planner", target=(), ticks=150, cells="inline", **more
+    )
+    asyncio.run(run(options, log, asyncio.Event()))
+    view = RunView(log)
+    for frame in view.frames(1, 150):
+        waves = [each for each in frame.waves if each.kind == "signal" and each.settled]
+        assert all(wave.steps for wave in waves)
+        ways = [tuple(wave.steps or ()) for wave in waves]
+        assert len(set(ways)) == len(ways)
+        assert [wave.imagined for wave in waves] == [len(way) > 1 for way in ways]
+        if waves and frame.plan and len(frame.plan.steps) > 1:
+            assert tuple(frame.plan.steps[:-1]) in ways
+            seen += 1
+    assert seen > 3
+
+
 def test_a_plan_keeps_the_steps_that_were_taken(view: RunView) -> None:
     frames = view.frames(1, TICKS)
     for before, now in itertools.pairwise(frames):
@@ -136,14 +163,17 @@ def test_a_plan_of_many_steps_counts_those_it_does_not_name() -> None:
         decisions[taken + 4] = wire.Decision(
             taken + 4, steps[taken], _reason(plan, ACTIONS)
         )
-    assert plan_at(6, decisions, ACTIONS) == api.Plan(
+    assert plan_at(6, decisions, (), ACTIONS) == api.Plan(
         steps=list(steps), at=2, more=0, why=""
     )
-    assert plan_at(4, decisions, ACTIONS) == api.Plan(
+    assert plan_at(4, decisions, (), ACTIONS) == api.Plan(
         steps=list(steps[:6]), at=0, more=2, why=""
     )
-    assert plan_at(7, decisions, ACTIONS) is None
+    assert plan_at(7, decisions, (), ACTIONS) is None
+    anew = plan_at(6, decisions, {6}, ACTIONS)
+    assert anew is not None
+    assert (anew.steps, anew.at) == (list(steps[2:]), 0)
     decisions[5] = wire.Decision(5, 3, decisions[5].why)  # another action was taken
-    found = plan_at(6, decisions, ACTIONS)
+    found = plan_at(6, decisions, (), ACTIONS)
     assert found is not None
     assert found.at == 0
