@@ -147,6 +147,27 @@ def test_what_was_there_is_as_it_was(
     assert snapshot.poc_graph().edges.tolist() == before.poc_graph().edges.tolist()
 
 
+@pytest.mark.parametrize("kind", ["empirical", "discounted"])
+def test_what_is_not_read_any_more_stays_out_of_the_order(kind: str) -> None:
+    snapshot, history = new(kind, ("a", "b", "gone", "free")), History(4, 64)
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        a, b = rng.random(2) < 0.5
+        bits, known = np.array([a, b, a, False]), np.array([True] * 3 + [False])
+        snapshot.observe(bits, known)
+        history.enter(bits, known)
+    snapshot.silence(2)
+    history.grow(3, (0, 2))
+    snapshot.grow(3, "new", snapshot.newborn(3, history, [2]), None)
+    edges = snapshot.poc_graph().edges
+    assert not edges[4:6].any()
+    assert not edges[:, 4:6].any()
+    assert edges[6, 0]
+    # Else what it read once would tell of it.
+    assert snapshot.newborn(3, history).codes[2]
+    assert snapshot.weight(4, 6) == snapshot.weight(5, 7)
+
+
 def test_a_history_keeps_the_last_ticks_in_order() -> None:
     history, rng = History(3, 64), np.random.default_rng(1)
     bits, known = rng.random((200, 3)) < 0.5, rng.random((200, 3)) < 0.7

@@ -107,7 +107,9 @@ class Growth:
             sensor = body.first_grown + len(body.grown)
             _, before = body.split(literals)
             self._history.grow(sensor, body.members(due), before)
-            said = said_of(snapshot.newborn(sensor, self._history), snapshot)
+            unread = [body.first_grown + place for place in body.retired]
+            newborn = snapshot.newborn(sensor, self._history, unread)
+            said = said_of(newborn, snapshot)
             born = {"born": sensor, "context": action, "literals": literals}
             return changes | born | said
         place = self._needless(tick, graph)

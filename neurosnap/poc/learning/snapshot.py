@@ -5,6 +5,7 @@ last adopted. How observations are weighed is up to each kind.
 """
 
 import abc
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -186,7 +187,9 @@ class Snapshot(Archived):
             date_changes(self._codes, self._noted, self._since, self._clock)
         return changed
 
-    def newborn(self, sensor: int, history: History) -> Newborn:
+    def newborn(
+        self, sensor: int, history: History, unread: Sequence[int] = ()
+    ) -> Newborn:
         """Return what a history makes of a sensor that was never read.
 
         Its weights are what they would be had it been read as long as the history goes
@@ -195,6 +198,8 @@ class Snapshot(Archived):
         Args:
             sensor: Its number; of those behind it none may have been read either.
             history: Of all sensors, up to the last observation, its own included.
+            unread: Sensors that are not read any more: of pairs with them nothing is
+                known, whatever they read once.
 
         Raises:
             InvalidValueError: There is no such sensor, or the threshold is not one
@@ -206,7 +211,9 @@ class Snapshot(Archived):
         if self._threshold.ndim:
             rule = "must be one number where sensors grow"
             raise InvalidValueError("threshold", rule, self._threshold.shape)
-        return Newborn(history.ticks, *self._newborn(sensor, history))
+        squares, codes = self._newborn(sensor, history)
+        squares[:, list(unread)], codes[list(unread)] = self._weights.start, 0
+        return Newborn(history.ticks, squares, codes)
 
     def grow(
         self, sensor: int, name: str, newborn: Newborn, reads: bool | None
