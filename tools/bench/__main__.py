@@ -38,6 +38,7 @@ ROWS = {
     "observe": "observe",
     "learn": "learn",
     "cycle": "agent",
+    "growth": "growth",
     "tick": "tick",
     "worker": "worker",
     "verify": "run",
