@@ -88,6 +88,10 @@ class WaveLostError(PartDiedError):
     """A wave did not settle within its deadline, and neither did its repeats."""
 
 
+class AnswerLostError(PartDiedError):
+    """Cells did not answer from their histories in time, however often asked."""
+
+
 class RecordingError(NeurosnapError):
     """A recording cannot be read, is not one of ours, or cannot be written."""
 

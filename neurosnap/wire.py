@@ -16,13 +16,14 @@ without a word about it in the messages.
 
 import re
 import struct
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 2
+SCHEMA = 3
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -426,6 +427,107 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     """What an agent that grows sensors or imagines knows besides, as arrays."""
 
 
+class Recall(_Message, frozen=True, tag="recall", omit_defaults=True):
+    """What cells are asked of the last readings of their sensors.
+
+    The readings are a ring of bits: tick ``t``, counted from 1, is bit ``(t - 1) % R``
+    of ``R`` ticks. Bits travel packed, several rings one after the other, each as many
+    bytes as the last that is not 0 in any of them takes.
+    """
+
+    tick: Numbered
+    """The last tick that counts; whoever answers has its reading."""
+    round: Numbered
+    """Which of the tick's questions it is, from 1."""
+    repeats: Natural = 0
+    """The round that was given up for this one; 0: none."""
+    readings: Naturals = ()
+    """Literals: the ticks at which each was read."""
+    within: bytes = b""
+    """Rings: the ticks to count in."""
+    counted: bytes = b""
+    """For each ring literals, as `numbers`: at how many of its ticks was each read?"""
+    sizes: Naturals = ()
+    """For each ring how many of `counted` are for it."""
+    sensors: Natural = 0
+    """The sensors below this number say what weights a new one has with each; 0: none
+    is weighed."""
+    on: bytes = b""
+    """A ring: the ticks at which the new sensor would have read on."""
+    off: bytes = b""
+    """A ring: at which it would have read off."""
+    decay: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
+    """What is kept of a weight each tick."""
+    share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    """The threshold."""
+    cell: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """The one cell this copy is for; -1: for all."""
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "recall" if self.cell < 0 else f"recall/{self.cell}"
+
+
+class Recalled(_Message, frozen=True, tag="recalled", omit_defaults=True):
+    """What a cell, or a worker for all its cells, answers to a `Recall`.
+
+    Each of its fields is about those of the literals asked that are the sender's, in
+    the order in which they were asked.
+    """
+
+    who: str
+    """The part that answers."""
+    tick: Numbered
+    """That of the question."""
+    round: Numbered
+    """Likewise."""
+    lacks: Naturals = ()
+    """The sender's cells that were asked and have no history up to that tick; if there
+    are any, nothing else is said."""
+    readings: bytes = b""
+    """Rings: the ticks at which each literal was read."""
+    counts: bytes = b""
+    """How often each literal counted was read, as `numbers`."""
+    weights: bytes = b""
+    """For each sensor weighed four numbers, eight bytes each, the lowest first: the
+    weights ``w_ij, w_ij*, w_i*j, w_i*j*``, the new sensor's literal first."""
+    codes: bytes = b""
+    """What follows from them, one byte a sensor."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return self.who
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"recalled/{self.who}"
+
+
+class Reminder(_Message, frozen=True, tag="reminder"):
+    """The last readings of sensors whose cells lack them."""
+
+    to: str
+    """The part that has the cells."""
+    tick: Numbered
+    """The last tick in it."""
+    length: Numbered
+    """``R``, the ticks to keep."""
+    cells: Naturals
+    """The cells."""
+    on: bytes
+    """A ring for each cell: the ticks at which it read on."""
+    off: bytes
+    """Likewise: at which it read off."""
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"remind/{self.to}"
+
+
 class Fault(_Message, frozen=True, tag="fault"):
     """Somebody met a message that is bad or unexpected, and dropped it."""
 
@@ -478,6 +580,9 @@ Message: TypeAlias = (
     | PulseBatch
     | WorkerReport
     | Anomaly
+    | Recall
+    | Recalled
+    | Reminder
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -497,6 +602,9 @@ TOPICS: dict[str, type[Message]] = {
     "burst": PulseBatch,
     "tally": WorkerReport,
     "anomaly": Anomaly,
+    "recall": Recall,
+    "recalled": Recalled,
+    "remind": Reminder,
 }
 """The first chunk of every key, and what travels there."""
 
@@ -538,10 +646,22 @@ def decode(key: str, payload: bytes) -> Message:
         raise MessageError(
             f"{key}: must hold its own messages, got one for {message.key}"
         )
-    if isinstance(message, (Fault, Leave)) and not is_part(message.who):
+    named = _named(message)
+    if named is not None and not is_part(named):
         rule = "must be of a part such as cell/3"
-        raise MessageError(f"{key}: {rule}, got {message.who:.40}")
+        raise MessageError(f"{key}: {rule}, got {named:.40}")
     return message
+
+
+def _named(message: Message) -> str | None:
+    """Return the part that a message names in a key of its own."""
+    match message:
+        case Fault(who=who) | Leave(who=who) | Recalled(who=who):
+            return who
+        case Reminder(to=to):
+            return to
+        case _:
+            return None
 
 
 def is_part(who: str) -> bool:
@@ -557,24 +677,28 @@ def topic(key: str) -> str:
     return key.partition("/")[0]
 
 
-COORDINATOR_KEYS = ("observe", "settle/**", "tally/**", "fault/**", "leave/**")
+COORDINATOR_KEYS = (
+    *("observe", "settle/**", "tally/**", "recalled/**"),
+    *("fault/**", "leave/**"),
+)
 """The key expressions a coordinator listens to."""
 
 
 def cell_keys(cell: int | str) -> tuple[str, ...]:
     """Return the key expressions a cell listens to; ``*``: any cell."""
-    told = tuple(f"{topic}/{cell}" for topic in ("wiring", "wave"))
+    told = tuple(f"{topic}/{cell}" for topic in ("wiring", "wave", "recall"))
     pulses = tuple(f"{topic}/{cell}/**" for topic in ("excite", "inhibit"))
-    return ("observe", "wave", *told, *pulses)
+    return ("observe", "wave", "recall", *told, f"remind/cell/{cell}", *pulses)
 
 
 def worker_keys(worker: int | str) -> tuple[str, ...]:
     """Return the key expressions a worker listens to; ``*``: any worker."""
-    return ("observe", f"loom/{worker}", "wave", f"burst/{worker}/**")
+    told = f"loom/{worker}", f"remind/worker/{worker}"
+    return ("observe", *told, "wave", "recall", f"burst/{worker}/**")
 
 
 _BETWEEN = frozenset({"excite", "inhibit", "burst"})
-_OF_MANY = _BETWEEN | {"settle", "tally", "fault", "leave"}
+_OF_MANY = _BETWEEN | {"settle", "tally", "recalled", "fault", "leave"}
 
 
 def said_by(who: str, topic: str) -> str:
@@ -600,6 +724,26 @@ def numbers(name: str, data: bytes) -> tuple[int, ...]:
     if rest:
         raise MessageError(f"{name}: must be four bytes a number, got {len(data)}")
     return struct.unpack(f"<{count}i", data)
+
+
+def joined_rings(rings: Sequence[bytes]) -> bytes:
+    """Return rings of bits as they travel, see `Recall`."""
+    trimmed = [ring.rstrip(b"\0") for ring in rings]
+    size = max(map(len, trimmed), default=0)
+    return b"".join(ring.ljust(size, b"\0") for ring in trimmed)
+
+
+def split_rings(name: str, data: bytes, count: int) -> list[bytes]:
+    """Return the rings of bits in field `name`.
+
+    Raises:
+        MessageError: They are not so many of the same size.
+    """
+    size, rest = divmod(len(data), count) if count else (0, len(data))
+    if rest:
+        rule = f"must hold {count} rings of the same size"
+        raise MessageError(f"{name}: {rule}, got {len(data)} bytes")
+    return [data[place * size : (place + 1) * size] for place in range(count)]
 
 
 def fired(report: CellReport | WorkerReport) -> Naturals:

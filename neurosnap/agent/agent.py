@@ -33,6 +33,7 @@ from neurosnap.agent.policy import (
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.search import answered
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
@@ -321,14 +322,21 @@ class Agent:
         step = (-1 if begins else last.action, self.state)
         observation = self._senses.observe(own, *step)
         known = self._senses.known(sure, *step, self._known)
-        self._memory.observe(
-            last.action, begins, step[1], self._graph(), observation, known
+        surprise = self._memory.observe(
+            last.action,
+            begins,
+            step[1],
+            self._graph(),
+            observation,
+            known,
+            self.snapshot,
         )
+        answered(surprise, self._memory.history)
         state = self.snapshot.observe(observation, known)
         self._known = sure
         self._memory.settle(state)
         action, why = decided(self._policy.decide(tick, state), self._graph().up)
-        changes = self._memory.changes(tick, self._graph(), self.snapshot)
+        changes = self._memory.changes(tick, self._graph())
         self._decision = Decision(tick, action, why, **changes)
         if self._memory.follow(self._decision, self.snapshot):
             self._senses = Senses(self.body)

@@ -15,9 +15,13 @@ from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.growth.sensor_changes import body_after, take_in
 from neurosnap.poc.learning.archive import Archived, Arrays, entry, rows_in
+from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.search import Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.wire import Decision
+
+_NO_HISTORY = History(0, 64)
 
 
 class AgentMemory:
@@ -60,6 +64,11 @@ class AgentMemory:
         }
 
     @property
+    def history(self) -> History:
+        """The last readings of every sensor, where sensors are grown."""
+        return _NO_HISTORY if self._growth is None else self._growth.history
+
+    @property
     def is_empty(self) -> bool:
         """Whether there is nothing to know."""
         return self.experience is None and self._growth is None
@@ -72,7 +81,8 @@ class AgentMemory:
         graph: PocGraph,
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
-    ) -> None:
+        snapshot: Snapshot,
+    ) -> Search[None]:
         """Take in an observation before it is learned.
 
         Args:
@@ -82,12 +92,18 @@ class AgentMemory:
             graph: What is believed.
             observation: ``(N,)``.
             known: ``(N,)``, which of it is known; None: all.
+            snapshot: Weighs what is born.
+
+        Returns:
+            What is to be asked of the history of the readings before `settle`; the
+            observation is in it then.
         """
         if self.experience is not None and action >= 0:
             self.experience.leave(state, begins, action)
-        if self._growth is not None:
-            step = (-1 if begins else action, state)
-            self._growth.notice(*step, graph, observation, known)
+        if self._growth is None:
+            return nothing()
+        step = (-1 if begins else action, state)
+        return self._growth.notice(*step, graph, observation, known, snapshot)
 
     def settle(self, state: NDArray[np.bool_]) -> None:
         """Take in the state of the observation, ``(2N,)``."""
@@ -96,11 +112,9 @@ class AgentMemory:
             if self._growth is not None:
                 self.experience.give_up(self._growth.hopeless)
 
-    def changes(self, tick: int, graph: PocGraph, snapshot: Snapshot) -> dict[str, Any]:
+    def changes(self, tick: int, graph: PocGraph) -> dict[str, Any]:
         """Return by field what a tick's decision says of growth."""
-        if self._growth is None:
-            return {}
-        return self._growth.changes(tick, graph, snapshot)
+        return {} if self._growth is None else self._growth.changes(tick, graph)
 
     def follow(self, decision: Decision, snapshot: Snapshot) -> bool:
         """Let body and snapshot go on as a decision says.

@@ -25,6 +25,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
+from neurosnap.protocol.cell_history import CellHistory
 from neurosnap.protocol.credit import split_evenly
 from neurosnap.protocol.message_checks import (
     RecentReadings,
@@ -88,6 +89,7 @@ class Cell:
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
         # The literal that was on; none where the reading is unknown.
         self._readings = RecentReadings[tuple[int, ...]]()
+        self._history = CellHistory(cell)
         self._bytes = 0  # of every observation; 0: none was received yet
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
@@ -104,6 +106,9 @@ class Cell:
         touched: dict[int, _Wave] = {}  # waves that owe a report
         for message in batch:
             try:
+                if isinstance(message, wire.Recall | wire.Reminder):
+                    self._look_back(message, out)
+                    continue
                 self._check(message)
             except MessageError as error:
                 out.append(wire.Fault(self._who, str(error)))
@@ -119,6 +124,22 @@ class Cell:
                     self._rewire(message, touched, out)
         self._report(touched, out)
         return out
+
+    def _look_back(
+        self, message: wire.Recall | wire.Reminder, out: list[wire.Message]
+    ) -> None:
+        """Answer from the cell's history, or take it over.
+
+        Raises:
+            MessageError: The message cannot be right.
+        """
+        if isinstance(message, wire.Reminder):
+            self._history.take(message)
+        elif message.cell in (-1, self.cell):
+            out += self._history.answer(message)
+        else:
+            got = message.cell
+            raise MessageError(f"recall: must be for this cell, got {got}")
 
     # What cannot be right ------------------------------------------------------------
 
@@ -339,7 +360,9 @@ class Cell:
         byte, bit = divmod(self.cell, 8)
         off = not observation.bits[byte] >> bit & 1
         known = not observation.known or observation.known[byte] >> bit & 1
-        self._readings.keep(observation.tick, (2 * self.cell + off,) if known else ())
+        literals = (2 * self.cell + off,) if known else ()
+        self._readings.keep(observation.tick, literals)
+        self._history.enter(observation.tick, literals)
         for wave in list(self._waves.values()):
             if wave.start is not None and wave.start.tick == observation.tick:
                 self._open(wave, touched, out)

@@ -24,10 +24,12 @@ from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.search import answered
 from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.protocol.anomaly_messages import announcement
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.recall_control import RecallControl
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack
 
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.agent.memory import AgentMemory
     from neurosnap.agent.policy import Closures, Deliberation, Policy
+    from neurosnap.poc.learning.search import Answer, Search
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.protocol.run_options import RunOptions, WiringKind
     from neurosnap.protocol.wave import Wave
@@ -86,6 +89,8 @@ class Coordinator:
         workers: How many workers share the cells; 0: every cell is a part of its own.
         hold: How long to go on judging observations by the order that the first of them
             broke, in ticks; None: not to judge them.
+        recall: Whether cells are asked for what they have read; else it is looked up
+            here, as runs did before.
     """
 
     def __init__(
@@ -100,6 +105,7 @@ class Coordinator:
         repeats: int = 2,
         workers: int = 0,
         hold: int | None = None,
+        recall: bool = True,
     ) -> None:
         self.totals = Totals()
         self.finished = False
@@ -110,6 +116,8 @@ class Coordinator:
         self._ticks = ticks
         self._keyframe_every = keyframe_every
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
+        self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
+        self._recalls = recall
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
@@ -120,6 +128,7 @@ class Coordinator:
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
         self._deliberation: Deliberation  # of the tick under way
+        self._search: Search[None]  # for what to grow, in the tick under way
         self._stopping = False
         self._next_decision = wire.Decision(0, -1, "the run begins")
 
@@ -147,6 +156,7 @@ class Coordinator:
             keyframe_every=options.keyframe_every,
             workers=options.sharing,
             hold=options.hold if options.watch else None,
+            recall=options.recall,
         )
         if frame is not None:
             core._start_at(frame)
@@ -204,8 +214,15 @@ class Coordinator:
 
     @property
     def in_flight(self) -> tuple[int, ...]:
-        """The numbers of the waves that have not settled."""
-        return self._control.in_flight
+        """What has not come to its end: waves by number, a question as its -round."""
+        recall = self._recall.recall
+        asked = () if recall is None else (-recall.round,)
+        return *self._control.in_flight, *asked
+
+    @property
+    def questions(self) -> RecallControl:
+        """What the cells' histories are asked."""
+        return self._recall
 
     def begin(self) -> list[wire.Message]:
         """Open the run, or go on with one from a key-frame: ask for an observation."""
@@ -217,12 +234,12 @@ class Coordinator:
 
         For replays of their recordings.
         """
-        self.recall()
+        self.remember()
         return [*self._control.rewire_whole(), self._next_decision]
 
-    def recall(self) -> None:
+    def remember(self) -> None:
         """Know the wiring again that a key-frame made forget; for such replays."""
-        self._control.recall()
+        self._control.remember()
 
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
@@ -241,6 +258,8 @@ class Coordinator:
                 return self._observe(message)
             case wire.CellReport() | wire.WorkerReport():
                 return self._settle(message)
+            case wire.Recalled():
+                return self._hear(message)
             case wire.Fault():  # anybody's: its own come back to it, too
                 self.totals.faults += 1
                 return []
@@ -250,11 +269,17 @@ class Coordinator:
                 ]
 
     def overdue(self, number: int) -> list[wire.Message]:
-        """Send wave `number` again, since it has not settled within its deadline.
+        """Send again what has not come to its end within its deadline.
+
+        Args:
+            number: As in `in_flight`.
 
         Raises:
-            WaveLostError: It was sent often enough.
+            WaveLostError: A wave was sent often enough.
+            AnswerLostError: A question was.
         """
+        if number < 0:
+            return self._recall.repeat()
         messages = self._control.repeat(number, self._signal)
         if number in self._asked:
             self._asked[self._control.waves] = self._asked.pop(number)
@@ -286,7 +311,9 @@ class Coordinator:
         if self._memory is not None:
             step = self._next_decision.action, observation.begins, self._snapshot.state
             believed = self._snapshot.poc_graph()
-            self._memory.observe(*step, believed, bits, known)
+            self._search = self._memory.observe(
+                *step, believed, bits, known, self._snapshot
+            )
         changed = self._snapshot.learn(bits, known)
         changed, self._regrown = changed or self._regrown, False
         if changed:
@@ -338,10 +365,36 @@ class Coordinator:
         self._snapshot.adopt(state)
         report = self._state(wave, reached, state)
         self._count(report)
-        if self._memory is not None:
-            self._memory.settle(state)
-        self._deliberation = self._policy.decide(wave.tick, state)
-        return [report, *self._deliberate(wave.tick)]
+        return [report, *self._look_back(wave.tick)]
+
+    def _look_back(self, tick: int, answer: Answer | None = None) -> list[wire.Message]:
+        """Let the search for what to grow go on; at its end, let the policy begin."""
+        memory, state = self._memory, self._snapshot.state
+        if memory is not None:
+            try:
+                if not self._recalls:
+                    answered(self._search, memory.history)
+                else:
+                    # None starts it.
+                    question = self._search.send(answer)  # type: ignore[arg-type]
+                    return self._recall.ask(tick, question)
+            except StopIteration:
+                pass
+            memory.settle(state)
+        self._deliberation = self._policy.decide(tick, state)
+        return self._deliberate(tick)
+
+    def _hear(self, message: wire.Recalled) -> list[wire.Message]:
+        """Take in what a part answers from its histories."""
+        if self._memory is None:
+            return [_fault(f"recalled: must be asked, got {message.who:.40}")]
+        try:
+            heard = self._recall.receive(message, self._memory.history)
+        except MessageError as error:
+            return [_fault(str(error))]
+        if isinstance(heard, list):
+            return heard
+        return self._look_back(message.tick, heard)
 
     def _deliberate(
         self, tick: int, answers: Closures | None = None
@@ -397,7 +450,7 @@ class Coordinator:
         memory = self._memory
         if memory is None:
             return wire.Decision(tick, action, why)
-        changes = memory.changes(tick, self._graph, self._snapshot)
+        changes = memory.changes(tick, self._graph)
         decision = wire.Decision(tick, action, why, **changes)
         if memory.follow(decision, self._snapshot):
             self._policy.grow(memory.body)

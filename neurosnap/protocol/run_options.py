@@ -229,6 +229,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     watch: Anomalies = False
     hold: Hold = 0
     deadline: Deadline = 10.0
+    recall: bool = True
+    """Whether cells search their own histories for what to grow. In recordings from
+    before, which do not say so, the coordinator did."""
 
     def __post_init__(self) -> None:
         if 0 < self.split < SMALLEST:

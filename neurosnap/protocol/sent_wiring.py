@@ -38,7 +38,7 @@ class Wires(Protocol):
         """Let the next wiring go to all, and whole, whatever they were told."""
         ...
 
-    def recall(self) -> None:
+    def remember(self) -> None:
         """Take `forget` back, as if it had not been called."""
         ...
 
@@ -130,7 +130,7 @@ class CellWires:
         """Let the next wiring go to all cells, and whole."""
         self.is_forgotten = True
 
-    def recall(self) -> None:
+    def remember(self) -> None:
         """Take `forget` back."""
         self.is_forgotten = False
 

@@ -50,7 +50,7 @@ class WorkerWires:
         """Let the next wiring go to all workers, and whole."""
         self.is_forgotten = True
 
-    def recall(self) -> None:
+    def remember(self) -> None:
         """Take `forget` back."""
         self.is_forgotten = False
 

@@ -28,6 +28,7 @@ from neurosnap.protocol.message_checks import (
     check_room,
     check_start,
 )
+from neurosnap.protocol.part_history import WorkerHistory
 from neurosnap.protocol.worker_edges import WorkerEdges
 from neurosnap.protocol.worker_kernels import (
     Ints,
@@ -84,6 +85,7 @@ class Worker:
         self._wired = True
         # The literals that were on, of the cells whose reading is known.
         self._readings = RecentReadings[Ints]()
+        self._history = WorkerHistory(worker, self._cells)
         self._waves: dict[int, _Wave] = {}
         self._settled_below = 1
         self._announced = 0  # the last wave that was
@@ -124,6 +126,10 @@ class Worker:
                 # What came before it was meant for the wiring before it.
                 self._advance(out)
                 self._rewire(message)
+            case wire.Recall():
+                out += self._history.answer(message)
+            case wire.Reminder():
+                self._history.take(message)
             case _:
                 raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
 
@@ -263,10 +269,13 @@ class Worker:
         if observation.tick in self._readings:
             return
         cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)
+        bits, known = _unpacked(observation.bits), None
+        own = bits[cells] > 0
         if observation.known:
-            cells = cells[_unpacked(observation.known)[cells] > 0]
-        bits = _unpacked(observation.bits)
+            known = _unpacked(observation.known)[cells] > 0
+            cells = cells[known]
         self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
+        self._history.enter(observation.tick, own, known)
 
     def _rewire(self, wiring: wire.WorkerWiring) -> None:
         if wiring.epoch <= self._epoch:

@@ -41,6 +41,15 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
             1, 1, (1,), (0, 1), True, 1, (0,), (0,), (2,), (7.0,), (0.5,), (1,)
         ),
     ),
+    (
+        11,
+        wire.Recall(
+            *(1, 2, 1, (4, 1), b"\1\1", bytes(8), (1, 1), 2),
+            *(b"\1", b"", 0.75, 0.125, 1),
+        ),
+    ),
+    (3, wire.Recalled("cell/1", 1, 2, (), b"\1", bytes(4), bytes(32), b"\3")),
+    (12, wire.Reminder("cell/1", 1, 64, (1,), b"", b"\1")),
     # The world's number 1 is lost, and number 2 is its last word.
     (2, wire.Leave("world")),
 )
@@ -79,7 +88,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 11})
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 13})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

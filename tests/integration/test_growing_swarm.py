@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -21,12 +22,20 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.anomaly_feed import recorded
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
 from tests.support.lamp import lamp_options
+from tests.support.recorded_messages import first
+from tests.support.rewritten_recordings import (
+    changing,
+    flipped,
+    rewritten,
+    write_again,
+)
 from tests.support.run_options import options_for
 
 TICKS = 40
@@ -174,9 +183,9 @@ def test_a_decision_that_cannot_be_right_is_named(
 def test_it_goes_on_as_if_nothing_had_been(
     stop: int, inline: Path, tmp_path: Path
 ) -> None:
-    first, log = tmp_path / "first", tmp_path / "log"
-    made(lamp_options(ticks=stop, cells="inline"), first)
-    _, past = find_resume_point(first)
+    begun, log = tmp_path / "begun", tmp_path / "log"
+    made(lamp_options(ticks=stop, cells="inline"), begun)
+    _, past = find_resume_point(begun)
     whole = lamp_options(ticks=TICKS, cells="inline")
     asyncio.run(run(whole, log, asyncio.Event(), past=past))
     assert course(log) == course(inline)
@@ -201,6 +210,86 @@ def test_it_goes_on_twice_from_the_tick_in_which_a_sensor_was_grown(
     asyncio.run(run(whole, log, asyncio.Event(), past=past))
     assert course(log) == course(inline)
     assert verify(log).same
+
+
+def prefix(log: Path, target: Path, places: int) -> Path:
+    """Write the beginning of a recording, as a crash leaves it."""
+    recording = Recording.open(log)
+    with Writer(target) as writer:
+        writer.start(recording.metadata)
+        for each in list(recording.messages())[:places]:
+            writer.add(each.delivery, each.log_time)
+    return target
+
+
+@pytest.mark.parametrize("kind", [wire.Recall, wire.Recalled])
+@pytest.mark.parametrize("round_", [1, 2])
+def test_cut_in_the_middle_of_a_question_it_goes_on_the_same(
+    kind: type[wire.Recall] | type[wire.Recalled],
+    round_: int,
+    inline: Path,
+    tmp_path: Path,
+) -> None:
+    messages = list(Recording.open(inline).messages())
+    place, _ = first(
+        messages, kind, lambda one: (one.tick, one.round) == (BIRTH, round_)
+    )
+    cut, log = prefix(inline, tmp_path / "cut", place + 1), tmp_path / "log"
+    assert verify(cut).same
+    options, past = find_resume_point(cut)
+    assert past.tick == BIRTH - 1
+    asyncio.run(run(options, log, asyncio.Event(), past=past))
+    assert course(log) == course(inline)
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
+
+
+@pytest.mark.parametrize(
+    ("found", "to"),
+    [
+        (lambda m: m.readings, lambda m: {"readings": flipped(m.readings)}),
+        (lambda m: m.counts, lambda m: {"counts": flipped(m.counts)}),
+        (lambda m: m.counts, lambda m: {"counts": b"", "lacks": (cell_of(m),)}),
+    ],
+    ids=["readings", "counts", "lacks"],
+)
+def test_an_answer_that_was_changed_is_found(
+    found: Callable[[wire.Recalled], bool],
+    to: Callable[[wire.Recalled], dict[str, object]],
+    inline: Path,
+    tmp_path: Path,
+) -> None:
+    change = changing(wire.Recalled, lambda m: m.tick == BIRTH and bool(found(m)), to)
+    verdict = verify(rewritten(inline, tmp_path / "log", change))
+    assert not verdict.same
+    assert str(verdict.difference).startswith(f"tick {BIRTH}: /re")
+
+
+def cell_of(answer: wire.Recalled) -> int:
+    return int(answer.who.rpartition("/")[2])
+
+
+def test_a_run_from_before_cells_were_asked_is_derived_as_it_was(
+    inline: Path, tmp_path: Path
+) -> None:
+    log, older = tmp_path / "log", tmp_path / "older"
+    options = lamp_options(ticks=TICKS, cells="inline")
+    made(msgspec.structs.replace(options, recall=False), log)
+    assert not list(Recording.open(log).messages(("recall", "recalled", "remind")))
+    assert course(log) == course(inline)
+    recording = Recording.open(log)
+    said = msgspec.json.decode(recording.metadata["options"])
+    del said["recall"]
+    recording.metadata["options"] = msgspec.json.encode(said).decode()
+    write_again(recording, older, recording.messages())
+    verdict = verify(older)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
+
+
+def test_a_reader_may_begin_anywhere(inline: Path) -> None:
+    for tick in (10, 20, 30):
+        verdict = verify(inline, tick)
+        assert (verdict.same, verdict.start, verdict.ticks) == (True, tick, 40 - tick)
 
 
 @pytest.mark.zenoh

@@ -45,7 +45,14 @@ KEYS: dict[str, list[str]] = {
     "wave/2": ["cell/2"],
     "excite/0/cell/1": ["cell/0"],
     "inhibit/3/cell/1": ["cell/3"],
-    **{topic: ["coordinator"] for topic in ("settle", "tally", "fault", "leave")},
+    "recall": CELLS,
+    "recall/2": ["cell/2"],
+    "remind/cell/2": ["cell/2"],
+    **{
+        topic: ["coordinator"]
+        for topic in ("settle", "tally", "recalled", "fault", "leave")
+    },
+    "recalled/cell/1": ["coordinator"],
     "settle/cell/1": ["coordinator"],
     "tally/worker/0": ["coordinator"],
     "fault/cell/1": ["coordinator"],

@@ -42,12 +42,17 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 # What the table allows and this run need not do: nothing goes wrong, no sensor looks
-# back at a state, none is read outside, and no cells share a worker.
+# back at a state, none is read outside or grown, and no cells share a worker.
 UNSAID = {
-    "coordinator": {"fault", "loom", "anomaly"},
-    **{role: {"fault"} for role in ("world", "cell", "recorder")},
+    "coordinator": {"fault", "loom", "anomaly", "recall", "remind"},
+    "cell": {"fault", "recalled"},
+    **{role: {"fault"} for role in ("world", "recorder")},
 }
-UNHEARD = {"coordinator": {"tally"}, "world": {"state", "reading"}}
+UNHEARD = {
+    "coordinator": {"tally", "recalled"},
+    "cell": {"recall", "remind"},
+    "world": {"state", "reading"},
+}
 
 
 async def test_a_swarm_runs_and_does_what_the_table_says(

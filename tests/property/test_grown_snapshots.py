@@ -1,5 +1,7 @@
 """A grown sensor has the weights it would have had, had it always been there."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,9 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.newborn import Newborn
+from neurosnap.poc.learning.rings import conjunction
+from neurosnap.poc.learning.search import answered
 from neurosnap.sensorium import Sensorium
 
 Bits = NDArray[np.bool_]
@@ -69,6 +74,21 @@ def walks(draw: st.DrawFn) -> tuple[Bits, Bits, Members, int]:
     return bits, known, (now, last), draw(st.integers(1, ticks))
 
 
+def newborn_of(
+    snapshot: Snapshot,
+    history: History,
+    members: Members,
+    unread: Sequence[int] = (),
+) -> Newborn:
+    """Return what a history makes of the conjunction of some literals."""
+    sensor = len(snapshot.sensorium) - 1
+    read = {literal: history.ticks_of(literal) for literal in range(2 * sensor)}
+    rings = conjunction(read, *members, history.tick)
+    history.put(sensor, *rings)
+    search = snapshot.newborn(sensor, history.ticks, *rings, unread)
+    return answered(search, history)
+
+
 @pytest.mark.parametrize("kind", ["empirical", "discounted"])
 @given(walks())
 def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
@@ -92,8 +112,7 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
         if tick >= began:
             always.observe(*more)
         if tick + 1 == birth:
-            history.grow(count, *members)
-            newborn = grown.newborn(count, history)
+            newborn = newborn_of(grown, history, members)
             grown.grow(count, "new", newborn, None)
     assert grown.sensorium == always.sensorium
     if began:  # Of the others it knows more than that.
@@ -127,8 +146,7 @@ def test_what_was_there_is_as_it_was(
     before = Snapshot.from_bytes(snapshot.to_bytes())
     old = range(2 * count)
     pairs = [(a, b) for a in old for b in old if a >> 1 != b >> 1]
-    history.grow(count, *members)
-    snapshot.grow(count, "new", snapshot.newborn(count, history), reads)
+    snapshot.grow(count, "new", newborn_of(snapshot, history, members), reads)
     assert snapshot.state[-2:].tolist() == [reads is True, reads is False]
     assert snapshot.sensorium.names[-1] == "new"
     for a, b in pairs:
@@ -157,14 +175,14 @@ def test_what_is_not_read_any_more_stays_out_of_the_order(kind: str) -> None:
         snapshot.observe(bits, known)
         history.enter(bits, known)
     snapshot.silence(2)
-    history.grow(3, (0, 2))
-    snapshot.grow(3, "new", snapshot.newborn(3, history, [2]), None)
+    members = (0, 2), ()
+    snapshot.grow(3, "new", newborn_of(snapshot, history, members, [2]), None)
     edges = snapshot.poc_graph().edges
     assert not edges[4:6].any()
     assert not edges[:, 4:6].any()
     assert edges[6, 0]
     # Else what it read once would tell of it.
-    assert snapshot.newborn(3, history).codes[2]
+    assert newborn_of(snapshot, history, members).codes[2]
     assert snapshot.weight(4, 6) == snapshot.weight(5, 7)
 
 
@@ -184,18 +202,19 @@ def test_a_history_keeps_the_last_ticks_in_order() -> None:
 
 def test_what_cannot_be_grown_is_refused() -> None:
     snapshot, history = EmpiricalSnapshot(3, 0.1), History(3)
-    newborn = snapshot.newborn(2, history)
+    newborn = newborn_of(snapshot, history, ((0,), ()))
+    nothing = history.ticks, history.on[:, 0], history.off[:, 0]
     with pytest.raises(InvalidValueError, match="must be unique"):
         snapshot.grow(2, "s0", newborn, None)
     with pytest.raises(ShapeError, match="newborn: must be of 1 pairs, got"):
         snapshot.grow(1, "new", newborn, None)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
-        snapshot.newborn(3, history)
+        answered(snapshot.newborn(3, *nothing), history)
     with pytest.raises(ShapeError, match="history: must be of 3 sensors, got 4"):
-        snapshot.newborn(2, History(4))
+        History(4).check(3)
     each = EmpiricalSnapshot(3, np.full((3, 3), 0.1))
     with pytest.raises(InvalidValueError, match="must be one number where sensors"):
-        each.newborn(2, history)
+        answered(each.newborn(2, *nothing), history)
     with pytest.raises(InvalidValueError, match="history: must be a multiple of 64"):
         History(2, 100)
     assert snapshot.sensorium.names == ("s0", "s1", "s2")

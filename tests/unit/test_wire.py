@@ -21,7 +21,9 @@ def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
         case kinds.IntType():
             return st.integers(kind.ge, kind.le)
         case kinds.FloatType():
-            return st.floats(allow_nan=False, allow_infinity=False)
+            if kind.ge is None:
+                return st.floats(allow_nan=False, allow_infinity=False)
+            return st.floats(kind.ge, kind.le or kind.lt, exclude_max=kind.le is None)
         case kinds.VarTupleType():
             return st.lists(values(kind.item_type), max_size=5).map(tuple)
         case kinds.LiteralType():
@@ -36,13 +38,20 @@ def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
             raise NotImplementedError(kind)
 
 
+def values_of(info: kinds.StructType, name: str) -> kinds.Type:
+    """Return the type of a field."""
+    return next(field.type for field in info.fields if field.name == name)
+
+
 def structs(kind: type[wire.Message]) -> st.SearchStrategy[wire.Message]:
     """Draw messages of one kind, all fields given."""
     info = kinds.type_info(kind)
     assert isinstance(info, kinds.StructType)
     fields = {f.name: values(f.type) for f in info.fields}
-    if "who" in fields:
-        fields["who"] = st.from_regex(r"[a-z]{1,20}(/[a-z0-9]{1,20})?", fullmatch=True)
+    for name in fields.keys() & {"who", "to"}:
+        if isinstance(values_of(info, name), kinds.StrType):
+            part = r"[a-z]{1,20}(/[a-z0-9]{1,20})?"
+            fields[name] = st.from_regex(part, fullmatch=True)
     return st.builds(kind, **fields)
 
 
@@ -190,7 +199,7 @@ def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
             assert message.sender == f"cell/{message.cell}"
         case wire.PulseBatch() | wire.WorkerReport():
             assert message.sender == f"worker/{message.worker}"
-        case wire.Fault() | wire.Leave():
+        case wire.Fault() | wire.Leave() | wire.Recalled():
             assert message.sender == message.who
         case _:
             assert message.sender == "coordinator"
@@ -205,6 +214,9 @@ def test_a_cell_listens_to_what_is_for_it_and_to_nothing_else() -> None:
         wire.WaveStart(2, 0, "signal", 0, 1, fence=1, cell=3),
         wire.Pulse(1, 0, 6, 1, 0),
         wire.Pulse(1, 0, 7, 1, 0),
+        wire.Recall(1, 1),
+        wire.Recall(1, 1, cell=3),
+        wire.Reminder("cell/3", 1, 64, (3,), b"", b""),
     ]
     for message in for_it:
         assert any(matches(key, message.key) for key in keys)
@@ -223,6 +235,8 @@ def test_a_worker_listens_to_what_is_for_it_and_to_nothing_else() -> None:
         wire.WorkerWiring(1, 1, 0),
         wire.WaveStart(1, 0, "signal", 0, 1),
         wire.PulseBatch(1, 0, 1, 0, b"", b"", b"", b""),
+        wire.Recall(1, 1),
+        wire.Reminder("worker/1", 1, 64, (3,), b"", b""),
     ]
     for message in for_it:
         assert any(matches(key, message.key) for key in keys)

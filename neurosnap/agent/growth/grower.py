@@ -17,9 +17,9 @@ References:
     where that tells outcomes apart is McCallum's (1996) utile suffix memory, one deep.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body, Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
-from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.rings import following, preceding
+from neurosnap.poc.learning.search import Count, Numbers, Question, Search, together
 from neurosnap.poc.order.literals import Words
 
 ROOM: Final = 120
@@ -116,9 +117,12 @@ class Grower:
         closure: NDArray[np.bool_],
         bits: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
-        history: History,
-    ) -> Context | None:
+        ticks: int,
+    ) -> Search[Context | None]:
         """Take in what an action led to, and return the sensor to grow now, if any.
+
+        The history that is asked must have the observation after it. Nothing is asked
+        where all that came was guaranteed.
 
         Args:
             action: The one taken.
@@ -126,7 +130,7 @@ class Grower:
             closure: ``(2N,)``, of what it switched on, by what was believed before.
             bits: ``(n,)``, what the world's own sensors read after it.
             known: ``(n,)``, which of that is known; None: all.
-            history: With the observation after it. O(missed N W) time.
+            ticks: How many the history was shown so far.
         """
         came = np.zeros(2 * self._own, np.bool_)
         came[::2], came[1::2] = bits, ~bits
@@ -135,8 +139,17 @@ class Grower:
         above = closure[: 2 * self._own]
         guaranteed = above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)
         self._try(action, state, came, guaranteed)
-        for result in np.flatnonzero(came & ~guaranteed).tolist():
-            self._explain(action, state, result, history)
+        missed = np.flatnonzero(came & ~guaranteed).tolist()
+        results = [one for one in missed if self._is_due(action, state, one)]
+        if results:
+            taken = 2 * (self._own + action)
+            asked = taken, *(result ^ 1 for result in results)
+            read = (yield Question(readings=asked)).readings
+            against = [read[taken] & read[result ^ 1] for result in results]
+            searches = [self._cover(action, state, one, ticks) for one in against]
+            covers = yield from together(searches)
+            for result, found in zip(results, covers, strict=True):
+                self._put_on_trial(action, result, found)
         return self._birth()
 
     def _try(
@@ -184,24 +197,28 @@ class Grower:
         """Tell anew what is left to chance; an array that was given out stays."""
         self._hopeless = self._lost >= HOPELESS * (1 + self._won)
 
-    def _explain(
-        self, action: int, state: NDArray[np.bool_], result: int, history: History
-    ) -> None:
-        """Look for a cover of what was not guaranteed, unless one is under trial."""
+    def _is_due(self, action: int, state: NDArray[np.bool_], result: int) -> bool:
+        """Tell whether to look for a cover of what was not guaranteed."""
         trials = self._trials.setdefault((action, result), [])
         under_way = (*trials, *(one for one in self._ready if one.result == result))
         if any(
             one.action == action and state[list(one.literals)].all()
             for one in under_way
         ):
-            return
+            return False
         if self._wait[action, result]:
             self._wait[action, result] -= 1
-            return
-        literals = self._cover(action, state, result, history)
+            return False
+        return True
+
+    def _put_on_trial(
+        self, action: int, result: int, literals: tuple[int, ...] | None
+    ) -> None:
+        """Take in the cover that was found; None: there is none."""
         if literals is None:
             self._fail(action, result)
         elif self._is_news(action, literals):
+            trials = self._trials[action, result]
             trials.append(_Candidate(action, literals, result))
 
     def _is_news(self, action: int, literals: tuple[int, ...]) -> bool:
@@ -210,23 +227,20 @@ class Grower:
         return not single and (action, literals) not in self._grown
 
     def _cover(
-        self, action: int, state: NDArray[np.bool_], result: int, history: History
-    ) -> tuple[int, ...] | None:
-        """Return literals of the state that held together at no counterexample.
+        self, action: int, state: NDArray[np.bool_], against: Words, ticks: int
+    ) -> Search[tuple[int, ...] | None]:
+        """Look for literals of the state that held together at no counterexample.
 
         None: there are none, or too many.
         """
-        taken = history.on[:, self._own + action]
-        against = taken & history.ticks_of(result ^ 1)
         literals, sensors = self._contexts[action]
         here = state[literals]
-        literals, rings = literals[here], history.on[:, sensors[here]]
-        found = _cover(against, literals, rings)
+        now = Candidates(literals[here], 2 * sensors[here])
+        found = yield from cover(against, [now], ticks)
         if found is None:
-            last = self._last[state[2 * self._last]]
-            before = taken[:, np.newaxis] & history.after(history.on[:, last])
-            rings = np.concatenate((rings, before), axis=1)
-            found = _cover(against, np.concatenate((literals, 2 * last)), rings)
+            last = 2 * self._last[state[2 * self._last]]
+            both = now, Candidates(last, last, before=True)
+            found = yield from cover(against, both, ticks)
         return found
 
     def _birth(self) -> Context | None:
@@ -310,33 +324,55 @@ class Grower:
             self._trials.setdefault((trial.action, trial.result), []).append(trial)
 
 
-def _cover(
-    against: Words, literals: NDArray[np.intp], rings: Words
-) -> tuple[int, ...] | None:
-    """Return literals that held together at no tick of a set, greedily.
+class Candidates(NamedTuple):
+    """Literals that may be in a cover."""
+
+    literals: Numbers
+    """``(n,)``."""
+    rings: Numbers
+    """``(n,)``: for each the literal that was read at a tick iff it held there."""
+    before: bool = False
+    """It held at a tick iff that was read at the one before."""
+
+
+def cover(
+    against: Words, several: Sequence[Candidates], ticks: int
+) -> Search[tuple[int, ...] | None]:
+    """Look for literals that held together at no tick of a set, greedily.
 
     Args:
         against: ``(W,)``, the ticks.
-        literals: ``(n,)``, those to choose from.
-        rings: ``(W, n)``, the ticks at which each held.
+        several: Those to choose from.
+        ticks: How many the history was shown so far.
 
     Returns:
-        Ascending, none of them superfluous; None: there are none, or too many. O(n W)
-        time for each that is chosen.
+        Ascending, none of them superfluous; None: there are none, or too many. For each
+        that is chosen it asks for a count of all, and for the ring of the chosen one.
     """
-    chosen: list[int] = []
+    literals = np.concatenate([one.literals for one in several])
+    rings = np.concatenate([one.rings for one in several])
+    before = np.repeat(
+        [one.before for one in several], [len(one.rings) for one in several]
+    )
+    chosen: dict[int, Words] = {}
     left = against
     while left.any():
         if len(chosen) == LONGEST or not len(literals):
             return None
-        remain = np.bitwise_count(left[:, np.newaxis] & rings).sum(axis=0)
+        counts = tuple(
+            Count(preceding(left, ticks) if one.before else left, one.rings)
+            for one in several
+        )
+        remain = np.concatenate((yield Question(counts=counts)).counts)
         best = int(remain.argmin())
         if remain[best] == np.bitwise_count(left).sum():
             return None
-        chosen.append(best)
-        left = left & rings[:, best]
-    for place in chosen.copy():
-        rest = [other for other in chosen if other != place]
-        if not (against & np.bitwise_and.reduce(rings[:, rest], axis=1)).any():
-            chosen = rest
-    return tuple(sorted(literals[chosen].tolist()))
+        ring = rings[best].item()
+        read = (yield Question(readings=(ring,))).readings[ring]
+        chosen[best] = following(read, ticks) if before[best] else read
+        left = left & chosen[best]
+    for place in tuple(chosen):
+        rest = [one for other, one in chosen.items() if other != place]
+        if rest and not (against & np.bitwise_and.reduce(rest)).any():
+            del chosen[place]
+    return tuple(sorted(literals[list(chosen)].tolist()))

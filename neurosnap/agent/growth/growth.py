@@ -15,6 +15,8 @@ from neurosnap.agent.growth.grower import Grower
 from neurosnap.agent.growth.sensor_changes import said_of
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.history import LENGTH, History
+from neurosnap.poc.learning.rings import conjunction
+from neurosnap.poc.learning.search import Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 
@@ -28,6 +30,9 @@ class Growth:
         body: What is sensed and done, with room for what is grown.
         length: Ticks of the history.
 
+    Attributes:
+        history: The last readings of every sensor.
+
     Raises:
         InvalidValueError: As for `Grower`.
     """
@@ -35,13 +40,12 @@ class Growth:
     def __init__(self, body: Body, length: int = LENGTH) -> None:
         self._grower = Grower(body) if body.finds else None
         self._scripted = {context for _, context in body.scripted}
-        self._history = History(len(body.sensors), length)
+        self.history = History(len(body.sensors), length)
         self._own = len(body.own)
         self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
         self._body, self._actions = body, Actions(body)
         self._awaited = body.awaited
-        self._due: Context | None = None
-        self._chance: tuple[int, ...] = ()
+        self._said: dict[str, Any] = {}  # in the decision of the tick under way
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
@@ -63,7 +67,8 @@ class Growth:
         graph: PocGraph,
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
-    ) -> None:
+        snapshot: Snapshot,
+    ) -> Search[None]:
         """Take in an observation before it is learned.
 
         Args:
@@ -72,22 +77,58 @@ class Growth:
             graph: What is believed.
             observation: ``(N,)``.
             known: ``(N,)``, which of it is known; None: all.
+            snapshot: Weighs what is born.
+
+        Returns:
+            What is to be asked of the history; the observation is in it then.
         """
-        self._history.enter(observation, known)
-        self._due, self._chance = None, ()
+        self.history.enter(observation, known)
+        self._said = {}
         if action < 0 or self._grower is None:
-            return
-        before = self.hopeless[action]
+            return self._bear(None, snapshot)
         closure = graph.up(self._actions.signal(action, state))
         own = None if known is None else known[: self._own]
         bits = observation[: self._own]
-        self._due = self._grower.notice(
-            action, state, closure, bits, own, self._history
+        surprise = self._grower.notice(
+            action, state, closure, bits, own, self.history.tick
         )
-        given_up = self.hopeless[action] & ~before
-        self._chance = tuple(np.flatnonzero(given_up).tolist())
+        return self._explain(action, surprise, snapshot)
 
-    def changes(self, tick: int, graph: PocGraph, snapshot: Snapshot) -> dict[str, Any]:
+    def _explain(
+        self, action: int, surprise: Search[Context | None], snapshot: Snapshot
+    ) -> Search[None]:
+        """Let a search go on; prepare what the decision says of what it finds."""
+        before = self.hopeless[action]
+        due = yield from surprise
+        if (given_up := self.hopeless[action] & ~before).any():
+            self._said["chance"] = tuple(np.flatnonzero(given_up).tolist())
+        yield from self._bear(due, snapshot)
+
+    def _bear(self, due: Context | None, snapshot: Snapshot) -> Search[None]:
+        """Find out what a sensor would have read, and what its weights would be.
+
+        Args:
+            due: Its context; None: that of the scripted one whose tick it is, if any.
+            snapshot: Weighs it.
+        """
+        if due is None and self._awaited and self._awaited[0][0] <= self.history.tick:
+            due = self._awaited[0][1]
+        if due is None:
+            return
+        body, (action, literals) = self._body, due
+        sensor, now = body.first_grown + len(body.grown), body.members(due)
+        _, before = body.split(literals)
+        asked = dict.fromkeys(b for a in (*now, *before) for b in (a, a ^ 1))
+        read = (yield Question(readings=tuple(asked))).readings
+        on, off = conjunction(read, now, before, self.history.tick)
+        self.history.put(sensor, on, off)
+        ticks = self.history.ticks
+        unread = [body.first_grown + place for place in body.retired]
+        newborn = yield from snapshot.newborn(sensor, ticks, on, off, unread)
+        self._said |= {"born": sensor, "context": action, "literals": literals}
+        self._said |= said_of(newborn, snapshot)
+
+    def changes(self, tick: int, graph: PocGraph) -> dict[str, Any]:
         """Return by field what a tick's decision says of growth.
 
         One sensor comes at a tick at most, or one goes.
@@ -95,26 +136,12 @@ class Growth:
         Args:
             tick: The tick.
             graph: What is believed.
-            snapshot: What was learned.
         """
-        body, due, changes = self._body, self._due, dict[str, Any]()
-        if self._chance:
-            changes["chance"] = self._chance
-        if due is None and self._awaited and self._awaited[0][0] <= tick:
-            due = self._awaited[0][1]
-        if due is not None:
-            action, literals = due
-            sensor = body.first_grown + len(body.grown)
-            _, before = body.split(literals)
-            self._history.grow(sensor, body.members(due), before)
-            unread = [body.first_grown + place for place in body.retired]
-            newborn = snapshot.newborn(sensor, self._history, unread)
-            said = said_of(newborn, snapshot)
-            born = {"born": sensor, "context": action, "literals": literals}
-            return changes | born | said
-        place = self._needless(tick, graph)
-        if place is not None:
-            changes["retires"] = body.first_grown + place
+        changes = self._said
+        if "born" not in changes:
+            place = self._needless(tick, graph)
+            if place is not None:
+                return changes | {"retires": self._body.first_grown + place}
         return changes
 
     def _needless(self, tick: int, graph: PocGraph) -> int | None:
@@ -150,7 +177,7 @@ class Growth:
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
         found = {} if self._grower is None else self._grower.arrays()
-        return self._history.arrays() | found
+        return self.history.arrays() | found
 
     def restore(self, arrays: Arrays) -> None:
         """Be as the arrays say.
@@ -158,7 +185,7 @@ class Growth:
         Raises:
             ValueError: They make no sense.
         """
-        self._history = History.from_arrays(arrays)
-        self._history.check(len(self._body.sensors))
+        self.history = History.from_arrays(arrays)
+        self.history.check(len(self._body.sensors))
         if self._grower is not None:
             self._grower.restore(self._body, arrays)

@@ -57,7 +57,7 @@ RIGHTS: dict[Role, Rights] = {
     "coordinator": Rights(
         publishes=(
             *("wiring", "loom", "wave", "state", "reach", "decide"),
-            *("keyframe", "anomaly", "fault", "leave"),
+            *("recall", "remind", "keyframe", "anomaly", "fault", "leave"),
         ),
         reads=_topics(wire.COORDINATOR_KEYS),
         announces=True,
@@ -71,12 +71,12 @@ RIGHTS: dict[Role, Rights] = {
     ),
     "recorder": Rights(publishes=("fault",), reads=ALL, announces=True, watches=True),
     "cell": Rights(
-        publishes=("excite", "inhibit", "settle", "fault", "leave"),
+        publishes=("excite", "inhibit", "settle", "recalled", "fault", "leave"),
         reads=_topics(wire.cell_keys("*")),
         announces=True,
     ),
     "worker": Rights(
-        publishes=("burst", "tally", "fault", "leave"),
+        publishes=("burst", "tally", "recalled", "fault", "leave"),
         reads=_topics(wire.worker_keys("*")),
         announces=True,
     ),

@@ -8,15 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.pair_codes import excluded, rows_of
+from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
-from neurosnap.poc.learning.update_kernels_partial import (
-    discount_newborn,
-    discount_squares,
-)
+from neurosnap.poc.learning.update_kernels_partial import discount_squares
 from neurosnap.poc.learning.weight_store import Weights
+from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium
 
 _ROUNDING = 1e-9
@@ -104,23 +102,14 @@ class DiscountedSnapshot(Snapshot):
         )
 
     def _newborn(
-        self, sensor: int, history: History
-    ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-        squares, codes = np.full((4, sensor), 0.25), np.zeros(sensor, np.uint8)
-        on = history.unrolled(history.on[:, : sensor + 1]).astype(np.uint8)
-        off = history.unrolled(history.off[:, : sensor + 1]).astype(np.uint8)
-        known = on | off
-        discount_newborn(
-            on[:, sensor].copy(),
-            known[:, sensor].copy(),
-            np.ascontiguousarray(on[:, :sensor]),
-            np.ascontiguousarray(known[:, :sensor]),
-            squares,
-            self._decay,
-            self._by_pair[0],
-            codes,
-        )
-        return squares, codes
+        self, sensor: int, ticks: int, on: Words, off: Words
+    ) -> Search[tuple[NDArray[np.float64], NDArray[np.uint8]]]:
+        share = self._by_pair[0].item()
+        weighing = Weighing(on, off, sensor, self._decay, share)
+        weighed = (yield Question(weighing=weighing)).weighed
+        if weighed is None:
+            raise TypeError("history: must weigh what it is asked to")
+        return weighed
 
     def _total(self) -> float:
         return 1.0

@@ -7,11 +7,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays
-from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
 from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.learning.weight_store import Weights
+from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium
 
 
@@ -86,16 +87,16 @@ class EmpiricalSnapshot(Snapshot):
         )
 
     def _newborn(
-        self, sensor: int, history: History
-    ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-        mine = history.on[:, [sensor]], history.off[:, [sensor]]
-        theirs = history.on[:, :sensor], history.off[:, :sensor]
-        squares = np.array(
-            [np.bitwise_count(x & y).sum(axis=0) for x in mine for y in theirs],
-            np.uint32,
+        self, sensor: int, ticks: int, on: Words, off: Words
+    ) -> Search[tuple[NDArray[np.uint32], NDArray[np.uint8]]]:
+        literals = np.arange(2 * sensor)
+        question = Question(counts=(Count(on, literals), Count(off, literals)))
+        counts = np.array((yield question).counts, np.uint32)
+        squares = np.ascontiguousarray(
+            counts.reshape(2, sensor, 2).swapaxes(1, 2).reshape(4, sensor)
         )
         codes = np.zeros(sensor, np.uint8)
-        count_newborn(squares, history.ticks, self._by_pair[0], codes)
+        count_newborn(squares, ticks, self._by_pair[0], codes)
         return squares, codes
 
     def _total(self) -> int:

@@ -4,38 +4,26 @@ A sensor that is grown later is a function of what was read before. With the his
 weights can start as if it had been there as long as the history goes back.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.one_pair import LENGTH as LENGTH
+from neurosnap.poc.learning.search import Answer, Count, Question, Weighed, Weighing
+from neurosnap.poc.learning.update_kernels_partial import discount_newborn
 from neurosnap.poc.order.literals import Words
 
-LENGTH = 8192
-"""Ticks kept unless told otherwise: 2 kB a sensor."""
 _ONE = np.uint64(1)
-
-
-class Newborn(NamedTuple):
-    """What is known of a sensor that is grown, of its pairs with those before it."""
-
-    ticks: int
-    """How long the history is."""
-    squares: NDArray[Any]
-    """``(4, sensor)``: the weights ``w_ij, w_ij*, w_i*j, w_i*j*``, itself first."""
-    codes: NDArray[np.uint8]
-    """``(sensor,)``: what follows from them; see `neurosnap.poc.learning.pair_codes`.
-    """
 
 
 class History:
     """A ring of observations: which sensors read on, and which read off.
 
-    Tick ``t``, counted from 0, is bit ``t % 64`` of word ``t // 64 % W``. A reading
-    that was unknown is in neither.
+    They are rings as in `neurosnap.poc.learning.rings`. A reading that was unknown is
+    in neither.
 
     Args:
         sensors: How many there are.
@@ -44,6 +32,7 @@ class History:
     Attributes:
         on: ``(W, N)``: the ticks at which each sensor read on.
         off: ``(W, N)``: at which it read off.
+        tick: The last tick it holds, counted from 1; 0: none.
 
     Raises:
         InvalidValueError: `length` is no multiple of 64 from 64 up.
@@ -55,7 +44,7 @@ class History:
             raise InvalidValueError("history", rule, length)
         self.on: Words = np.zeros((length // 64, sensors), np.uint64)
         self.off = self.on.copy()
-        self._next = 0
+        self.tick = 0
 
     @property
     def length(self) -> int:
@@ -65,7 +54,7 @@ class History:
     @property
     def ticks(self) -> int:
         """How many ticks it holds."""
-        return min(self._next, self.length)
+        return min(self.tick, self.length)
 
     def enter(
         self, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None = None
@@ -76,7 +65,7 @@ class History:
             bits: ``(N,)``.
             known: ``(N,)``; None: all.
         """
-        word, place = self._next // 64 % len(self.on), np.uint64(self._next % 64)
+        word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
         off = ~bits
         if known is not None:
             bits, off = bits & known, off & known
@@ -84,47 +73,63 @@ class History:
             row = ring[word]
             row &= ~(_ONE << place)
             row |= flags.astype(np.uint64) << place
-        self._next += 1
+        self.tick += 1
 
     def ticks_of(self, literal: int) -> Words:
         """Return ``(W,)``, the ticks at which `literal` was read."""
         return (self.off if literal & 1 else self.on)[:, literal >> 1]
 
-    def after(self, ring: Words) -> Words:
-        """Return the ticks that follow ticks of a ring.
+    def answer(self, question: Question) -> Answer:
+        """Answer a question.
 
-        Args:
-            ring: ``(W, n)``.
-
-        Returns:
-            ``(W, n)``. The oldest tick that is kept follows one that is not known.
+        Takes O(W n) time for ``n`` literals counted; for sensors weighed one compiled
+        step a tick.
         """
-        carried = np.roll(ring >> np.uint64(63), 1, axis=0)
-        later: Words = (ring << _ONE) | carried
-        oldest = self._next % self.length
-        later[oldest // 64] &= ~(_ONE << np.uint64(oldest % 64))
-        return later
+        weighing = question.weighing
+        return Answer(
+            {literal: self.ticks_of(literal) for literal in question.readings},
+            tuple(self._counted(count) for count in question.counts),
+            None if weighing is None else self._weighed(weighing),
+        )
 
-    def grow(
-        self, sensor: int, literals: Sequence[int], before: Sequence[int] = ()
-    ) -> None:
-        """Let a sensor have read what one does that is on iff all of some literals are.
+    def _counted(self, count: Count) -> NDArray[Any]:
+        sensors, off = count.literals >> 1, (count.literals & 1).astype(np.bool_)
+        rings = self.on[:, sensors]
+        if off.any():
+            rings[:, off] = self.off[:, sensors[off]]
+        rings &= count.within[:, np.newaxis]
+        counted: NDArray[Any] = np.bitwise_count(rings).sum(axis=0)
+        return counted
 
-        It has read on when all of them were read, and off when the complement of one
-        was.
+    def _weighed(self, weighing: Weighing) -> Weighed:
+        sensors = weighing.sensors
+        squares, codes = np.full((4, sensors), 0.25), np.zeros(sensors, np.uint8)
+        mine = np.stack((weighing.on, weighing.off), axis=1)
+        readings, read_off = self.unrolled(mine).astype(np.uint8).T
+        on = self.unrolled(self.on[:, :sensors]).astype(np.uint8)
+        off = self.unrolled(self.off[:, :sensors]).astype(np.uint8)
+        discount_newborn(
+            readings.copy(),
+            readings | read_off,
+            np.ascontiguousarray(on),
+            np.ascontiguousarray(on | off),
+            squares,
+            weighing.decay,
+            weighing.share,
+            codes,
+        )
+        return Weighed(squares, codes)
 
-        Args:
-            sensor: Its number.
-            literals: Those of the same tick.
-            before: Those of the tick before.
-        """
-        tick, last = list(literals), list(before)
-        members = [self.ticks_of(a) for a in tick]
-        complements = [self.ticks_of(a ^ 1) for a in tick]
-        members += [self.after(self.ticks_of(a)) for a in last]
-        complements += [self.after(self.ticks_of(a ^ 1)) for a in last]
-        self.on[:, sensor] = np.bitwise_and.reduce(members)
-        self.off[:, sensor] = np.bitwise_or.reduce(complements)
+    def part(self, sensors: slice) -> "History":
+        """Return the history of some sensors; a view of this one's rings."""
+        part = History(0, self.length)
+        part.on, part.off = self.on[:, sensors], self.off[:, sensors]
+        part.tick = self.tick
+        return part
+
+    def put(self, sensor: int, on: Words, off: Words) -> None:
+        """Let a sensor have read on and off at the ticks given, ``(W,)`` each."""
+        self.on[:, sensor], self.off[:, sensor] = on, off
 
     def unrolled(self, ring: Words) -> NDArray[np.bool_]:
         """Return bits of a ring in the order of time.
@@ -137,12 +142,12 @@ class History:
         """
         octets = np.ascontiguousarray(ring.T).astype("<u8").view(np.uint8)
         flat = np.unpackbits(octets, axis=1, bitorder="little").T
-        first = self._next % self.length if self._next > self.length else 0
+        first = self.tick % self.length if self.tick > self.length else 0
         return np.roll(flat, -first, axis=0)[: self.ticks].astype(np.bool_)
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
-        return {"on": self.on, "off": self.off, "next": np.array(self._next, np.int64)}
+        return {"on": self.on, "off": self.off, "next": np.array(self.tick, np.int64)}
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> Self:
@@ -158,8 +163,8 @@ class History:
         history = cls(sensors, 64 * words)
         history.on[:] = entry(arrays, "on", (words, sensors), np.uint64)
         history.off[:] = entry(arrays, "off", (words, sensors), np.uint64)
-        history._next = entry(arrays, "next", (), np.int64).item()
-        if history._next < 0 or (history.on & history.off).any():
+        history.tick = entry(arrays, "next", (), np.int64).item()
+        if history.tick < 0 or (history.on & history.off).any():
             raise ValueError("on, off: must exclude each other")
         return history
 

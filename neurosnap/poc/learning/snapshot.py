@@ -16,8 +16,9 @@ from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.edge_dates import date_changes
 from neurosnap.poc.learning.evidence import Evidence
-from neurosnap.poc.learning.history import History, Newborn
+from neurosnap.poc.learning.newborn import Newborn
 from neurosnap.poc.learning.pair_codes import rows_of, strict
+from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
 from neurosnap.poc.learning.weight_store import Weights, pair_of
 from neurosnap.poc.order.graph import PocGraph
@@ -188,32 +189,37 @@ class Snapshot(Archived):
         return changed
 
     def newborn(
-        self, sensor: int, history: History, unread: Sequence[int] = ()
-    ) -> Newborn:
-        """Return what a history makes of a sensor that was never read.
+        self,
+        sensor: int,
+        ticks: int,
+        on: Words,
+        off: Words,
+        unread: Sequence[int] = (),
+    ) -> Search[Newborn]:
+        """Find out what a history makes of a sensor that was never read.
 
         Its weights are what they would be had it been read as long as the history goes
         back.
 
         Args:
             sensor: Its number; of those behind it none may have been read either.
-            history: Of all sensors, up to the last observation, its own included.
+            ticks: How many the history holds.
+            on: ``(W,)``, at which of them it would have read on, as bits of the ring.
+            off: ``(W,)``, at which it would have read off.
             unread: Sensors that are not read any more: of pairs with them nothing is
                 known, whatever they read once.
 
         Raises:
             InvalidValueError: There is no such sensor, or the threshold is not one
                 number.
-            ShapeError: The history is of another number of sensors.
         """
         as_literal("literal", 2 * sensor, len(self._state))
-        history.check(len(self._sensorium))
         if self._threshold.ndim:
             rule = "must be one number where sensors grow"
             raise InvalidValueError("threshold", rule, self._threshold.shape)
-        squares, codes = self._newborn(sensor, history)
+        squares, codes = yield from self._newborn(sensor, ticks, on, off)
         squares[:, list(unread)], codes[list(unread)] = self._weights.start, 0
-        return Newborn(history.ticks, squares, codes)
+        return Newborn(ticks, squares, codes)
 
     def grow(
         self, sensor: int, name: str, newborn: Newborn, reads: bool | None
@@ -358,9 +364,9 @@ class Snapshot(Archived):
 
     @abc.abstractmethod
     def _newborn(
-        self, sensor: int, history: History
-    ) -> tuple[NDArray[Any], NDArray[np.uint8]]:
-        """Return the weights and codes that a history gives a sensor.
+        self, sensor: int, ticks: int, on: Words, off: Words
+    ) -> Search[tuple[NDArray[Any], NDArray[np.uint8]]]:
+        """Find out the weights and codes that a history gives a sensor.
 
         Returns:
             ``(4, sensor)`` and ``(sensor,)``: of its pairs with those before it.

@@ -14,12 +14,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.learning.one_pair import SLACK
 from neurosnap.poc.order.kernels import spread
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
-
-SLACK = 1e-12
-"""By how much a discounted weight must be smaller to count as smaller."""
 
 _ONE = np.uint64(1)
 

@@ -12,13 +12,10 @@ The loops over a row are written for vector instructions, as those in the other 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.update_kernels import SLACK, rewire
+from neurosnap.poc.learning.one_pair import SLACK, TINY
+from neurosnap.poc.learning.update_kernels import rewire
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
-
-# Halving goes on below the least normal number, where arithmetic is a hundred times
-# slower; what is as small as this is 0 to every comparison already.
-_TINY = 1e-300
 
 
 @njit()
@@ -327,4 +324,4 @@ def _fade(
     """
     for j in range(weights.shape[0]):
         weight = keep[j] * weights[j] + gain[j]
-        weights[j] = weight if (weight > _TINY) | (keep[j] == 1.0) else 0.0
+        weights[j] = weight if (weight > TINY) | (keep[j] == 1.0) else 0.0

@@ -16,11 +16,15 @@ def options_of(recording: Recording) -> RunOptions:
     """
     recording.demand_facts()
     try:
-        return msgspec.json.decode(recording.metadata["options"], type=RunOptions)
+        raw = recording.metadata["options"]
+        options = msgspec.json.decode(raw, type=RunOptions)
     except (KeyError, msgspec.MsgspecError) as error:
         raise RecordingError(
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
+    if not options.body.room or "recall" in msgspec.json.decode(raw):
+        return options
+    return msgspec.structs.replace(options, recall=False)
 
 
 def resumed_at(recording: Recording) -> tuple[int, ...]:

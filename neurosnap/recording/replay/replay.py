@@ -5,8 +5,9 @@ recorded observations and the cells' recorded reports, and demands that it says,
 for byte, what the recording says it said: every wiring, every wave, every state, every
 decision. What the agent sensed of its own actions must follow from the decision and the
 state before. Beside that, every wave's reports must name exactly what the in-process
-propagation over the derived graph reaches: so it is the cells that are checked, and not
-only the coordinator's arithmetic.
+propagation over the derived graph reaches, and what cells recalled must be what they
+had read: so it is the cells that are checked, and not only the coordinator's
+arithmetic.
 
 All of this can begin at any key-frame, which is taken at its word then; one that is
 passed on the way is compared like the rest.
@@ -25,6 +26,7 @@ from neurosnap.agent.senses import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -32,8 +34,11 @@ from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.replay.comparison import is_same
 from neurosnap.sensorium import unpack
 
-_INPUTS = ("observe", "settle", "tally")
-_OUTPUTS = ("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly")
+_INPUTS = ("observe", "settle", "tally", "recalled")
+_OUTPUTS = (
+    *("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly"),
+    *("recall", "remind"),
+)
 _SHOWN = 300  # characters of a message shown in a difference
 
 _Report: TypeAlias = wire.CellReport | wire.WorkerReport
@@ -99,6 +104,7 @@ class Replay:
         self._outputs: deque[Recorded] = deque()
         self._observations: dict[int, wire.Observation] = {}
         self._reports: dict[int, list[tuple[_Report, bool]]] = {}
+        self._recalled: dict[tuple[int, int], list[wire.Recalled]] = {}
         self._told: dict[str, int] = {}  # epoch of each part's last wiring
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
@@ -126,6 +132,8 @@ class Replay:
             if derived is None and self._exhausted and not self.complete:
                 return
             self._compare(recorded, derived)
+            if not self._said:
+                self._let_answer()
             if self.core.tick == tick or not self._only_closing_words():
                 continue
             tick = self.core.tick
@@ -190,7 +198,7 @@ class Replay:
             case wire.WorkerWiring():
                 self._told[f"worker/{message.worker}"] = message.epoch
             case wire.KeyFrame(waves=0):  # from before: the wiring went on by changes
-                self.core.recall()
+                self.core.remember()
             case _:
                 pass
         self.compared[wire.topic(message.key)] += 1
@@ -224,6 +232,8 @@ class Replay:
 
     def _feed(self, recorded: Recorded) -> list[wire.Message]:
         """Give the core what made it say `recorded`; return what it says now."""
+        if (recall := self.core.questions.recall) is not None:
+            return self._feed_recalled(recall, recorded.message)
         match recorded.message:
             case wire.State(wave=wave) | wire.Reached(wave=wave):
                 return self._feed_reports(wave)
@@ -294,6 +304,57 @@ class Replay:
                     return said
         return []
 
+    def _feed_recalled(
+        self, recall: wire.Recall, following: wire.Message | None
+    ) -> list[wire.Message]:
+        """Give the core the answers to a question until it says something."""
+        if isinstance(following, wire.Recall) and following.repeats == recall.round:
+            return self.core.overdue(-recall.round)
+        here = recall.tick, recall.round
+        while self._read_until(lambda: here in self._recalled):
+            for answer in self._recalled.pop(here):
+                said = self.core.receive(answer)
+                if any(isinstance(message, wire.Fault) for message in said):
+                    continue  # it was refused then, too
+                self._check_recalled(recall, answer)
+                if said:
+                    # What else there is on this round came too late.
+                    ahead = (key for key in self._recalled if key > here)
+                    self._recalled = {key: self._recalled[key] for key in ahead}
+                    return said
+        return []
+
+    def _let_answer(self) -> None:
+        """Give the core the answers to its question, if it was not asked again.
+
+        They may make the tick whole; a run that is taken up there says its decision
+        only after that.
+        """
+        recall = self.core.questions.recall
+        if recall is None:
+            return
+        self._read_until(lambda: bool(self._outputs))
+        following = self._outputs[0].message if self._outputs else None
+        if not isinstance(following, wire.Recall) or not following.repeats:
+            self._said.extend(self._feed_recalled(recall, following))
+
+    def _check_recalled(self, recall: wire.Recall, answer: wire.Recalled) -> None:
+        """Hold what a part recalled against what its sensors had read.
+
+        That it lacks a history is taken at its word: it may have missed a reading.
+        """
+        memory, cells = self.core.memory, self.core.questions.cells_of(answer.who)
+        if answer.lacks or memory is None:
+            return
+        history = memory.history.part(slice(cells.start, cells.stop))
+        derived = answer_of(answer.who, recall, history, cells)
+        if derived != answer:
+            raise DifferenceError(
+                f"tick {recall.tick}: /recalled {answer.who}, round {recall.round}:"
+                f" recorded {wire.encode(answer).decode()[:_SHOWN]},"
+                f" derived {wire.encode(derived).decode()[:_SHOWN]}"
+            )
+
     def _dated(self, report: _Report) -> _Report:
         """Return a report of schema 1, which does not say by which wiring it is.
 
@@ -330,6 +391,9 @@ class Replay:
                 case wire.CellReport() | wire.WorkerReport() as report:
                     dated = b'"epoch":' in recorded.payload
                     self._reports.setdefault(report.wave, []).append((report, dated))
+                case wire.Recalled() as answer:
+                    here = answer.tick, answer.round
+                    self._recalled.setdefault(here, []).append(answer)
                 case _:
                     self._outputs.append(recorded)
         return True
@@ -339,7 +403,7 @@ class Replay:
         if self._start is None:
             return False
         match recorded.message:
-            case wire.Observation(tick=tick):
+            case wire.Observation(tick=tick) | wire.Recalled(tick=tick):
                 return tick <= self.first
             case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
                 return wave <= self._start.frame.waves

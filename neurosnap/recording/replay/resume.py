@@ -40,6 +40,7 @@ _DATED = (
     | wire.State
     | wire.Reached
 )
+_TICKED = wire.Observation | wire.Recall | wire.Recalled | wire.Reminder
 
 
 class _Point(NamedTuple):
@@ -342,7 +343,7 @@ def _counts(
 
 def _belongs(message: wire.Message, tick: int, waves: int) -> bool:
     """Tell whether a message shows that it is of a tick, or of one before."""
-    if isinstance(message, wire.Observation):
+    if isinstance(message, _TICKED):
         return message.tick <= tick
     return isinstance(message, _DATED) and message.wave <= waves
 

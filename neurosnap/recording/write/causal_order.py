@@ -1,7 +1,8 @@
 """Reorders messages so that each reply follows its request.
 
-The coordinator asks for an observation by the decision before it, and starts every
-wave; whatever is said of either was sent later, and may yet come earlier.
+The coordinator asks for an observation by the decision before it, starts every wave,
+and asks the cells for what they have read; whatever is said of any of these was sent
+later, and may yet come earlier.
 """
 
 from collections.abc import Iterator
@@ -33,6 +34,7 @@ class CausalOrder:
         self._patience = patience
         self._wave = 0  # the last that was heard to start
         self._tick = 0  # the last that was heard to be asked for
+        self._round = (0, 0)  # tick and round that were last heard to be recalled
         self._early: list[Heard] = []
         self._behind: set[str] = set()  # who has something in there
 
@@ -51,6 +53,8 @@ class CausalOrder:
                 self._wave = wave
             case wire.Decision(tick=tick) if tick >= self._tick:
                 self._tick = tick + 1
+            case wire.Recall(tick=tick, round=number) if (tick, number) > self._round:
+                self._round = tick, number
             case _:
                 return
         yield from self.due(heard.log_time)
@@ -83,7 +87,9 @@ class CausalOrder:
         """Keep a message that has to wait, or is behind one of its sender's."""
         sender = heard.message.sender
         may_wait = now <= heard.log_time + self._patience
-        is_early = may_wait and is_beyond(heard.message, self._tick, self._wave)
+        is_early = may_wait and is_beyond(
+            heard.message, self._tick, self._wave, self._round
+        )
         if sender not in self._behind and not is_early:
             return False
         self._early.append(heard)
@@ -91,18 +97,23 @@ class CausalOrder:
         return True
 
 
-def is_beyond(message: wire.Message, tick: int, wave: int) -> bool:
+def is_beyond(
+    message: wire.Message, tick: int, wave: int, recalled: tuple[int, int]
+) -> bool:
     """Tell whether an answer is to a later word of the coordinator.
 
     Args:
         message: Of anybody; what answers nothing is never beyond.
         tick: The last that was asked for.
         wave: The last that was started.
+        recalled: Tick and round of the last question to the histories.
     """
     match message:
         case wire.Observation():
             return message.tick > tick
         case wire.Pulse() | wire.CellReport() | wire.PulseBatch() | wire.WorkerReport():
             return message.wave > wave
+        case wire.Recalled():
+            return (message.tick, message.round) > recalled
         case _:
             return False

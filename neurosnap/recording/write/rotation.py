@@ -278,7 +278,8 @@ class SplitWriter:
         sender = message.sender
         if sender in self._passed:
             return False
-        if not is_beyond(message, self._boundary.decision.tick, self._boundary.wave):
+        tick, wave = self._boundary.decision.tick, self._boundary.wave
+        if not is_beyond(message, tick, wave, (tick + 1, 0)):
             return True
         self._pass(sender, sequence, older)
         if self._passed >= older.sequences.first.keys():

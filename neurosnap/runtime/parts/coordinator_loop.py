@@ -33,7 +33,7 @@ class Core(Protocol):
 
     @property
     def in_flight(self) -> tuple[int, ...]:
-        """The numbers of the waves that have not settled."""
+        """What has not come to its end: waves by number, a question as its -round."""
         ...
 
     def begin(self) -> list[wire.Message]:
@@ -45,7 +45,7 @@ class Core(Protocol):
         ...
 
     def overdue(self, number: int) -> list[wire.Message]:
-        """Return what is to be sent because wave `number` is late."""
+        """Return what is to be sent because what has this number is late."""
         ...
 
     def stop(self) -> list[wire.Message]:
@@ -67,8 +67,8 @@ async def run_coordinator(
 ) -> float:
     """Let `core` direct the swarm until it has finished or `stop` is set.
 
-    Reads ``observe``, ``settle``, ``tally``, ``fault``, ``leave`` and the presence of
-    `parts`; publishes what the core says. On `stop`, and when a part leaves in order
+    Reads `wire.COORDINATOR_KEYS` and the presence of `parts`; publishes what the core
+    says. On `stop`, and when a part leaves in order
     because it is done, the tick under way is brought to its end first.
 
     Args:
@@ -91,6 +91,7 @@ async def run_coordinator(
         SwarmError: A part did not come up, or went away, or the world does not answer;
             it is named.
         WaveLostError: A wave did not settle, and neither did its repeats.
+        AnswerLostError: A question to the cells' histories was not answered.
     """
     shell = _CoordinatorLoop(
         core,
@@ -156,7 +157,7 @@ class _CoordinatorLoop:
         self._begun = False
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
-        self._started: dict[int, float] = {}  # when each wave in flight was sent
+        self._started: dict[int, float] = {}  # when what is in flight was sent
         self._repeat = 0  # the last wave that was one
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
@@ -203,6 +204,8 @@ class _CoordinatorLoop:
                 self._started[message.wave] = time.monotonic()
                 if message.repeats:
                     self._repeat = message.wave
+            elif isinstance(message, wire.Recall):
+                self._started[-message.round] = time.monotonic()
             if isinstance(message, wire.Decision):
                 self._on_decision(message)
         if self._core.finished:

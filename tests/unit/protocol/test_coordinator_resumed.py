@@ -141,7 +141,7 @@ def test_what_is_recalled_was_never_forgotten(make: type[Wires]) -> None:
         if wires is recalled:
             wires.forget()
             assert wires.is_forgotten
-            wires.recall()
+            wires.remember()
         said.append([told, wires.rewire_to(more), wires.rewire_whole()])
     assert said[0] == said[1]
 

@@ -21,6 +21,8 @@ from neurosnap.apps.figures.experiments.stages import (
     StageEnv,
     stage_of,
 )
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.search import Search, nothing
 from neurosnap.poc.order.graph import PocGraph
 
 Grows: TypeAlias = Literal["contexts", "nothing", "whole states"]
@@ -47,21 +49,23 @@ class WholeStates(Growth):
         graph: PocGraph,
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
-    ) -> None:
+        snapshot: Snapshot,
+    ) -> Search[None]:
         """Take in an observation; the last state may have to be grown."""
-        self._history.enter(observation, known)
-        self._due = None
+        self.history.enter(observation, known)
+        self._said = {}
         body = self._body
         if action < 0 or len(body.grown) == body.room:
-            return
+            return nothing()
         came = np.repeat(observation[: self._own], 2)
         came[1::2] ^= True
         closure = graph.up(self._actions.signal(action, state))
         if (guaranteed([closure])[0][: 2 * self._own] >= came).all():
-            return
+            return nothing()
         literals = (state & body.position).nonzero()[0].tolist()
         context = (action, tuple(literals))
-        self._due = None if context in body.grown else context
+        grown = context in body.grown
+        return nothing() if grown else self._bear(context, snapshot)
 
     def _needless(self, tick: int, graph: PocGraph) -> int | None:
         """Return that no sensor is."""

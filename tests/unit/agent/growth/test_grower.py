@@ -14,6 +14,7 @@ from neurosnap.agent.growth.grower import LONGEST, Grower
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.search import answered
 from neurosnap.sensorium import complete
 
 Bits = NDArray[np.bool_]
@@ -48,9 +49,11 @@ class Watched:
         self.history.enter(observation)
         closure = np.zeros_like(state)
         closure[[2 * NAMES.index(name) for name in said.split()]] = True
-        found = self.grower.notice(
-            action, state, closure, observation[: len(NAMES)], None, self.history
+        own = observation[: len(NAMES)]
+        search = self.grower.notice(
+            action, state, closure, own, None, self.history.tick
         )
+        found = answered(search, self.history)
         if found is not None:
             self.births.append(found)
         return found

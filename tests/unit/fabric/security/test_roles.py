@@ -38,8 +38,13 @@ KEYS = {
     "burst": "burst/3/{}",
     "tally": "tally/{}",
     "anomaly": "anomaly",
+    "recall": "recall",
+    "recalled": "recalled/{}",
+    "remind": "remind/cell/3",
 }
 """A key of every topic, with room for who says it."""
+TO_WORKERS = {"remind": "remind/worker/3"}
+"""Where the key names the role that is told."""
 
 PARTS = ("hub", "coordinator", "world", "recorder", "cell/3", "worker/3", "watcher")
 """A part of every role that shows who it is; `sensor` has none."""
@@ -114,11 +119,12 @@ def test_a_role_may_do_what_the_table_says_and_nothing_else(
         wanted.add(("put", "ingress"))
     if topic in rights.reads:
         wanted |= {("declare_subscriber", "ingress"), ("put", "egress")}
+    keys = KEYS | TO_WORKERS if role == "worker" else KEYS
     found = {
         (message, flow)
         for message in MESSAGES
         for flow in ("ingress", "egress")
-        if allows(role, message, flow, KEYS[topic].format(part_of(role)))
+        if allows(role, message, flow, keys[topic].format(part_of(role)))
     }
     assert found == wanted
 

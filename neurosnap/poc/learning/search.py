@@ -1,0 +1,133 @@
+"""Searches of a history: what is asked of it, what it answers, and how they go on.
+
+A search is a coroutine that yields a question and is sent the answer. So it does not
+matter who has the history: one object, or the cells, each that of its own sensor.
+"""
+
+from collections.abc import Generator, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.order.literals import Words
+
+T = TypeVar("T")
+Numbers: TypeAlias = NDArray[np.intp]
+
+
+class Count(NamedTuple):
+    """At how many of some ticks was each of some literals read?"""
+
+    within: Words
+    """``(W,)``, the ticks, as bits of a ring."""
+    literals: Numbers
+    """``(n,)``."""
+
+
+class Weighing(NamedTuple):
+    """What discounted weights would a sensor have with those before it?"""
+
+    on: Words
+    """``(W,)``, the ticks at which it would have read on."""
+    off: Words
+    """``(W,)``, at which it would have read off."""
+    sensors: int
+    """How many there are before it."""
+    decay: float
+    """What is kept of a weight each time."""
+    share: float
+    """The threshold."""
+
+
+class Weighed(NamedTuple):
+    """The weights of a sensor's pairs with those before it."""
+
+    squares: NDArray[np.float64]
+    """``(4, sensors)``: the weights ``w_ij, w_ij*, w_i*j, w_i*j*``."""
+    codes: NDArray[np.uint8]
+    """``(sensors,)``: what follows from them."""
+
+
+class Question(NamedTuple):
+    """What a history is asked at once."""
+
+    readings: tuple[int, ...] = ()
+    """Literals: the ticks at which each was read, each literal once."""
+    counts: tuple[Count, ...] = ()
+    """What is to be counted."""
+    weighing: Weighing | None = None
+    """A sensor to be weighed."""
+
+
+class Answer(NamedTuple):
+    """What a history says to a question."""
+
+    readings: dict[int, Words]
+    """By literal: ``(W,)``, the ticks at which it was read, as bits of the ring."""
+    counts: tuple[NDArray[Any], ...]
+    """For each count ``(n,)``."""
+    weighed: Weighed | None = None
+    """The sensor's weights."""
+
+
+Search: TypeAlias = Generator[Question, Answer, T]
+"""Asks a history, and returns what it has found."""
+
+
+class Answering(Protocol):
+    """Whoever has a history."""
+
+    def answer(self, question: Question) -> Answer:
+        """Answer a question."""
+        ...
+
+
+def answered(search: Search[T], history: Answering) -> T:
+    """Return what a search of one history finds."""
+    try:
+        question = next(search)
+        while True:
+            question = search.send(history.answer(question))
+    except StopIteration as end:
+        found: T = end.value
+        return found
+
+
+def together(searches: Sequence[Search[T]]) -> Search[list[T]]:
+    """Let searches go on side by side, all of them a question further each time.
+
+    They may ask for readings and counts. It takes as many questions as the longest.
+
+    Returns:
+        What each has found.
+    """
+    found: dict[int, T] = {}
+    asked: dict[int, Question] = {}
+
+    def go_on(place: int, answer: Answer | None) -> None:
+        try:
+            # None starts it.
+            asked[place] = searches[place].send(answer)  # type: ignore[arg-type]
+        except StopIteration as end:
+            found[place] = end.value
+
+    for place in range(len(searches)):
+        go_on(place, None)
+    while asked:
+        under_way = asked.copy()
+        asked.clear()
+        readings = (a for question in under_way.values() for a in question.readings)
+        counts = (one for question in under_way.values() for one in question.counts)
+        answer = yield Question(tuple(dict.fromkeys(readings)), tuple(counts))
+        first = 0
+        for place, question in under_way.items():
+            last = first + len(question.counts)
+            go_on(place, Answer(answer.readings, answer.counts[first:last]))
+            first = last
+    return [found[place] for place in range(len(searches))]
+
+
+def nothing() -> Search[None]:
+    """Ask nothing, and find nothing."""
+    yield from ()

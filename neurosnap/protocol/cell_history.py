@@ -1,0 +1,110 @@
+"""The last readings of a cell's sensor, and what the cell answers from them.
+
+A cell has no history until it is asked for one: then it says that it lacks it, is
+reminded, and keeps it up from there with its own readings. A cell that has missed a
+reading has none again. So a history is always whole up to its last tick.
+
+Cell processes import this module: it needs neither numpy nor numba.
+"""
+
+import struct
+
+from neurosnap import wire
+from neurosnap.poc.learning.one_pair import weighed
+from neurosnap.protocol.message_checks import check_recall, check_reminder
+
+
+class CellHistory:
+    """The history of one cell: two rings of bits.
+
+    Args:
+        cell: Its sensor's number.
+    """
+
+    def __init__(self, cell: int) -> None:
+        self._cell = cell
+        self._who = f"cell/{cell}"
+        self._tick = 0  # the last in it; 0: there is none
+        self._length = 0
+        self._rings = {2 * cell: 0, 2 * cell + 1: 0}
+
+    def enter(self, tick: int, literals: tuple[int, ...]) -> None:
+        """Take in what was read at a tick. O(length) bits are copied.
+
+        Args:
+            tick: The tick.
+            literals: The cell's that was on; none where the reading is unknown.
+        """
+        if tick <= self._tick or not self._tick:
+            return
+        if tick > self._tick + 1:
+            self._tick = 0
+            return
+        bit = 1 << (tick - 1) % self._length
+        for literal, ring in self._rings.items():
+            others = ring & ~bit
+            self._rings[literal] = others | bit if literal in literals else others
+        self._tick = tick
+
+    def take(self, reminder: wire.Reminder) -> None:
+        """Take over the history that the coordinator has.
+
+        Raises:
+            MessageError: It cannot be right.
+        """
+        cells = range(self._cell, self._cell + 1)
+        [(_, *both)] = check_reminder(reminder, self._who, cells)
+        if reminder.tick > self._tick:
+            self._tick, self._length = reminder.tick, reminder.length
+            for literal, ring in zip(self._rings, both, strict=True):
+                self._rings[literal] = int.from_bytes(ring, "little")
+
+    def answer(self, recall: wire.Recall) -> list[wire.Message]:
+        """Answer a question, if the cell is asked anything.
+
+        Raises:
+            MessageError: It cannot be right.
+        """
+        counted = check_recall(recall)
+        own = self._rings
+        asked = [[a for a in count.literals if a in own] for count in counted]
+        readings = [own[a] for a in recall.readings if a in own]
+        weighs = self._cell < recall.sensors
+        if recall.tick < self._tick or not (any(asked) or readings or weighs):
+            return []
+        here = self._who, recall.tick, recall.round
+        if recall.tick > self._tick:
+            return [wire.Recalled(*here, lacks=(self._cell,))]
+        counts = []
+        for literals, count in zip(asked, counted, strict=True):
+            within = int.from_bytes(count.within, "little")
+            counts += [(own[a] & within).bit_count() for a in literals]
+        weights, codes = self._weights(recall) if weighs else (b"", b"")
+        return [
+            wire.Recalled(
+                *here,
+                readings=wire.joined_rings([_packed(ring) for ring in readings]),
+                counts=struct.pack(f"<{len(counts)}i", *counts),
+                weights=weights,
+                codes=codes,
+            )
+        ]
+
+    def _weights(self, recall: wire.Recall) -> tuple[bytes, bytes]:
+        """Return the weights of a new sensor with this one, and their code."""
+        on, off = (int.from_bytes(ring, "little") for ring in (recall.on, recall.off))
+        theirs_on, theirs_off = self._rings.values()
+        ticks = range(max(0, self._tick - self._length), self._tick)
+        weights, code = weighed(
+            (on, off),
+            (theirs_on, theirs_off),
+            ticks,
+            self._length,
+            recall.decay,
+            recall.share,
+        )
+        return struct.pack("<4d", *weights), bytes([code])
+
+
+def _packed(ring: int) -> bytes:
+    return ring.to_bytes((ring.bit_length() + 7) // 8, "little")
