@@ -79,6 +79,7 @@ class Disturbed:
         self._options = options
         self._log = log
         self._files = files
+        self._size = 0  # of the recording, when it was last read
         self._supervision = msgspec.convert(
             {"backoff": 0.0, **supervision}, Supervision
         )
@@ -102,11 +103,16 @@ class Disturbed:
             begun = self.restarts[-1].tick if self.restarts else 0
             if life == len(self.flushed) < len(killings):
                 ticks, victims = killings[life]
+                # To read it all takes as long as many ticks.
+                if tick < begun + ticks or not self._has_grown():
+                    return
                 if self._files and len(part_paths(self._log)) < life + 2:
                     return
                 flushed = on_disk(self._log)
+                if flushed < begun + ticks:
+                    return
                 found = {one.name(): one for one in parts()}
-                if flushed >= begun + ticks and found.keys() >= set(victims):
+                if found.keys() >= set(victims):
                     self.flushed.append(flushed)
                     for victim in victims:
                         found[victim].send_signal(signal.SIGKILL)
@@ -122,6 +128,15 @@ class Disturbed:
             on_restart=self.restarts.append,
             **where,
         )
+
+    def _has_grown(self) -> bool:
+        """Tell whether more of the recording is on disk than when this last said so."""
+        try:
+            size = sum(file.stat().st_size for file in part_paths(self._log).values())
+        except FileNotFoundError:  # it is being moved
+            return False
+        grown, self._size = size != self._size, size
+        return grown
 
 
 def check_same(
