@@ -219,6 +219,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         return len(self.own) + felt + len(self.context)
 
     @property
+    def count(self) -> int:
+        """How many sensors there are, ``N``, with those still to be grown."""
+        return self.first_grown + self.room
+
+    @property
     def size(self) -> int:
         """How many sensors there are, without those still to be grown."""
         return self.first_grown + len(self.grown)
@@ -328,7 +333,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     def position(self) -> NDArray[np.bool_]:
         """``(2N,)``: the literals of the world's state sensors."""
         orders = self.orders or (0,) * len(self.own)
-        rest = len(self.sensors) - len(self.own)
+        rest = self.count - len(self.own)
         flat = np.array([order == 0 for order in orders] + [False] * rest, np.bool_)
         return np.repeat(flat, 2)
 

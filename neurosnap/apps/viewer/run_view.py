@@ -225,7 +225,7 @@ class RunView:
         body: Body,
         plan: api.Plan | None,
     ) -> api.Frame:
-        tick, sensors = state.tick, len(self.options.sensors)
+        tick, sensors = state.tick, self.options.body.count
         observation = ticks.observations.get(tick)
         observed = ticks.literals(tick)
         literals = self._unpacked(state)
@@ -261,7 +261,7 @@ class RunView:
 
     def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:
         try:
-            return unpack(state.literals, 2 * len(self.options.sensors))
+            return unpack(state.literals, 2 * self.options.body.count)
         except ShapeError as error:
             place = f"{self.path}: tick {state.tick}"
             raise RecordingError(f"{place}: /state: {error}") from error

@@ -47,7 +47,10 @@ def as_literals(name: str, literals: Literals, total: int) -> NDArray[np.bool_]:
         rule = f"must be ({total},) bool or the literals"
         raise InvalidValueError(name, rule, literals) from error
     for literal in given:
-        chosen[as_literal(name, literal, total)] = True
+        # A call for each would be most of the time that a small wave takes.
+        if type(literal) is not int or not 0 <= literal < total:
+            literal = as_literal(name, literal, total)
+        chosen[literal] = True
     return chosen
 
 

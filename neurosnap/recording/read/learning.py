@@ -66,7 +66,7 @@ class Learning:
             raise self._lacks(tick)
         place = f"{self._path}: tick {tick}"
         try:
-            bits, known = readings(observation, len(self._options.sensors))
+            bits, known = readings(observation, self._options.body.count)
         except ShapeError as error:
             raise RecordingError(f"{place}: /observe: {error}") from error
         self.snapshot.learn(bits, known)

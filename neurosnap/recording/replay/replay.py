@@ -253,7 +253,7 @@ class Replay:
         if not self._read_until(lambda: tick in self._observations):
             return []
         observation = self._observations.pop(tick)
-        count = len(self.options.sensors)
+        count = self.options.body.count
         try:
             bits, known = readings(observation, count)
         except ShapeError as error:
@@ -417,4 +417,4 @@ def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | N
     Raises:
         ShapeError: It is of another number of sensors.
     """
-    return unpack(frame.known, len(options.sensors)) if frame.known else None
+    return unpack(frame.known, options.body.count) if frame.known else None

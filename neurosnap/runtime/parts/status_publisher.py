@@ -63,7 +63,7 @@ class Listener:
         """Take in one message; what is none of its business is passed over."""
         match message:
             case wire.Observation(tick=tick):
-                _, known = readings(message, len(self._options.sensors))
+                _, known = readings(message, self._options.body.count)
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
                     del self._known[min(self._known)]

@@ -49,6 +49,20 @@ class TestBody:
         assert not body.position[6:].any()
         assert body.position.shape == (2 * len(body.sensors),)
 
+    @pytest.mark.parametrize(
+        "body",
+        [
+            Body(own=("a",)),
+            Body(own=("a",), actions=("go",)),
+            Body.full(["a", "b"], ["go", "stay"], room=3),
+            Body.full(["a", "b"], ["go"], room=3).grow((0, (0, 3))).retire(0),
+            Body.full(["a", "b"], ["go"], [0, 2], room=1),
+        ],
+    )
+    def test_it_has_as_many_sensors_as_names(self, body: Body) -> None:
+        assert body.count == len(body.sensors)
+        assert body.position.shape == (2 * body.count,)
+
     def test_a_sensor_that_looks_back_two_steps_is_no_position_either(self) -> None:
         assert Body.full(["a", "b"], ["go"], [0, 2]).sensors[3:] == ("go&a", "go&~a")
 
