@@ -27,15 +27,14 @@ settings.register_profile("dev", deadline=None)
 settings.register_profile("quick", deadline=None, max_examples=QUICK)
 settings.load_profile("ci" if os.environ.get("CI") else "dev")
 
+# Seldom: it is a sixth of collecting the tests, and more of running them.
+gc.set_threshold(20_000, 20, 20)
+
 
 def pytest_collection_finish() -> None:
-    """Spare the garbage collector what lasts: six thousand tests, and all modules.
-
-    It would walk over them again and again, which is a tenth of the work of all tests.
-    """
+    """Spare the garbage collector what lasts: six thousand tests, and all modules."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(autouse=True)
