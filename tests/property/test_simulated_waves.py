@@ -19,6 +19,7 @@ from neurosnap.protocol.wave import Wave
 from tests.support.edges import edges_of
 from tests.support.simulated_swarm import repeatable
 from tests.support.simulated_waves import (
+    FINEST,
     Neighbours,
     Network,
     closed,
@@ -109,7 +110,8 @@ def disturbed(seed: int, *, shared: bool = False) -> Counter[bool]:
             assert set(network.settled[number].hops) == reach(out, signal)
         else:
             wave = network.conductor._flying[number]
-            assert wave.missing == network.given[number] - network.back[number] > 0
+            left = network.given[number] - network.back[number]
+            assert wave.missing == Fraction(left, 1 << FINEST) > 0
             assert set(wave.hops) <= reach(out, signal)
     return Counter(number in network.settled for number in signals)
 

@@ -6,7 +6,6 @@ What they must reach is computed from the raw edges by the plain loops below.
 import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,6 +94,9 @@ def random_pairs(chance: random.Random, sensors: int) -> Pairs:
 
 # A conductor and its cells, without a loop --------------------------------------------
 
+FINEST = 256
+"""Credit is split less often here: a finer share could not be shifted."""
+
 
 class Network:
     """Cells on a hub that delivers as its seed says, and a conductor that starts waves.
@@ -112,8 +114,8 @@ class Network:
         self.settled: dict[int, Wave] = {}
         self.faults: list[wire.Fault] = []
         self.withheld: Callable[[wire.Message], bool] = lambda _: False
-        self.given: dict[int, Fraction] = {}  # credit, by wave
-        self.back: dict[int, Fraction] = {}
+        self.given: dict[int, int] = {}  # credit in units of 2^-FINEST, by wave
+        self.back: dict[int, int] = {}
         self.addressed = 0  # starts that went to one cell
         self._under_way: Counter[int] = Counter()  # messages with pulses of each wave
         self._seen: set[tuple[object, ...]] = set()
@@ -162,7 +164,7 @@ class Network:
     def _report(self, report: wire.CellReport | wire.WorkerReport) -> None:
         number = report.wave
         if self._is_new("report", number, report.sender, report.part):
-            self.back[number] += sum(Fraction(1, 2**e) for e in report.credit)
+            self.back[number] += sum(1 << FINEST - e for e in report.credit)
         wave = self.conductor.report(report)
         if wave is not None:
             assert self._under_way[number] == 0
@@ -185,8 +187,8 @@ class Network:
         starts = self.conductor.start("state" if tick else "signal", tick, signal)
         number = self.conductor.waves
         seeds = self.sensors if tick else len(signal)
-        self.given[number] = Fraction(seeds, 2 ** max(seeds - 1, 0).bit_length())
-        self.back[number] = Fraction(0)
+        self.given[number] = seeds << FINEST - max(seeds - 1, 0).bit_length()
+        self.back[number] = 0
         for message in starts:
             assert isinstance(message, wire.WaveStart)
             self.addressed += message.cell >= 0

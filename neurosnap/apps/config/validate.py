@@ -7,6 +7,7 @@ nothing was found: what it would refuse is never let through.
 """
 
 import difflib
+import functools
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -44,12 +45,18 @@ def problems(table: object, kind: type[msgspec.Struct]) -> list[Problem]:
         None found: ``msgspec.convert(table, kind)`` raises nothing.
     """
     walk = _Walk(known_keys(kind))
-    return list(walk.of(table, inspect.type_info(kind), ()))
+    return list(walk.of(table, _type_info(kind), ()))
 
 
 def known_keys(kind: type[msgspec.Struct]) -> list[Keys]:
     """Return the way to every key that a table of a kind may have, lists left out."""
-    return list(dict.fromkeys(_keys_of(inspect.type_info(kind), ())))
+    return list(dict.fromkeys(_keys_of(_type_info(kind), ())))
+
+
+@functools.cache
+def _type_info(kind: type[msgspec.Struct]) -> inspect.Type:
+    """Do as `inspect.type_info`, once: it takes longer than to judge a table."""
+    return inspect.type_info(kind)
 
 
 class _Walk(NamedTuple):
