@@ -35,7 +35,7 @@ ROOM: Final = 120
 """Sensors that may be grown, unless another number is given."""
 CONFIRMATIONS: Final = 5
 """Times a cover must hold, after it was found, before its sensor is born."""
-LONGEST: Final = 5
+LONGEST: Final = 8
 """Literals of a cover at most."""
 HOPELESS: Final = 4
 """A result is left to chance once so many covers of it failed, and so many more for
