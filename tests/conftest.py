@@ -27,9 +27,6 @@ settings.register_profile("dev", deadline=None)
 settings.register_profile("quick", deadline=None, max_examples=QUICK)
 settings.load_profile("ci" if os.environ.get("CI") else "dev")
 
-# Seldom: it is a sixth of collecting the tests, and more of running them.
-gc.set_threshold(20_000, 20, 20)
-
 
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what lasts: six thousand tests, and all modules."""
