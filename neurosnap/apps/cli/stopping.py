@@ -60,6 +60,8 @@ def heard(
             yield
         finally:
             for number, handler in before.items():
-                signal.signal(number, unheeded if handler is quit_now else handler)
+                # Ignored in earnest: Python gives other handlers back before it ends.
+                quits = handler is quit_now
+                signal.signal(number, signal.SIG_IGN if quits else handler)
             signal.set_wakeup_fd(waker)
             loop.remove_reader(reading)
