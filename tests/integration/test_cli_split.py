@@ -56,8 +56,8 @@ def test_verifying_may_begin_further_on(log: Path) -> None:
 def test_a_run_in_files_goes_on_in_the_last(log: Path, tmp_path: Path) -> None:
     new = tmp_path / "new.mcap"
     neurosnap("replay", log, "--resume", "--ticks", 1450, "--out", new)
-    (number,) = part_paths(new)
-    assert number == len(part_paths(log)) - 1
+    # How much goes into a file depends on when it is flushed: there may be another.
+    assert min(part_paths(new)) == len(part_paths(log)) - 1
     found = facts("replay", new, "--verify")
     assert (found["same"], found["complete"]) == (True, True)
     assert found["start"] + found["ticks"] == 1450
