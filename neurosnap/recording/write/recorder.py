@@ -75,7 +75,7 @@ async def run_recorder(
     finally:
         for task in (flushing, serving, stopping):
             task.cancel()
-    listener.closed = True
+    listener.close()
     return writer.finish(listener.totals(), listener.expected())
 
 
@@ -175,6 +175,15 @@ class _Listener:
             # Its last word travels apart from its presence, and may be on the way.
             loop = asyncio.get_running_loop()
             self._going[who] = loop.call_later(_LAST_WORD, self._give_up, who)
+
+    def close(self) -> None:
+        """Take in nothing more; note where those are that were there, if not all were.
+
+        Of a short run on a busy machine, a part may be heard before it is seen.
+        """
+        if self._awaited:
+            self._writer.note_places(self._places)
+        self.closed = True
 
     def _note_place(self, who: str) -> None:
         """Take in that a part is there; once all are, note where they are."""

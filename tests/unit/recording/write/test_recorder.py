@@ -41,6 +41,17 @@ def test_places_are_noted_when_all_parts_are_there(
         assert Recording.open(log).places == noted
 
 
+def test_at_the_end_it_is_noted_where_those_are_who_were_seen(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    with SplitWriter(log, {}) as writer:
+        listener = _Listener(writer, ("world", "cell/0"), MemoryHub().fabric("x"))
+        listener.locate("world", OAK)
+        listener.change("world", True)
+        listener.close()
+        listener.change("cell/0", True)  # too late
+    assert Recording.open(log).places == {"world": OAK}
+
+
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a last word be given up at once."""
