@@ -17,7 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.body import Body, Contexts
+from neurosnap.agent.body import Body
+from neurosnap.agent.contexts import Contexts
 from neurosnap.errors import InvalidValueError
 
 

@@ -16,17 +16,18 @@ References:
     test what seems to be known.
 """
 
-import re
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body, Contexts
+from neurosnap.agent.body import Body
+from neurosnap.agent.contexts import Contexts
 from neurosnap.agent.experience import Experience, Plan
+from neurosnap.agent.plan_reason import plan_reason
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policy import (
     Closures,
@@ -41,11 +42,6 @@ from neurosnap.sensorium import complement
 
 STATES: Final = 2000
 """Imagined states a decision may take, unless another number is given."""
-_SHOWN = 6  # actions of a plan that a reason names
-_TOLD = re.compile(
-    r"(?:(?P<why>.*), )?in (?P<left>[1-9]\d{0,8}): (?P<actions>.*?)(?P<more>, …)?"
-)
-
 _Search = Generator[list[Signal], Closures, "Plan | None"]
 
 
@@ -144,7 +140,7 @@ class ImaginingPlanner:
         if known.plan is None or not known.plan.goes_on(here):
             known.plan = yield from self._search(here, draws[0])
         if known.plan is not None:
-            why = _reason(known.plan, self._names)
+            why = plan_reason(known.plan, self._names)
             action, known.plan = known.plan.step()
             return action, why
         if self._reflex is not None:
@@ -249,45 +245,6 @@ class ImaginingPlanner:
         """Return whether all is said of a state that can be said beforehand."""
         said = place[: 2 * self._own] | hopeless | self._unread
         return bool(said.reshape(-1, 2).any(axis=1).all())
-
-
-def _reason(plan: Plan, names: Sequence[str]) -> str:
-    """Return why a plan's next action is taken; `plan_told` reads it."""
-    shown = ", ".join(names[action] for action in plan.actions[:_SHOWN])
-    more = ", …" if len(plan.actions) > _SHOWN else ""
-    return f"{plan.why}in {len(plan.actions)}: {shown}{more}"
-
-
-class PlanTold(NamedTuple):
-    """What a reason says of the plan that is followed."""
-
-    left: int
-    """Actions to be taken, this one included."""
-    actions: tuple[int, ...]
-    """The first of them."""
-    why: str
-    """What the plan is for; empty: to achieve the target."""
-
-
-def plan_told(why: str, names: Sequence[str]) -> PlanTold | None:
-    """Return the plan that a decision's reason tells of; None: it tells of none.
-
-    Args:
-        why: The reason.
-        names: What the actions are called.
-
-    Example:
-        >>> plan_told("to begin another episode, in 2: up, left", ["left", "up"])
-        PlanTold(left=2, actions=(1, 0), why='to begin another episode')
-    """
-    found = _TOLD.fullmatch(why)
-    if found is None:
-        return None
-    left, shown = int(found["left"]), found["actions"].split(", ")
-    whole = len(shown) == min(left, _SHOWN) and bool(found["more"]) == (left > _SHOWN)
-    if not whole or not set(names).issuperset(shown):
-        return None
-    return PlanTold(left, tuple(map(names.index, shown)), found["why"] or "")
 
 
 def _bound(closures: Closures) -> NDArray[np.bool_]:

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.body import Body, Contexts
+from neurosnap.agent.body import Body
+from neurosnap.agent.contexts import Contexts
 
 
 class Senses:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Self
 
-import msgspec
 import numpy as np
 
 from neurosnap import wire
@@ -30,6 +29,7 @@ from neurosnap.protocol.anomaly_messages import announcement
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings, selection
 from neurosnap.protocol.recall_control import RecallControl
+from neurosnap.protocol.totals import Totals
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack
 
@@ -45,33 +45,6 @@ if TYPE_CHECKING:
     from neurosnap.protocol.wave import Wave
 
 _WHO = "coordinator"
-
-
-class Totals(msgspec.Struct, kw_only=True):
-    """What a run came to."""
-
-    ticks: int = 0
-    """Observations learned from, each with its state."""
-    waves: int = 0
-    """Waves started."""
-    pulses: int = 0
-    """Pulses sent in the waves that settled."""
-    depth: int = 0
-    """The deepest wave's hops."""
-    height: int = 0
-    """The height of the order at the end."""
-    edges: int = 0
-    """Edges of its Hasse wiring, an edge and its contrapositive counted as one."""
-    incoherent: int = 0
-    """Observations that contradicted what was learned."""
-    anomalies: int = 0
-    """Observations that contradicted what was believed before they were learned."""
-    faults: int = 0
-    """Messages dropped as bad or unexpected."""
-    grown: int = 0
-    """Sensors that were grown."""
-    retired: int = 0
-    """Those of them that are not read any more."""
 
 
 class Coordinator:

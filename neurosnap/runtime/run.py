@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.launch import Plan, run_processes

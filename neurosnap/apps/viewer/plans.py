@@ -3,7 +3,7 @@
 from collections.abc import Container, Mapping, Sequence
 
 from neurosnap import wire
-from neurosnap.agent.imagining import PlanTold, plan_told
+from neurosnap.agent.plan_reason import PlanTold, plan_told
 from neurosnap.apps.viewer.api import Plan
 
 BEFORE = 64

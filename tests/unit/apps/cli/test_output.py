@@ -11,8 +11,8 @@ from neurosnap.agent.body import Body
 from neurosnap.apps.anomaly_text import anomaly_line
 from neurosnap.apps.cli import output
 from neurosnap.protocol.anomaly_messages import Link, Told
-from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.replay.verify import Verdict
 from neurosnap.runtime.run import Outcome

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.agent.experience import Plan
-from neurosnap.agent.imagining import _reason, plan_told
+from neurosnap.agent.plan_reason import plan_reason, plan_told
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.plans import plan_at
 from neurosnap.apps.viewer.run_view import RunView
@@ -140,7 +140,7 @@ def test_a_plan_keeps_the_steps_that_were_taken(view: RunView) -> None:
 )
 def test_a_reason_tells_its_plan(steps: list[int], why: str) -> None:
     plan = Plan(tuple(steps), np.zeros((len(steps), 2), np.bool_), why)
-    told = plan_told(_reason(plan, ACTIONS), ACTIONS)
+    told = plan_told(plan_reason(plan, ACTIONS), ACTIONS)
     assert told == (len(steps), tuple(steps[:6]), why.removesuffix(", "))
 
 
@@ -161,7 +161,7 @@ def test_a_plan_of_many_steps_counts_those_it_does_not_name() -> None:
     for taken in range(3):
         plan = Plan(steps[taken:], np.zeros((8 - taken, 2), np.bool_), "")
         decisions[taken + 4] = wire.Decision(
-            taken + 4, steps[taken], _reason(plan, ACTIONS)
+            taken + 4, steps[taken], plan_reason(plan, ACTIONS)
         )
     assert plan_at(6, decisions, (), ACTIONS) == api.Plan(
         steps=list(steps), at=2, more=0, why=""
