@@ -248,6 +248,23 @@ def complete(bits: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return literals
 
 
+def selection(
+    bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
+) -> NDArray[np.bool_]:
+    """Return the literals observed, one of each sensor whose reading is known.
+
+    Args:
+        bits: ``(N,)``.
+        known: ``(N,)``; None: all.
+
+    Returns:
+        ``(2N,)``, a *-selection ([GK] "Observation Model for DBAs"), complete where all
+        are known.
+    """
+    literals = complete(bits)
+    return literals if known is None else literals & np.repeat(known, 2)
+
+
 def as_known(known: ArrayLike, count: int) -> NDArray[np.bool_]:
     """Return which of `count` readings are known: ``(count,)`` bool.
 

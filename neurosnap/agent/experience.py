@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.surprises import BEGINNING, Surprises
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
+from neurosnap.sensorium import complement
 
 _MOST = 1 << 16  # places that are remembered, each kind of them
 
@@ -51,6 +53,7 @@ class Experience:
             own, seem to be left to chance.
         raised: Places that led no nearer to the target, as `key` tells them apart, and
             how many subgoals farther away each seems to be than it looks.
+        surprises: What came of trying something new.
         plan: What is under way; None: nothing is.
     """
 
@@ -61,7 +64,9 @@ class Experience:
         self.hopeless = np.zeros((len(body.actions), 2 * len(body.own)), np.bool_)
         self.looked_at = body.looked_at
         self._foreseen = np.ones(2 * len(body.sensors), np.bool_)
+        self._unread = ~body.position[: 2 * len(body.own)]  # no part of a place
         self.raised: dict[bytes, int] = {}
+        self.surprises = Surprises(len(body.actions))
         self.plan: Plan | None = None
 
     def aim(self) -> None:
@@ -118,6 +123,42 @@ class Experience:
                 for old, action in self.tried
             }
 
+    def is_whole(self, place: NDArray[np.bool_], action: int) -> bool:
+        """Return whether all is said of an imagined place that can be said beforehand.
+
+        Args:
+            place: ``(2N,)`` or ``(2n,)``.
+            action: What is imagined to lead there.
+        """
+        said = self._own(place) | self.hopeless[action] | self._unread
+        return bool(said.reshape(-1, 2).any(axis=1).all())
+
+    def take(
+        self,
+        action: int,
+        state: NDArray[np.bool_],
+        foretold: NDArray[np.bool_],
+        came: NDArray[np.bool_],
+    ) -> None:
+        """Take in what an action led to, before `leave`.
+
+        Args:
+            action: The one taken.
+            state: ``(2N,)``, where.
+            foretold: ``(2n,)``, what it guaranteed of the world's own sensors.
+            came: ``(2n,)``, what was read of them.
+        """
+        here = self.key(state & self.looked_at)
+        if (here, action) not in self.tried and self.is_whole(foretold, action):
+            self.surprises.count(action, bool((complement(foretold) & came).any()))
+
+    def begin(self, state: NDArray[np.bool_]) -> None:
+        """Take in the state an episode begins in: ``(2N,)``."""
+        here = self.key(state & self.looked_at)
+        actions = range(len(self.hopeless))
+        news = all((here, action) not in self.tried for action in actions)
+        self.surprises.count(BEGINNING, news)
+
     def leave(self, state: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
         """Take in what came after a state: another episode, or the next step.
 
@@ -160,6 +201,7 @@ class Experience:
             "taken": np.array([action for _, action in self.tried], np.int64),
             "raised": raised.reshape(len(self.raised), octets),
             "heights": np.array(list(self.raised.values()), np.int64),
+            **self.surprises.arrays(),
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
@@ -191,6 +233,7 @@ class Experience:
             place.tobytes(): height
             for place, height in zip(raised, heights, strict=True)
         }
+        self.surprises.restore(arrays)
         steps = rows_in(arrays, "plan")
         actions = entry(arrays, "plan", (steps,), np.int64).tolist()
         places = entry(arrays, "places", (steps, size), np.bool_)

@@ -37,6 +37,7 @@ from neurosnap.agent.policy import (
 )
 from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.agent.reflex import Reflex
+from neurosnap.agent.surprises import BEGINNING
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 
@@ -52,6 +53,7 @@ class _Node:
     state: NDArray[np.bool_]
     before: "_Node | None" = None
     action: int = -1
+    steps: int = 0
 
     def way(self) -> list["_Node"]:
         """Return the nodes from the first, which no action led to, to this one."""
@@ -116,7 +118,6 @@ class ImaginingPlanner:
         self._actions = Actions(body)
         self._contexts = Contexts(body)
         self._looked_at = body.looked_at
-        self._unread = ~body.position[: 2 * self._own]  # of the own, no part of a place
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
 
     def grow(self, body: Body) -> None:
@@ -153,10 +154,10 @@ class ImaginingPlanner:
         Returns:
             The shortest plan. If there is none and the planner is curious, that to the
             nearest unknown outcome; if nothing is unknown, to the nearest end of an
-            episode: the next may begin elsewhere. One who only explores does so every
-            other time, and else goes to test an outcome that seems to be known, the
-            nearest that was never seen: what was learned is only as true as what was
-            met. None: there is nothing of this.
+            episode: the next may begin elsewhere. One who only explores goes there or
+            to test an outcome that seems to be known and was never seen, whichever
+            gives most surprises a step, as far as one can tell: what was learned is
+            only as true as what was met. None: there is nothing of this.
         """
         told = self._experience
         frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
@@ -188,14 +189,14 @@ class ImaginingPlanner:
                 if self._target and state[self._target].all():
                     return self._planned(_Node(state, node, action), "")
                 place = state & self._looked_at
-                if not self._is_whole(place, told.hopeless[action]):
+                if not told.is_whole(place, action):
                     doubtful.append((node, action))
                 else:
                     known.append((node, action))
                 key = place.tobytes()
                 if key not in seen and len(frontier) < left:
                     seen.add(key)
-                    frontier.append(_Node(place, node, action))
+                    frontier.append(_Node(place, node, action, node.steps + 1))
             left -= len(frontier)
             unknown = unknown or doubtful
         if not self._curious:
@@ -206,9 +207,12 @@ class ImaginingPlanner:
             why = f"to learn what {self._names[action]} does there, "
             return self._planned(_Node(nothing, node, action), why)
         if not self._target:
-            half, draw = divmod(2 * draw, 1.0)
-            if not half or end is None:
-                node, action = self._untested(known) or known[int(draw * len(known))]
+            test, hope = self._test(known)
+            if test is None:  # all was seen: see any of it again
+                half, draw = divmod(2 * draw, 1.0)
+                test, hope = known[int(draw * len(known))], 1.0 - half
+            if end is None or hope >= self._hope(end, BEGINNING):
+                node, action = test
                 why = f"to test what {self._names[action]} does there, "
                 return self._planned(_Node(nothing, node, action), why)
         if end is not None:
@@ -217,13 +221,25 @@ class ImaginingPlanner:
             return self._planned(_Node(nothing, end, action), why)
         return None
 
-    def _untested(self, known: list[tuple[_Node, int]]) -> tuple[_Node, int] | None:
-        """Return the nearest outcome that seems to be known and was never seen."""
+    def _test(
+        self, known: list[tuple[_Node, int]]
+    ) -> tuple[tuple[_Node, int] | None, float]:
+        """Return the best outcome to test that seems to be known and was never seen.
+
+        Returns:
+            It, or None if all were seen; and the surprises to hope for a step.
+        """
         told = self._experience
+        best, most = None, 0.0
         for node, action in known:
-            if (told.key(node.state), action) not in told.tried:
-                return node, action
-        return None
+            hope = self._hope(node, action)
+            if hope > most and (told.key(node.state), action) not in told.tried:
+                best, most = (node, action), hope
+        return best, most
+
+    def _hope(self, node: _Node, action: int) -> float:
+        """Return how many surprises a step one may hope for on the way to a trial."""
+        return self._experience.surprises.share(action) / (node.steps + 1)
 
     def _planned(self, last: _Node, why: str) -> Plan:
         first, *way = last.way()
@@ -240,11 +256,6 @@ class ImaginingPlanner:
         possible = np.ones(len(self._names), np.bool_)
         possible[self._contexts.action[never]] = False
         return possible
-
-    def _is_whole(self, place: NDArray[np.bool_], hopeless: NDArray[np.bool_]) -> bool:
-        """Return whether all is said of a state that can be said beforehand."""
-        said = place[: 2 * self._own] | hopeless | self._unread
-        return bool(said.reshape(-1, 2).any(axis=1).all())
 
 
 def _bound(closures: Closures) -> NDArray[np.bool_]:

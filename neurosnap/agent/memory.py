@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth.growth import Growth
@@ -19,6 +20,7 @@ from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.sensorium import selection
 from neurosnap.wire import Decision
 
 _NO_HISTORY = History(0, 64)
@@ -46,6 +48,8 @@ class AgentMemory:
         self.experience = Experience(body) if imagines else None
         self.decision = Decision(0, -1, "the run begins")
         self._growth = Growth(body) if body.room else None
+        self._begins = False  # the observation whose state is to come
+        self._actions = None if self.is_empty else Actions(body)
 
     def grow_by(self, growth: Growth) -> None:
         """Let another rule say what is grown."""
@@ -98,19 +102,32 @@ class AgentMemory:
             What is to be asked of the history of the readings before `settle`; the
             observation is in it then.
         """
-        if self.experience is not None and action >= 0:
-            self.experience.leave(state, begins, action)
+        own, told = 2 * len(self.body.own), self.experience
+        foretold = np.zeros(own, np.bool_)
+        if self._actions is not None and action >= 0 and not begins:
+            closure = graph.up(self._actions.signal(action, state))
+            foretold = guaranteed([closure])[0, :own]
+            if told is not None:
+                came = selection(observation, known)[:own]
+                told.take(action, state, foretold, came)
+        if told is not None and action >= 0:
+            told.leave(state, begins, action)
+        self._begins = begins
         if self._growth is None:
             return nothing()
         step = (-1 if begins else action, state)
-        return self._growth.notice(*step, graph, observation, known, snapshot)
+        return self._growth.notice(*step, foretold, observation, known, snapshot)
 
     def settle(self, state: NDArray[np.bool_]) -> None:
         """Take in the state of the observation, ``(2N,)``."""
-        if self.experience is not None:
-            self.experience.enter(state)
-            if self._growth is not None:
-                self.experience.give_up(self._growth.hopeless)
+        told, begins, self._begins = self.experience, self._begins, False
+        if told is None:
+            return
+        told.enter(state)
+        if begins:
+            told.begin(state)
+        if self._growth is not None:
+            told.give_up(self._growth.hopeless)
 
     def changes(self, tick: int, graph: PocGraph) -> dict[str, Any]:
         """Return by field what a tick's decision says of growth."""
@@ -131,6 +148,7 @@ class AgentMemory:
             return False
         self.body = body
         take_in(body, decision, snapshot)
+        self._actions = Actions(body)
         if self._growth is not None:
             self._growth.fit(body)
         if self.experience is not None:
@@ -166,6 +184,7 @@ class AgentMemory:
         arrays = _Archive.from_bytes(data).arrays()
         self.decision = _decision_in(arrays)
         self.body = grown_in(self.body, arrays)
+        self._actions = Actions(self.body)
         if self.experience is not None:
             self.experience.restore(arrays)
             self.experience.looked_at = self.body.looked_at

@@ -27,11 +27,11 @@ from neurosnap.poc.learning.search import answered
 from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.protocol.anomaly_messages import announcement
 from neurosnap.protocol.message_checks import check_readings
-from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
 from neurosnap.protocol.totals import Totals
 from neurosnap.protocol.wave_control import WaveControl
-from neurosnap.sensorium import complement, pack
+from neurosnap.sensorium import complement, pack, selection
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

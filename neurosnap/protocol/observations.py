@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.sensorium import complete, unpack
+from neurosnap.sensorium import unpack
 
 
 def readings(
@@ -24,20 +24,3 @@ def readings(
     """
     bits = unpack(observation.bits, count)
     return bits, unpack(observation.known, count) if observation.known else None
-
-
-def selection(
-    bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
-) -> NDArray[np.bool_]:
-    """Return the literals observed, one of each sensor whose reading is known.
-
-    Args:
-        bits: ``(N,)``.
-        known: ``(N,)``; None: all.
-
-    Returns:
-        ``(2N,)``, a *-selection ([GK] "Observation Model for DBAs"), complete where all
-        are known.
-    """
-    literals = complete(bits)
-    return literals if known is None else literals & np.repeat(known, 2)

@@ -112,9 +112,8 @@ class Grower:
         self,
         action: int,
         state: NDArray[np.bool_],
-        closure: NDArray[np.bool_],
-        bits: NDArray[np.bool_],
-        known: NDArray[np.bool_] | None,
+        foretold: NDArray[np.bool_],
+        came: NDArray[np.bool_],
         ticks: int,
     ) -> Search[Context | None]:
         """Take in what an action led to, and return the sensor to grow now, if any.
@@ -125,19 +124,13 @@ class Grower:
         Args:
             action: The one taken.
             state: ``(2N,)``, recorded before.
-            closure: ``(2N,)``, of what it switched on, by what was believed before.
-            bits: ``(n,)``, what the world's own sensors read after it.
-            known: ``(n,)``, which of that is known; None: all.
+            foretold: ``(2n,)``, what it guaranteed of the world's own sensors, by what
+                was believed before.
+            came: ``(2n,)``, what was read of them after it.
             ticks: How many the history was shown so far.
         """
-        came = np.zeros(2 * self._own, np.bool_)
-        came[::2], came[1::2] = bits, ~bits
-        if known is not None:
-            came &= np.repeat(known, 2)
-        above = closure[: 2 * self._own]
-        guaranteed = above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)
-        self._try(action, state, came, guaranteed)
-        missed = np.flatnonzero(came & ~guaranteed).tolist()
+        self._try(action, state, came, foretold)
+        missed = np.flatnonzero(came & ~foretold).tolist()
         results = [one for one in missed if self._is_due(action, state, one)]
         if results:
             taken = 2 * (self._own + action)
@@ -155,7 +148,7 @@ class Grower:
         action: int,
         state: NDArray[np.bool_],
         came: NDArray[np.bool_],
-        guaranteed: NDArray[np.bool_],
+        foretold: NDArray[np.bool_],
     ) -> None:
         """Hold the covers under trial against what came.
 
@@ -173,7 +166,7 @@ class Grower:
                     continue
                 if came[result]:
                     trial.held += 1
-                    if trial.held >= self._confirmations and not guaranteed[result]:
+                    if trial.held >= self._confirmations and not foretold[result]:
                         self._ready.append(trial)
                         trials.remove(trial)
                 else:

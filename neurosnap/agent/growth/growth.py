@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.actions import Actions, guaranteed
+from neurosnap.agent.actions import guaranteed
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.growth.grower import Grower
 from neurosnap.agent.growth.sensor_changes import said_of
@@ -19,6 +19,7 @@ from neurosnap.poc.learning.rings import conjunction
 from neurosnap.poc.learning.search import Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.sensorium import selection
 
 _EVERY = 8  # ticks from one look at whether a sensor is needed to the next
 
@@ -43,7 +44,7 @@ class Growth:
         self.history = History(len(body.sensors), length)
         self._own = len(body.own)
         self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
-        self._body, self._actions = body, Actions(body)
+        self._body = body
         self._awaited = body.awaited
         self._said: dict[str, Any] = {}  # in the decision of the tick under way
 
@@ -52,7 +53,7 @@ class Growth:
         if self._grower is not None:
             for place in set(body.retired) - set(self._body.retired):
                 self._grower.retire(body.grown[place])
-        self._body, self._actions = body, Actions(body)
+        self._body = body
         self._awaited = body.awaited
 
     @property
@@ -64,7 +65,7 @@ class Growth:
         self,
         action: int,
         state: NDArray[np.bool_],
-        graph: PocGraph,
+        foretold: NDArray[np.bool_],
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
@@ -74,7 +75,7 @@ class Growth:
         Args:
             action: That of the step that has ended; -1: none was.
             state: ``(2N,)``, recorded before it.
-            graph: What is believed.
+            foretold: ``(2n,)``, what the action guaranteed of the world's own sensors.
             observation: ``(N,)``.
             known: ``(N,)``, which of it is known; None: all.
             snapshot: Weighs what is born.
@@ -86,12 +87,8 @@ class Growth:
         self._said = {}
         if action < 0 or self._grower is None:
             return self._bear(None, snapshot)
-        closure = graph.up(self._actions.signal(action, state))
-        own = None if known is None else known[: self._own]
-        bits = observation[: self._own]
-        surprise = self._grower.notice(
-            action, state, closure, bits, own, self.history.tick
-        )
+        came = selection(observation, known)[: 2 * self._own]
+        surprise = self._grower.notice(action, state, foretold, came, self.history.tick)
         return self._explain(action, surprise, snapshot)
 
     def _explain(

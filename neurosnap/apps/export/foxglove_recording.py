@@ -26,12 +26,12 @@ from neurosnap.apps.export.foxglove_writer import COPIED, Sink
 from neurosnap.apps.export.learned_orders import LearnedOrders
 from neurosnap.apps.export.log_lines import line_of, lost_line, resumed_line
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
-from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.births import Births, births_of
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.ticks import InOrder, Tick
-from neurosnap.sensorium import Sensorium, unpack
+from neurosnap.sensorium import Sensorium, selection, unpack
 
 LAYOUT = "layout.json"
 """What the layout is attached as."""

@@ -13,9 +13,10 @@ from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import ShapeError
-from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.tick_index import ChunkMessages, TickIndex
+from neurosnap.sensorium import selection
 
 _BEYOND = 4
 """Chunks behind the last tick in which something late is looked for. The recorder

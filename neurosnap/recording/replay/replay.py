@@ -25,14 +25,14 @@ from neurosnap import wire
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.observations import readings, selection
+from neurosnap.protocol.observations import readings
 from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.replay.comparison import is_same
-from neurosnap.sensorium import unpack
+from neurosnap.sensorium import selection, unpack
 
 _INPUTS = ("observe", "settle", "tally", "recalled")
 _OUTPUTS = (

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
+from neurosnap.agent.surprises import BEGINNING
 
 BODY = Body.full(["wall", "goal", "coin"], ["go", "stay"])
 COIN = BODY.own.index("coin")
@@ -60,3 +61,39 @@ def test_what_was_tried_is_known_again_once_all_actions_leave_a_sensor_to_chance
     other.give_up(by_chance(0, 1))
     assert list(other.tried) == list(experience.tried)
     assert (other.key(tails), 1) in other.tried
+
+
+def test_a_trial_is_where_all_seemed_to_be_known_and_it_was_never_taken() -> None:
+    experience = Experience(BODY)
+    here, there = place(wall=True, goal=False, coin=True), place(goal=True)
+    came = place(wall=False, goal=False, coin=True)[: 2 * len(BODY.own)]
+    other = place(wall=True, goal=False, coin=True)[: 2 * len(BODY.own)]
+    experience.take(0, here, place(wall=False)[: 2 * len(BODY.own)], came)
+    assert experience.surprises.share(0) == 1 / 2  # not all was foretold
+    experience.take(0, here, other, came)
+    assert experience.surprises.share(0) == 2 / 3
+    experience.take(0, there, came, came)
+    assert experience.surprises.share(0) == 2 / 4
+    assert experience.surprises.share(1) == 1 / 2
+    experience.leave(here, ends=False, action=0)
+    experience.take(0, here, other, came)
+    assert experience.surprises.share(0) == 2 / 4  # it was taken there before
+    # What is left to chance need not be foretold.
+    experience.give_up(by_chance(1))
+    experience.take(1, here, came & ~by_chance(1)[1], came)
+    assert experience.surprises.share(1) == 1 / 3
+    again = Experience(BODY)
+    again.restore(experience.arrays())
+    assert [again.surprises.share(a) for a in (0, 1)] == [2 / 4, 1 / 3]
+
+
+def test_an_episode_that_begins_where_nothing_was_done_is_a_surprise() -> None:
+    experience = Experience(BODY)
+    here, there = place(wall=True), place(wall=False)
+    experience.begin(here)
+    assert experience.surprises.share(BEGINNING) == 2 / 3
+    experience.leave(here, ends=False, action=1)
+    experience.begin(here)
+    assert experience.surprises.share(BEGINNING) == 2 / 4
+    experience.begin(there)
+    assert experience.surprises.share(BEGINNING) == 3 / 5

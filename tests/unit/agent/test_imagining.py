@@ -11,6 +11,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining import ImaginingPlanner
 from neurosnap.agent.policy import Signal, decided
+from neurosnap.agent.surprises import BEGINNING
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from tests.support.agent_oracles import complete, known, view
@@ -167,16 +168,24 @@ def first_words(walk: Walk, ticks: int = 40) -> set[str]:
     return found
 
 
-def test_where_all_is_known_the_curious_end_the_episode_or_test_what_they_know() -> (
-    None
-):
+def test_where_all_is_known_the_curious_do_what_surprised_most_before() -> None:
     walk = Walk(None)
-    tests = {"to test what forward does there"}
-    assert first_words(walk) == tests
+    test, another = {"to test what forward does there"}, {"to begin another episode"}
+    assert first_words(walk) == test
     ending(walk, 1)
-    assert first_words(walk) == {*tests, "to begin another episode"}
+    assert first_words(walk) == test  # it is nearer
+    surprises = walk.experience.surprises
+    for _ in range(20):
+        surprises.count(0, False)
+    assert first_words(walk) == {"to test what back does there"}
+    for _ in range(20):
+        surprises.count(1, False)
+    assert first_words(walk) == another
+    for _ in range(200):
+        surprises.count(BEGINNING, False)
+    assert first_words(walk) == test
     ending(walk, 1, ends=False)
-    assert first_words(walk) == tests
+    assert first_words(walk) == test
 
 
 def tried(walk: Walk, place: int, action: int) -> None:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import ShapeError
-from neurosnap.protocol.observations import readings, selection
-from neurosnap.sensorium import pack
+from neurosnap.protocol.observations import readings
+from neurosnap.sensorium import pack, selection
 
 
 @given(st.lists(st.sampled_from([True, False, None]), min_size=1, max_size=20))

@@ -24,6 +24,7 @@ from neurosnap.apps.figures.experiments.stages import (
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.search import Search, nothing
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.sensorium import complete
 
 Grows: TypeAlias = Literal["contexts", "nothing", "whole states"]
 """What an agent grows where something was not guaranteed."""
@@ -46,7 +47,7 @@ class WholeStates(Growth):
         self,
         action: int,
         state: NDArray[np.bool_],
-        graph: PocGraph,
+        foretold: NDArray[np.bool_],
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
@@ -57,10 +58,7 @@ class WholeStates(Growth):
         body = self._body
         if action < 0 or len(body.grown) == body.room:
             return nothing()
-        came = np.repeat(observation[: self._own], 2)
-        came[1::2] ^= True
-        closure = graph.up(self._actions.signal(action, state))
-        if (guaranteed([closure])[0][: 2 * self._own] >= came).all():
+        if (foretold >= complete(observation[: self._own])).all():
             return nothing()
         literals = (state & body.position).nonzero()[0].tolist()
         context = (action, tuple(literals))

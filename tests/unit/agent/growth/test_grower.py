@@ -48,12 +48,10 @@ class Watched:
         state[: 2 * len(NAMES)] = complete(bits(before))
         observation = self.senses.observe(bits(after), action, state)
         self.history.enter(observation)
-        closure = np.zeros_like(state)
-        closure[[2 * NAMES.index(name) for name in said.split()]] = True
-        own = observation[: len(NAMES)]
-        search = self.grower.notice(
-            action, state, closure, own, None, self.history.tick
-        )
+        foretold = np.zeros(2 * len(NAMES), np.bool_)
+        foretold[[2 * NAMES.index(name) for name in said.split()]] = True
+        came = complete(observation[: len(NAMES)])
+        search = self.grower.notice(action, state, foretold, came, self.history.tick)
         found = answered(search, self.history)
         if found is not None:
             self.births.append(found)
