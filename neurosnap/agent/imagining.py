@@ -13,7 +13,8 @@ References:
     Reactive Planning") and names "replanning in the face of failure" as future work.
     To go where an outcome is unknown is the exploration of R-max (Brafman & Tennenholtz
     2002). Of its table there is which action was taken where, and that serves only to
-    test what seems to be known.
+    test what seems to be known, where most surprises are to be expected (Schmidhuber
+    1991, "Curious model-building control systems").
 """
 
 from collections.abc import Generator, Iterable
