@@ -109,6 +109,19 @@ class Experience:
         ends = _unpacked(packed.reshape(len(self.ends), -1), here.size)
         return bool(((ends & said) == here).all(axis=1).any())
 
+    def by_chance(self, place: NDArray[np.bool_], action: int) -> bool:
+        """Return whether an imagined place is left to chance in part.
+
+        What every action leaves to chance, a coin say, tells no place from another.
+
+        Args:
+            place: ``(2N,)``.
+            action: What is imagined to lead there.
+        """
+        unsaid = ~self._own(place).reshape(-1, 2).any(axis=1).repeat(2)
+        telling = self._own(self.looked_at & self._foreseen)
+        return bool((unsaid & telling & self.hopeless[action]).any())
+
     def give_up(self, hopeless: NDArray[np.bool_]) -> None:
         """Take in which results of actions, ``(actions, 2n)``, are left to chance."""
         self.hopeless = hopeless

@@ -8,6 +8,10 @@ what has been learned. It is kept until something comes that it did not expect.
 An action can be imagined where each of its contexts has been met: of a context that
 never was, nothing has been learned, though it may seem to imply a lot.
 
+What is left to chance cannot be learned, nor gone to. Where an action slips, one with a
+target takes neither its outcome, nor what is done after it, for unknown. And where no
+plan leads to the target, luck may: it goes on greedily and begins no other episode.
+
 References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
     Reactive Planning") and names "replanning in the face of failure" as future work.
@@ -55,6 +59,9 @@ class _Node:
     before: "_Node | None" = None
     action: int = -1
     steps: int = 0
+    """How many actions led to it."""
+    by_chance: bool = False
+    """Whether it, or one on the way, is left to chance in part."""
 
     def way(self) -> list["_Node"]:
         """Return the nodes from the first, which no action led to, to this one."""
@@ -77,7 +84,7 @@ class ImaginingPlanner:
         experience: What was met so far; whoever decides by this keeps it up to date.
         states: How many states a decision may imagine.
         curious: Whether to go to the nearest action with an unknown outcome where no
-            plan leads to the target.
+            plan leads to the target, unless what it does there is left to chance.
 
     Raises:
         InvalidValueError: As for `Planner`; or the actions do not exclude each other,
@@ -154,11 +161,12 @@ class ImaginingPlanner:
 
         Returns:
             The shortest plan. If there is none and the planner is curious, that to the
-            nearest unknown outcome; if nothing is unknown, to the nearest end of an
-            episode: the next may begin elsewhere. One who only explores goes there or
-            to test an outcome that seems to be known and was never seen, whichever
-            gives most surprises a step, as far as one can tell: what was learned is
-            only as true as what was met. None: there is nothing of this.
+            nearest unknown outcome; if nothing is unknown, and nothing left to chance,
+            to the nearest end of an episode: the next may begin elsewhere. One who only
+            explores goes there or to test an outcome that seems to be known and was
+            never seen, whichever gives most surprises a step, as far as one can tell:
+            what was learned is only as true as what was met. None: there is nothing of
+            this.
         """
         told = self._experience
         frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
@@ -167,6 +175,7 @@ class ImaginingPlanner:
         unknown: list[tuple[_Node, int]] = []
         known: list[tuple[_Node, int]] = []
         end: _Node | None = None  # the nearest
+        chance = False  # whether some place on the way is left to it
         while frontier and not (unknown and not self._target):
             asked: list[tuple[_Node, int]] = []
             signals: list[Signal] = []
@@ -181,7 +190,7 @@ class ImaginingPlanner:
                     if possible[action]:
                         asked.append((node, action))
                         signals.append(signal)
-                    else:
+                    elif not node.by_chance:
                         doubtful.append((node, action))
             closures = (yield signals) if signals else ()
             frontier = []
@@ -190,14 +199,21 @@ class ImaginingPlanner:
                 if self._target and state[self._target].all():
                     return self._planned(_Node(state, node, action), "")
                 place = state & self._looked_at
-                if not told.is_whole(place, action):
+                # One who only explores tests what seems to be known all the same.
+                by_chance = bool(self._target) and (
+                    node.by_chance or told.by_chance(place, action)
+                )
+                if by_chance:
+                    chance = True
+                elif not told.is_whole(place, action):
                     doubtful.append((node, action))
                 else:
                     known.append((node, action))
                 key = place.tobytes()
                 if key not in seen and len(frontier) < left:
                     seen.add(key)
-                    frontier.append(_Node(place, node, action, node.steps + 1))
+                    steps = node.steps + 1
+                    frontier.append(_Node(place, node, action, steps, by_chance))
             left -= len(frontier)
             unknown = unknown or doubtful
         if not self._curious:
@@ -216,7 +232,7 @@ class ImaginingPlanner:
                 node, action = test
                 why = f"to test what {self._names[action]} does there, "
                 return self._planned(_Node(nothing, node, action), why)
-        if end is not None:
+        if end is not None and not chance:
             action = int(draw * len(self._names))
             why = "to begin another episode, "
             return self._planned(_Node(nothing, end, action), why)

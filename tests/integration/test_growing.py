@@ -11,7 +11,7 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.planner import Planner
-from neurosnap.apps.figures.experiments.explorers import Explorer
+from neurosnap.apps.figures.experiments.explorers import Explorer, journey
 from neurosnap.apps.figures.experiments.stages import Setting, StageEnv, stage_of
 from neurosnap.wire import Decision
 from tests.support.taught_agents import distances, state_readings
@@ -171,6 +171,28 @@ def test_where_every_action_slips_it_says_so_and_grows_little() -> None:
         for sensor in agent.chance[name]:
             number = agent.body.own.index(sensor)
             assert {(action, 2 * number), (action, 2 * number + 1)} & set(told)
+
+
+def test_where_every_action_slips_to_imagine_is_no_worse_than_greed() -> None:
+    lake = (("is_slippery", True),)
+    setting = Setting(
+        name="slips", world="neurosnap/FrozenLake-v0", arguments=lake, steps=0
+    )
+    stage = stage_of(setting)
+    agent = Explorer.of(StageEnv(stage), "planner", seed=0, grow=30, imagine=True)
+    agent.learn(StageEnv(stage), 1000, seed=0)
+    greedy = deepcopy(agent)
+    sent = np.random.default_rng(0)
+    arrived = {True: 0, False: 0}
+    for seed in range(100):
+        start, goal = sent.choice(np.flatnonzero(~stage.over), 2, replace=False)
+        target = np.zeros(2 * len(stage.sensors), np.bool_)
+        target[stage.literals(goal)] = True
+        for imagine, one in ((True, agent), (False, greedy)):
+            given = one, stage, int(start), target, 30
+            steps, _ = journey(*given, imagine=imagine, seed=seed)
+            arrived[imagine] += steps >= 0
+    assert arrived[True] >= arrived[False] > 0
 
 
 def test_it_is_the_same_again() -> None:

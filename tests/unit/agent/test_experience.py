@@ -42,6 +42,18 @@ def test_an_end_is_known_again_whatever_is_left_to_chance() -> None:
     assert not experience.is_end(place(goal=True), 0)
 
 
+def test_a_place_is_by_chance_where_some_actions_toss_what_tells_it_apart() -> None:
+    experience = Experience(BODY)
+    imagined = place(wall=False, goal=True)
+    assert not experience.by_chance(imagined, 0)
+    experience.give_up(by_chance(0))
+    assert experience.by_chance(imagined, 0)
+    assert not experience.by_chance(imagined, 1)
+    assert not experience.by_chance(place(wall=False, goal=True, coin=True), 0)
+    experience.give_up(by_chance(0, 1))
+    assert not experience.by_chance(imagined, 0)  # a coin, and no part of a place
+
+
 def test_what_was_tried_is_known_again_once_all_actions_leave_a_sensor_to_chance() -> (
     None
 ):

@@ -36,6 +36,7 @@ class Walk:
         graph: PocGraph = GRAPH,
         states: int = 100,
         explore: float = 0.0,
+        curious: bool = False,
     ) -> None:
         target = (
             () if goal is None else complete(view(FIELDS, goal))  # the whole of a place
@@ -43,8 +44,9 @@ class Walk:
         self.graph = graph
         self.experience = Experience(BODY)
         self.experience.met[:] = True
+        curious = curious or goal is None
         self.planner = ImaginingPlanner(
-            BODY, target, 1, explore, self.experience, states, curious=goal is None
+            BODY, target, 1, explore, self.experience, states, curious=curious
         )
         self.asked = 0
 
@@ -166,6 +168,29 @@ def first_words(walk: Walk, ticks: int = 40) -> set[str]:
         walk.experience.plan = None
         found.add(walk.decide(3, tick)[1].split(",")[0])
     return found
+
+
+def test_with_a_target_what_is_left_to_chance_is_not_for_learning() -> None:
+    keep = GRAPH.edges.copy()
+    unsure = 2 * BODY.sensors.index("forward&a2")  # whether it leads from 1 to 2
+    keep[unsure] = keep[:, unsure ^ 1] = False
+    walk = Walk(5, PocGraph(keep), curious=True)
+    walk.unmeet(["forward&~a2"])  # only on from 2 on
+    learn = "to learn what forward does there, in 1: forward"
+    assert walk.decide(1) == ("forward", learn)
+
+    walk.experience.aim()
+    hopeless = np.zeros((2, 2 * len(BODY.own)), np.bool_)
+    hopeless[0, 2 * BODY.own.index("a3") :][:2] = True
+    walk.experience.give_up(hopeless)
+    ending(walk, 0)
+    action, why = walk.decide(1)
+    assert action == "forward"
+    assert why.startswith("guarantees")  # by luck, and no other episode is begun
+    ending(walk, 0, ends=False)
+    walk.unmeet(["back&a1"])  # only on at the first place
+    learn = "to learn what back does there, in 2: back, back"
+    assert walk.decide(1) == ("back", learn)  # what can be learned still is
 
 
 def test_where_all_is_known_the_curious_do_what_surprised_most_before() -> None:
