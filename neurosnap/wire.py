@@ -68,6 +68,9 @@ class Observation(_Message, frozen=True, tag="observe"):
     known: bytes = b""
     """Which readings are known, packed like `bits`, one at least; empty: all are. One
     that is not is 0 in `bits` and says nothing."""
+    cut: bool = False
+    """It begins a trajectory, and the one before had not come to its own end: after a
+    limit on time, say."""
 
 
 class Wiring(_Message, frozen=True, tag="wiring"):

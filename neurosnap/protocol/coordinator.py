@@ -282,7 +282,9 @@ class Coordinator:
         messages = self._judge(observation.tick, bits, known)
         self._known = observation.known
         if self._memory is not None:
-            step = self._next_decision.action, observation.begins, self._snapshot.state
+            # Nobody saw what the action would have led to.
+            action = -1 if observation.cut else self._next_decision.action
+            step = action, observation.begins, self._snapshot.state
             believed = self._snapshot.poc_graph()
             self._search = self._memory.observe(
                 *step, believed, bits, known, self._snapshot

@@ -126,4 +126,5 @@ class World:
             bits=pack(self._senses.observe(bits, *step)),
             begins=source.begins,
             known=b"" if known is None else pack(known),
+            cut=source.cut and self._tick > 1,
         )

@@ -46,6 +46,7 @@ class CsvSource:
         if self.length == 0:
             raise InvalidValueError(path, "must have rows below its header", 0)
         self.begins: bool = False
+        self.cut: bool = False
         self._left = 0
 
     def first(self) -> NDArray[np.bool_]:

@@ -65,6 +65,7 @@ class GymnasiumSource:
         self.discrete: bool = self._said.discrete
         self.length: int | None = None
         self.begins: bool = False
+        self.cut: bool = False
 
     def first(self) -> NDArray[np.bool_]:
         """Reset the environment with the seed and return the first observation.
@@ -73,7 +74,7 @@ class GymnasiumSource:
             InvalidValueError: The observation is not in the observation space.
         """
         observation, info = self._env.reset(seed=self._seed)
-        self.begins = info["begins"]
+        self.begins, self.cut = info["begins"], info["cut"]
         return self._checked(observation)
 
     def step(self, action: int) -> NDArray[np.bool_]:
@@ -85,7 +86,7 @@ class GymnasiumSource:
         """
         chosen = self._said.step(action)
         observation, *_, info = self._env.step(chosen)
-        self.begins = info["begins"]
+        self.begins, self.cut = info["begins"], info["cut"]
         return self._checked(observation)
 
     def close(self) -> None:

@@ -23,6 +23,9 @@ class Source(Protocol):
     """Observations it has in all, the first included; None: no end is known."""
     begins: bool
     """The last observation begins a trajectory: it follows no action."""
+    cut: bool
+    """It does, and the trajectory before, if there was one, had not come to its own
+    end: a limit on time cut it off, or nobody listened for a while."""
     known: NDArray[np.bool_] | None
     """``(N,)``, which readings of the last observation are known, one at least; what
     the others are means nothing. None: all are known."""

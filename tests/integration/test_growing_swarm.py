@@ -28,7 +28,7 @@ from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
-from tests.support.lamp import lamp_options
+from tests.support.lamp import LIMITED, lamp_options
 from tests.support.recorded_messages import first
 from tests.support.rewritten_recordings import (
     changing,
@@ -56,6 +56,8 @@ def by_one_agent(options: RunOptions) -> list[wire.Decision]:
     )
     found, bits = list[wire.Decision](), source.first()
     while bits is not None and len(found) < options.ticks:
+        if source.cut:
+            agent.set_down()
         found.append(agent.act(bits, source.begins))
         bits = source.step(found[-1].action)
     source.close()
@@ -90,6 +92,34 @@ def test_a_swarm_grows_what_one_agent_grows(cells: CellKind, tmp_path: Path) -> 
     swarm, alone = decisions(log), by_one_agent(options)
     assert [swarm[tick] for tick in range(1, TICKS)] == alone[:-1]
     assert [one.tick for one in alone if one.born >= 0] == [BIRTH]
+
+
+@pytest.mark.parametrize(
+    "cells", ["inline", pytest.param("worker", marks=pytest.mark.zenoh)]
+)
+def test_where_a_limit_cut_an_episode_off_no_episode_ends(
+    cells: CellKind, tmp_path: Path
+) -> None:
+    options, log = lamp_options(LIMITED, ticks=TICKS, cells=cells), tmp_path / "log"
+    made(options, log)
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
+    swarm = decisions(log)
+    assert [swarm[tick] for tick in range(1, TICKS)] == by_one_agent(options)[:-1]
+    assert not ends_at_last(options, log)
+    # Without a word of the limit, as in older recordings, it is an end.
+    untold = changing(wire.Observation, lambda m: m.cut, lambda _: {"cut": False})
+    assert not verify(rewritten(log, tmp_path / "untold", untold)).same
+
+
+def ends_at_last(options: RunOptions, log: Path) -> set[bytes]:
+    """Return the places at which episodes ended, by the last key-frame."""
+    memory = options.new_memory()
+    frames = [each.message for each in Recording.open(log).messages(("keyframe",))]
+    assert isinstance(frames[-1], wire.KeyFrame)
+    memory.restore(frames[-1].agent)
+    assert memory.experience is not None
+    return memory.experience.ends
 
 
 def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(

@@ -11,6 +11,8 @@ from neurosnap.protocol.run_options import RunOptions
 from tests.support import run_options
 
 NAME = "tests.support.lamp:Lamp-v0"
+LIMITED = "tests.support.lamp:LimitedLamp-v0"
+"""Its episodes are cut off after eight steps, and never end."""
 
 
 class Lamp(gymnasium.Env[Any, Any]):
@@ -45,9 +47,10 @@ class Lamp(gymnasium.Env[Any, Any]):
 
 
 gymnasium.register("Lamp-v0", f"{__name__}:Lamp")
+gymnasium.register("LimitedLamp-v0", f"{__name__}:Lamp", max_episode_steps=8)
 
 
-def lamp_options(**more: object) -> RunOptions:
+def lamp_options(name: str = NAME, /, **more: object) -> RunOptions:
     """Return a run of an agent that explores the lamp and grows what it takes."""
     given: dict[str, Any] = {
         "grow": 3,
@@ -57,4 +60,4 @@ def lamp_options(**more: object) -> RunOptions:
         "threshold": 0.001,
         "keyframe_every": 10,
     }
-    return run_options.options_for(NAME, 3, agent="planner", **{**given, **more})
+    return run_options.options_for(name, 3, agent="planner", **{**given, **more})

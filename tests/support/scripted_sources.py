@@ -28,7 +28,7 @@ class Scripted:
     ) -> None:
         self.sensors: tuple[str, ...] = tuple(f"s{k}" for k in range(len(rows[0])))
         self.actions: tuple[str, ...] = tuple(actions)
-        self.begins = False
+        self.begins = self.cut = False
         self.known: NDArray[np.bool_] | None = None
         self.taken: list[int] = []
         self.closed = 0
@@ -78,7 +78,7 @@ class Live(Scripted):
     def step(self, action: int) -> NDArray[np.bool_] | None:
         fresh = not self._next  # nobody has listened before
         shown = super().step(action)
-        self.begins = fresh
+        self.begins = self.cut = fresh
         return shown
 
     def close(self) -> None:

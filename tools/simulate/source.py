@@ -30,6 +30,7 @@ class Partial:
 
     known: NDArray[np.bool_] | None = None
     begins: bool = False
+    cut: bool = False
 
     def __init__(self, source: Source, share: float, seed: int) -> None:
         self._source = source
@@ -58,7 +59,7 @@ class Partial:
         self._source.close()
 
     def _partly(self, bits: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-        self.begins = self._source.begins
+        self.begins, self.cut = self._source.begins, self._source.cut
         if bits is None:
             return None
         draws = [self._chance.random() >= self._share for _ in bits]

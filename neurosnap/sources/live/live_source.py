@@ -115,6 +115,7 @@ class LiveSource:
         self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)
         self.begins: bool = False
+        self.cut: bool = False
         self.known: Bits | None = None
         self.journal = journal
         self.resumed = journal is not None and journal.last > 0
@@ -433,7 +434,7 @@ class LiveSource:
             self._ticks += 1
             self.given += 1
             self._condition.notify_all()  # there is room for one more
-        self.begins = shown.begins
+        self.begins = self.cut = shown.begins  # what is live has no ends
         self.known = None if shown.known.all() else shown.known
         return shown.bits
 

@@ -82,6 +82,7 @@ class RemoteSource:
         self.orders: tuple[int, ...] = (0,) * len(sensors)
         self.actions = actions
         self.begins: bool = False
+        self.cut: bool = False
         self.known: Bits | None = None
         self._address = address
         self._socket: socket.socket | None = None
@@ -143,7 +144,7 @@ class RemoteSource:
             case Answer(bits=bits, known=known, begins=begins):
                 count = len(self.sensors)
                 self.known = unpack(known, count) if known else None
-                self.begins = begins
+                self.begins = self.cut = begins  # what is live has no ends
                 return unpack(bits, count) if bits else None
 
     def _ask(self, question: Question) -> Reply:

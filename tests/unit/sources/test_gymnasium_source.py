@@ -283,13 +283,23 @@ class TestOtherEnvironments:
             source = open_source(name, seed=0)
         for steps in (9, 6):
             source.first()
-            begins = [source.begins]
+            begins, cut = [source.begins], [source.cut]
             for _ in range(steps):
                 source.step(0)
                 begins.append(source.begins)
+                cut.append(source.cut)
             assert [tick for tick, one in enumerate(begins) if one] == list(
                 range(0, steps + 1, 4)
             )
+            # The first episode cut nothing off.
+            assert cut == [False, *begins[1:]]
+
+    def test_an_episode_that_ended_was_not_cut_off(self) -> None:
+        with custom(ends=(True, False)) as name:
+            source = open_source(name, seed=0)
+        source.first()
+        said = [(source.step(0), source.begins, source.cut)[1:] for _ in range(4)]
+        assert said == [(False, False), (True, False)] * 2
 
     def test_episodes_are_a_function_of_seed_and_actions(self) -> None:
         class Drawn(Custom):

@@ -160,6 +160,7 @@ def test_a_live_source_goes_on_where_it_is_and_that_follows_no_action() -> None:
     assert source.taken == [1, 0]
     assert (first.tick, first.begins, first.bits) == (8, True, b"\x01\x00")
     assert (second.tick, second.begins) == (9, False)
+    assert (first.cut, second.cut) == (True, False)
     assert second.bits[0] & 4  # the action is sensed
 
 
