@@ -2,8 +2,8 @@
 
 Pure: a question in, messages out; answers in, and once the last has come, what they
 come to. One question is under way at a time. Cells that say they lack a history get it
-from the coordinator, which keeps one for its key-frames, and all are asked again. What
-is asked follows from the question and from who lacked what, whatever the order in which
+from the coordinator, which keeps one for its key-frames, and are asked again. What is
+asked follows from the question and from who lacked what, whatever the order in which
 the answers came.
 """
 
@@ -90,19 +90,33 @@ class RecallControl:
         return self._ask(recall)
 
     def _ask(self, recall: wire.Recall, repeats: int = 0) -> list[wire.Message]:
-        """Begin a round."""
-        self._round += 1
-        self._tries += 1
-        replace = msgspec.structs.replace
-        self._recall = recall = replace(recall, round=self._round, repeats=repeats)
-        self._parts = {}
+        """Begin a round in which everybody is asked that has cells it is about."""
         cells = cells_asked(recall, range(self._sensors))
         starts = np.array([part.start for part in self._hosted])
         owners = np.searchsorted(starts, cells, side="right") - 1
+        self._parts = {}
         for owner, cell in zip(owners.tolist(), cells, strict=True):
             name, hosted = self._names[owner], self._hosted[owner]
             part = self._parts.setdefault(name, _Part(name, hosted, []))
             part.asked.append(cell)
+        return self._begin(recall, repeats, cells)
+
+    def _ask_lacking(self, recall: wire.Recall) -> list[wire.Message]:
+        """Begin a round in which those are asked that lacked a history."""
+        cells = []
+        for part in self._parts.values():
+            if part.answer is not None and part.answer.lacks:
+                part.answer = None
+                cells += part.asked
+        return self._begin(recall, 0, cells)
+
+    def _begin(
+        self, recall: wire.Recall, repeats: int, cells: list[int]
+    ) -> list[wire.Message]:
+        self._round += 1
+        self._tries += 1
+        replace = msgspec.structs.replace
+        self._recall = recall = replace(recall, round=self._round, repeats=repeats)
         if self._all_hear or 2 * len(cells) > self._sensors:
             return [recall]
         return [replace(recall, cell=cell) for cell in cells]
@@ -167,7 +181,7 @@ class RecallControl:
         if reminders:
             if self._tries > self._repeats + 1:
                 raise AnswerLostError(self._loss(recall))
-            return [*reminders, *self._ask(recall)]
+            return [*reminders, *self._ask_lacking(recall)]
         self._recall = None
         return self._whole(recall, history.length)
 

@@ -151,6 +151,22 @@ def test_a_cell_is_reminded_once_and_again_when_it_has_missed_a_reading(
     assert reminders == [2, 2, 3, 3]
 
 
+def test_only_cells_that_lacked_their_history_are_asked_again() -> None:
+    control, history = RecallControl(4, 2, 0), History(4, LENGTH)
+    history.tick = 4
+    control.ask(4, Question(readings=(0, 2, 4, 6)))
+    said: Answer | list[wire.Message] = []
+    for cell in range(4):
+        lacks = (cell,) if cell == 2 else ()
+        said = control.receive(wire.Recalled(f"cell/{cell}", 4, 1, lacks), history)
+    assert isinstance(said, list)
+    assert [type(one) for one in said] == [wire.Reminder, wire.Recall]
+    assert said[1].key == "recall/2"
+    whole = control.receive(wire.Recalled("cell/2", 4, 2), history)
+    assert isinstance(whole, Answer)
+    assert set(whole.readings) == {0, 2, 4, 6}
+
+
 def test_who_stays_silent_is_named() -> None:
     control = RecallControl(3, 2, 0)
     [first] = control.ask(4, Question(readings=(0, 2)))
