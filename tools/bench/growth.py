@@ -1,21 +1,25 @@
 """Rows on growth: what it costs where nothing is grown, a birth, a decision by plan.
 
 In a swarm a decision's time is from the observation to the decision, by the senders'
-clocks, which are one machine's.
+clocks, which are one machine's. A birth costs what its tick takes longer than one
+without, from its observation to the next state: cells say what the newborn weighs, and
+are rewired.
 """
 
 import asyncio
+import itertools
 import statistics
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.continuing import Continuing
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap.agent.growth.birth import Birth
+from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.reader import Recording
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run
@@ -27,9 +31,11 @@ if TYPE_CHECKING:
     from neurosnap.agent.binary_sensors import BinarySensors
 
 _ROOM = 30
+_BIRTHS = 15  # by a script
 _STATES = 500
 _LEARNED = 10  # times as many ticks as of a run, before the clock starts
-_SHARE, _BIRTH = 1.05, 5e-3
+_SHARE = 1.05
+_BIRTH: dict[CellKind, float] = {"worker": 5e-3, "process": 50e-3}
 _DECISION = {"in process": 20e-3, "in workers": 250e-3}
 
 
@@ -38,12 +44,16 @@ def growth(sizes: Sizes) -> list[Line]:
     decided = _decided_in_process(sizes)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         lake = _spans(_lake(sizes.ticks, _ROOM), Path(folder) / "lake.mcap")
+        births = [
+            _birth(kind, _spans(_births(sizes.ticks, kind), Path(folder) / kind))
+            for kind in _BIRTH
+        ]
         calm = _spans(_lake(sizes.ticks, 0), Path(folder) / "calm.mcap")
         fares = _spans(_taxi(sizes.ticks), Path(folder) / "taxi.mcap")
     return [
         _alone(sizes),
         _swarm(lake, calm),
-        _birth(lake),
+        *births,
         _decision("in process", statistics.fmean(decided), max(decided)),
         _decision(
             "in workers",
@@ -59,9 +69,11 @@ class _Spans:
     def __init__(self, log: Path) -> None:
         observed: dict[int, int] = {}
         self.states: list[float] = []
-        """From each observation to its state, but where a sensor was just grown."""
+        """From each observation to its state."""
         self.births: list[float] = []
-        """The same where one was."""
+        """From each observation to the next state, where a sensor was grown."""
+        self.others: list[float] = []
+        """The same where none was."""
         self.decisions: list[float] = []
         """From each observation to the decision."""
         born = -1
@@ -70,8 +82,10 @@ class _Spans:
                 case wire.Observation(tick=tick):
                     observed[tick] = each.sent
                 case wire.State(tick=tick):
-                    which = self.births if tick == born + 1 else self.states
-                    which.append((each.sent - observed[tick]) / 1e9)
+                    self.states.append((each.sent - observed[tick]) / 1e9)
+                    if tick - 1 in observed:
+                        which = self.births if tick == born + 1 else self.others
+                        which.append((each.sent - observed[tick - 1]) / 1e9)
                 case wire.Decision(tick=tick) as decision if tick:
                     self.decisions.append((each.sent - observed[tick]) / 1e9)
                     born = tick if decision.born >= 0 else born
@@ -84,15 +98,28 @@ def _spans(options: RunOptions, log: Path) -> _Spans:
     return _Spans(log)
 
 
-def _lake(ticks: int, room: int) -> RunOptions:
+def _lake(
+    ticks: int, room: int, births: Sequence[Birth] = (), cells: CellKind = "worker"
+) -> RunOptions:
     """Return a run of a greedy planner on a lake."""
-    greedy = {"target": ("tile=goal",), "explore": 0.5}
-    return _options("neurosnap/FrozenLake-v0", ticks, room, greedy)
+    greedy = {"target": ("tile=goal",), "explore": 0.5, "cells": cells}
+    return _options("neurosnap/FrozenLake-v0", ticks, room, greedy, births)
+
+
+def _births(ticks: int, cells: CellKind) -> RunOptions:
+    """Return one in which sensors are grown at even distances."""
+    pairs = itertools.product(("row<1", "row<2", "row<3"), ("column<1", "column<2"))
+    places = itertools.product(("left", "down", "right"), pairs)
+    births = [
+        Birth(action, pair, (number + 1) * ticks // (_BIRTHS + 1))
+        for number, (action, pair) in enumerate(itertools.islice(places, _BIRTHS))
+    ]
+    return _lake(ticks, 0, births, cells)
 
 
 def _taxi(ticks: int) -> RunOptions:
     """Return a run of an agent that explores Taxi."""
-    planned = {"imagine": _STATES, "explore": "planned"}
+    planned = {"imagine": _STATES, "explore": "planned", "cells": "worker"}
     return _options("neurosnap/Taxi-v0", ticks, _ROOM, planned)
 
 
@@ -101,18 +128,18 @@ def _options(
     ticks: int,
     room: int,
     more: Mapping[str, Any],
+    births: Sequence[Birth] = (),
 ) -> RunOptions:
-    """Return a run in workers."""
+    """Return a run in which sensors may be grown."""
     source = open_source(world, 1)
     source.close()
     return RunOptions(
         source=world,
-        body=body_of(source, "planner", room),
+        body=body_of(source, "planner", room, births),
         agent="planner",
         threshold=1e-5,
         seed=1,
         ticks=ticks,
-        cells="worker",
         workers=2,
         **more,
     )
@@ -169,17 +196,16 @@ def _swarm(lake: _Spans, calm: _Spans) -> Line:
     )
 
 
-def _birth(lake: _Spans) -> Line:
-    usual = statistics.median(lake.states)
-    if not lake.births:
-        return Line("a birth, in workers", "none", figures={"births": 0})
+def _birth(cells: CellKind, lake: _Spans) -> Line:
+    usual, reach = statistics.median(lake.others), _BIRTH[cells]
+    what = f"a birth, in {cells} cells"
     more = statistics.median(lake.births) - usual
     return Line(
-        f"a birth, in workers ({len(lake.births)} of them)",
+        f"{what} ({len(lake.births)} of them)",
         f"{more * 1e3:.1f} ms more",
-        f"a tick's state {usual * 1e3:.1f} ms",
-        f"≤ {_BIRTH * 1e3:.0f} ms",
-        more <= _BIRTH,
+        f"a tick without {usual * 1e3:.1f} ms",
+        f"≤ {reach * 1e3:.0f} ms",
+        more <= reach,
         {"seconds": more, "usual_seconds": usual, "births": len(lake.births)},
     )
 
