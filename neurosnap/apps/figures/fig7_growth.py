@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments.explorers import CHECKS
 from neurosnap.apps.figures.experiments.growing import (
+    FALLS,
     FALSE,
     GROWN,
     KIND,
     NEED,
     STEPS,
+    UNFORESEEN,
     USED,
     WAVES,
     WHOLE,
@@ -39,6 +41,7 @@ _ANEW: tuple[Method, ...] = ("growth and imagining", "table", "Q-learning", "Dyn
 _COLUMNS = (
     *("world", "learner", "runs", "moves whole", "whole after", "grown", "in use"),
     *("journeys", "of them", "reached", "shortest", "waves a step"),
+    *("falls", "unforeseen"),
 )
 _COLOURS = dict(zip(METHODS, ("C0", "C1", "C2", "C3", "0.5", "C4", "C5"), strict=True))
 
@@ -70,6 +73,10 @@ class Score(msgspec.Struct, frozen=True):
     shortest: int
     waves: float | None
     """Planning waves a step; None: the learner has none."""
+    falls: int | None
+    """Steps of the journeys into a hole or over the cliff; None: not counted."""
+    unforeseen: int | None
+    """Those that the agent did not foresee, likewise."""
     learning: int
     """Steps of exploration for all these journeys together; where a learner of values
     learns for each anew, so many times."""
@@ -113,11 +120,14 @@ def scored(cell: GrowthEntry, rows: NDArray[Any]) -> list[Score]:
 
     Args:
         cell: The cell.
-        rows: ``(runs, checks + journeys, 4)``.
+        rows: ``(runs, checks + journeys, 6)``.
     """
     stage = stage_of(cell.setting)
     moves = int((~stage.over).sum()) * len(stage.actions)
-    curves, journeys = rows[:, :CHECKS], rows[:, CHECKS:].reshape(-1, 4)
+    curves, journeys = (
+        rows[:, :CHECKS, :4],
+        rows[:, CHECKS:].reshape(-1, rows.shape[-1]),
+    )
     journeys = journeys[journeys[:, NEED] >= 0]
     found = []
     for kind in np.unique(journeys[:, KIND]).tolist():
@@ -143,6 +153,8 @@ def scored(cell: GrowthEntry, rows: NDArray[Any]) -> list[Score]:
                 reached=int(there.sum()),
                 shortest=int((mine[:, STEPS] == mine[:, NEED]).sum()),
                 waves=float(waves) if waves else None,
+                falls=int(mine[:, FALLS].sum()) if waves else None,
+                unforeseen=int(mine[:, UNFORESEEN].sum()) if waves else None,
                 learning=cell.setting.steps * (len(mine) if anew else cell.runs),
                 travelled=steps,
             )
@@ -164,7 +176,7 @@ def _curves(
     pairs: Sequence[tuple[GrowthEntry, NDArray[Any]]],
 ) -> Iterable[Sequence[object]]:
     for cell, rows in pairs:
-        for run, curve in enumerate(rows[:, :CHECKS].tolist()):
+        for run, curve in enumerate(rows[:, :CHECKS, :4].tolist()):
             for check, point in enumerate(curve, 1):
                 yield (
                     cell.setting.name + (", targets" if cell.targets else ""),
@@ -197,6 +209,8 @@ def _markdown(scores: Sequence[Score]) -> Iterable[str]:
             str(found.reached),
             str(found.shortest),
             "–" if found.waves is None else f"{found.waves:.3g}",
+            "–" if found.falls is None else str(found.falls),
+            "–" if found.unforeseen is None else str(found.unforeseen),
         )
         yield f"| {' | '.join(line)} |"
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from copy import deepcopy
 from functools import lru_cache
 from threading import Lock
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,6 +208,20 @@ def _explored(
     return agent, np.array(curve[:CHECKS], np.int32)
 
 
+class Journey(NamedTuple):
+    """What came of being sent somewhere."""
+
+    steps: int
+    """Taken; -1 if it did not arrive."""
+    waves: int
+    """Planning waves."""
+    falls: int
+    """Steps into a hole or over the cliff."""
+    unforeseen: int
+    """Those of which the agent did not know before that they were one: the action
+    guaranteed something less than the place where it ended."""
+
+
 def journey(
     agent: Explorer,
     stage: Stage,
@@ -217,7 +231,7 @@ def journey(
     *,
     imagine: bool = True,
     seed: int = 0,
-) -> tuple[int, int]:
+) -> Journey:
     """Send an agent from a place to where all sensations of a goal hold.
 
     Args:
@@ -228,9 +242,6 @@ def journey(
         limit: Steps after which it is given up.
         imagine: Whether it plans by imagined waves.
         seed: Draws outcomes.
-
-    Returns:
-        Steps, -1 if it did not arrive; waves asked.
     """
     env = StageEnv(stage)
     env.reset(seed=seed)
@@ -241,14 +252,20 @@ def journey(
     else:
         agent.aim_greedily(wanted)
     agent.set_down()
-    before = agent.waves
+    before, falls, unforeseen = agent.waves, 0, 0
     for steps in range(limit + 1):
         if stage.fields[goal[::2], env.place].all() and not (
             stage.fields[goal[1::2], env.place].any()
         ):
-            return steps, agent.waves - before
+            return Journey(steps, agent.waves - before, falls, unforeseen)
         if stage.over[env.place]:
             break
         action = agent.act(env.reading(), begins=steps == 0).action
+        here = env.place
         env.step(action)
-    return -1, agent.waves - before
+        if (here, action, env.place) in stage.falls:
+            falls += 1
+            unforeseen += not agent.consequences(action)[
+                stage.literals(env.place)
+            ].all()
+    return Journey(-1, agent.waves - before, falls, unforeseen)

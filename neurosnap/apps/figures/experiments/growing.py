@@ -11,6 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 from neurosnap.apps.figures.experiments.explorers import (
     CHECKS,
     Grows,
+    Journey,
     explored,
     journey,
 )
@@ -42,9 +43,11 @@ _GROWS: dict[Method, Grows] = {
 WHOLE, FALSE, GROWN, USED = range(4)
 """The columns of a learning curve; those of a table are moves that were tried, 0, and
 twice its entries. Of values there is none: all are 0."""
-KIND, NEED, STEPS, WAVES = range(4)
+KIND, NEED, STEPS, WAVES, FALLS, UNFORESEEN = range(6)
 """The columns of a journey: its kind; the fewest steps, -1 for a row that is none; the
-steps taken, -1 if it did not arrive; planning waves."""
+steps taken, -1 if it did not arrive; planning waves; steps into a hole or over the
+cliff, and those of them that the agent did not foresee. Of tables the last three are 0.
+"""
 PAIR, GOAL, FARE, SQUARE = range(4)
 """Kinds: any place to any; any place to the world's goal; of a taxi: a fare from a stop
 to its delivery; from a stop to a square, whatever else holds there."""
@@ -53,7 +56,7 @@ SLACK = 30
 _FARES = 48  # four stops, four where the passenger is, three where it wants to go
 _SQUARES = 96  # four stops, 24 other squares
 _STOPS = {"red": (0, 0), "green": (0, 4), "yellow": (4, 0), "blue": (4, 3)}
-_VERSION = 1
+_VERSION = 2
 
 _Option = TypeVar("_Option")
 _Task: TypeAlias = tuple[int, int, NDArray[np.bool_]]
@@ -85,10 +88,10 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(checks + journeys, 4)``."""
+        """The shape of a row: ``(checks + journeys, 6)``; a curve takes 4 columns."""
         errands = _FARES + _SQUARES if self.setting.name == "taxi" else 0
         most = self.targets or self.setting.journeys + errands
-        return (CHECKS + most, 4)
+        return (CHECKS + most, 6)
 
     @property
     def dtype(self) -> DTypeLike:
@@ -106,11 +109,11 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
             curve, rows = self._sent(stage, tasks, int(seed))
         else:
             curve, rows = self._tabled(stage, tasks, int(seed))
-        found[: len(curve)] = curve
-        for place, (task, (need, steps, waves)) in enumerate(
+        found[: len(curve), : curve.shape[1]] = curve
+        for place, (task, (need, went)) in enumerate(
             zip(tasks, rows, strict=True), CHECKS
         ):
-            found[place] = task[0], need, steps, waves
+            found[place] = task[0], need, *went
         return found
 
     def _tasks(self, stage: Stage) -> list[_Task]:
@@ -125,14 +128,14 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
 
     def _sent(
         self, stage: Stage, tasks: list[_Task], seed: int
-    ) -> tuple[NDArray[np.int32], Iterator[tuple[int, int, int]]]:
+    ) -> tuple[NDArray[np.int32], Iterator[tuple[int, Journey]]]:
         agent, curve = explored(self.setting, _GROWS[self.method], seed)
         imagine = self.method != "growth only"
 
-        def rows() -> Iterator[tuple[int, int, int]]:
+        def rows() -> Iterator[tuple[int, Journey]]:
             for number, (_, start, goal) in enumerate(tasks):
                 need = _need(stage, start, goal)
-                steps, waves = journey(
+                went = journey(
                     agent,
                     stage,
                     start,
@@ -141,13 +144,13 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
                     imagine=imagine,
                     seed=number,
                 )
-                yield need, steps, waves
+                yield need, went
 
         return curve, rows()
 
     def _tabled(
         self, stage: Stage, tasks: list[_Task], seed: int
-    ) -> tuple[NDArray[np.int32], Iterator[tuple[int, int, int]]]:
+    ) -> tuple[NDArray[np.int32], Iterator[tuple[int, Journey]]]:
         steps, curve = self.setting.steps, np.zeros((CHECKS, 4), np.int32)
         table = PlaceTable(stage, steps, seed) if self.method == "table" else None
         if table is not None:
@@ -157,7 +160,7 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
         updates = UPDATES if self.method == "Dyna-Q" else 0
         learned: dict[bytes, NDArray[np.intp]] = {}
 
-        def rows() -> Iterator[tuple[int, int, int]]:
+        def rows() -> Iterator[tuple[int, Journey]]:
             for number, (_, start, goal) in enumerate(tasks):
                 need, at = _need(stage, start, goal), _at(stage, goal)
                 if at.tobytes() not in learned or self.targets:
@@ -168,7 +171,7 @@ class GrowthEntry(msgspec.Struct, frozen=True, kw_only=True):
                     )
                 choice = learned[at.tobytes()]
                 went = follow(stage, choice, start, at, need + SLACK, number)
-                yield need, went, 0
+                yield need, Journey(went, 0, 0, 0)
 
         return curve, rows()
 

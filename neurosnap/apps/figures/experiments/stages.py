@@ -21,6 +21,7 @@ from neurosnap.sensorium import complete
 from neurosnap.sources.gymnasium_source import import_worlds
 
 _MAKING = Lock()
+_FALL = -100.0  # CliffWalking's reward for going over the cliff, and nobody else's
 
 
 class Setting(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,6 +111,8 @@ class Stage:
     """``(places,)``: the chance of beginning there."""
     goals: NDArray[np.bool_]
     """``(places,)``: what a rival that knows one goal only is to reach."""
+    falls: frozenset[tuple[int, int, int]] = frozenset()
+    """Place, action and the place after, of moves into a hole or over the cliff."""
     coins: int = 0
 
     def literals(self, place: int) -> list[int]:
@@ -240,17 +243,20 @@ def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
         if share > 0
     }
     found: dict[tuple[int, bool], list[dict[tuple[int, bool], float]]] = {}
+    over_the_cliff: set[tuple[tuple[int, bool], int, tuple[int, bool]]] = set()
     frontier = list(begin)
     while frontier:
         place = frontier.pop()
         if place in found:
             continue
         found[place] = rows = []
-        for outcomes in inner.P[place[0]].values():
+        for action, outcomes in inner.P[place[0]].items():
             row: dict[tuple[int, bool], float] = {}
-            for chance, state, _, over in outcomes:
+            for chance, state, reward, over in outcomes:
                 after = int(state), bool(over)
                 row[after] = row.get(after, 0.0) + float(chance)
+                if reward <= _FALL and not place[1]:
+                    over_the_cliff.add((place, int(action), after))
             rows.append(row)
             if not place[1]:
                 frontier.extend(row)
@@ -284,4 +290,12 @@ def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
         over=over,
         start=np.array([begin.get(place, 0.0) for place in places]),
         goals=over & ~fatal,
+        falls=frozenset(
+            (number[place], action, number[after])
+            for place in places
+            if not place[1]
+            for action, row in enumerate(found[place])
+            for after in row
+            if fatal[number[after]] or (place, action, after) in over_the_cliff
+        ),
     )

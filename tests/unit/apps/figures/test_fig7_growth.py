@@ -11,11 +11,13 @@ from matplotlib.figure import Figure
 from neurosnap.apps.figures import fig7_growth
 from neurosnap.apps.figures.experiments.explorers import CHECKS
 from neurosnap.apps.figures.experiments.growing import (
+    FALLS,
     FARE,
     KIND,
     NEED,
     SQUARE,
     STEPS,
+    UNFORESEEN,
     USED,
     WAVES,
     WHOLE,
@@ -36,6 +38,7 @@ from neurosnap.apps.figures.experiments.tabular import (
 from neurosnap.apps.figures.figure import FigureOptions
 
 LAKE = Setting(name="lake", world="neurosnap/FrozenLake-v0", steps=400, journeys=20)
+(CLIFF,) = (one for one in settings() if one.name == "cliff")
 METHODS = fig7_growth.METHODS
 
 
@@ -61,6 +64,32 @@ def test_a_stage_does_what_the_world_does(name: str) -> None:
             reading, _ = env.reset()
             ours.reset()
     env.close()
+
+
+def test_falls_are_told_from_what_leads_to_the_same_place() -> None:
+    cliff, lake = stage_of(CLIFF), stage_of(LAKE)
+    # Down from the row above the cliff, and right from the start.
+    assert len(cliff.falls) == 11
+    (start,) = np.flatnonzero(cliff.start).tolist()
+    assert {after for _, _, after in cliff.falls} == {start}
+    stays = [a for a, ways in enumerate(cliff.outcomes[start]) if ways[0][1] == start]
+    assert len(stays) == 3
+    assert [a for a in stays if (start, a, start) in cliff.falls] == [1]
+    hole = lake.fields[lake.sensors.index("tile=hole")]
+    assert {after for *_, after in lake.falls} == set(np.flatnonzero(hole).tolist())
+
+
+@pytest.mark.parametrize(
+    ("method", "steps"), [("growth and imagining", 1000), ("imagining only", 150)]
+)
+def test_who_knows_the_cliff_goes_over_it_by_intent_only(
+    method: Method, steps: int
+) -> None:
+    setting = msgspec.structs.replace(CLIFF, steps=steps, journeys=20)
+    row = entry(method, setting).row(0)[CHECKS:]
+    falls, unforeseen = row[:, FALLS].sum(), row[:, UNFORESEEN].sum()
+    assert falls > 0
+    assert unforeseen == 0 if method == "growth and imagining" else unforeseen > 0
 
 
 def test_coins_are_thrown_and_the_rest_is_sensed() -> None:
