@@ -3,7 +3,12 @@
 `neurosnap.recording.replay.resume` finds it; the parts of a swarm only carry it.
 """
 
+from typing import TYPE_CHECKING
+
 import msgspec
+
+if TYPE_CHECKING:
+    from neurosnap.agent.body import Body
 
 
 class ResumePoint(msgspec.Struct, frozen=True):
@@ -29,6 +34,15 @@ class ResumePoint(msgspec.Struct, frozen=True):
     """The contexts of the sensors that were grown before that tick's decision."""
     retired: tuple[int, ...] = ()
     """The places among them of those that are read no more."""
+
+    def body(self, first: "Body") -> "Body":
+        """Return what was sensed up to that tick's decision.
+
+        Args:
+            first: What was sensed when the run began.
+        """
+        grown, retired = self.grown, self.retired
+        return msgspec.structs.replace(first, grown=grown, retired=retired)
 
 
 def first_number(past: ResumePoint | None, who: str) -> int:

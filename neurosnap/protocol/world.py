@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.agent.senses import Senses
@@ -37,8 +35,7 @@ class World:
     ) -> None:
         self._source = source
         if past is not None:
-            grown, retired = past.grown, past.retired
-            body = msgspec.structs.replace(body, grown=grown, retired=retired)
+            body = past.body(body)
         self._body, self._senses = body, Senses(body)
         self._choices = len(body.choices)
         self._literals = 2 * len(body.sensors)

@@ -114,7 +114,7 @@ async def run(
             workers=options.sharing,
             coordinator=partial(CoordinatorJob, description, patience),
             world=WorldJob(options, past, way_in),
-            status=StatusJob(options) if publishes(options) else None,
+            status=StatusJob(options, past) if publishes(options) else None,
             log=log,
             metadata=metadata,
             past=past,

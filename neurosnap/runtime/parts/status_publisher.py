@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.anomaly_messages import told
 from neurosnap.protocol.observations import readings
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.sources.open_live import MQTT, mqtt_options
@@ -46,13 +49,13 @@ class Listener:
     """Hands what a swarm says to an outlet. Called on the fabric's thread.
 
     Args:
-        outlet: Publishes it.
-        options: The run's.
+        publisher: Publishes it.
+        body: What is sensed at first.
     """
 
-    def __init__(self, publisher: "MqttPublisher", options: RunOptions) -> None:
+    def __init__(self, publisher: "MqttPublisher", body: Body) -> None:
         self._publisher = publisher
-        self._options = options
+        self._body = body
         # Nothing orders what the world says and what the coordinator makes of it.
         self._known: dict[int, NDArray[np.bool_] | None] = {}
         self._state: wire.State | None = None
@@ -63,7 +66,7 @@ class Listener:
         """Take in one message; what is none of its business is passed over."""
         match message:
             case wire.Observation(tick=tick):
-                _, known = readings(message, self._options.body.count)
+                _, known = readings(message, self._body.count)
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
                     del self._known[min(self._known)]
@@ -76,10 +79,11 @@ class Listener:
                     self._publisher.anomaly(None)
             case wire.Anomaly(tick=tick):
                 self._wrong, self._calm = tick, False
-                record = told(message, self._options.sensors)
+                record = told(message, self._body.sensors)
                 self._publisher.anomaly(msgspec.to_builtins(record))
             case wire.Decision():
                 self._publisher.decision(message)
+                self._body = body_after(self._body, message)
             case _:
                 pass
 
@@ -95,6 +99,7 @@ async def publish_status(
     fabric: Fabric,
     stop: asyncio.Event,
     on_ready: Callable[[], None] = lambda: None,
+    past: ResumePoint | None = None,
 ) -> None:
     """Publish a run at the broker of its source until `stop` is set.
 
@@ -106,6 +111,7 @@ async def publish_status(
         fabric: Entered by the caller.
         stop: Ends it.
         on_ready: Called once it misses nothing any more.
+        past: For a run that is resumed: it says what was grown before.
 
     Raises:
         InvalidValueError: The broker refuses the name, the password or a topic; or
@@ -126,7 +132,7 @@ async def publish_status(
         own=len(body.own),
         actions=body.actions,
     )
-    listener = Listener(publisher, options)
+    listener = Listener(publisher, body if past is None else past.body(body))
 
     def handle(deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
@@ -154,10 +160,11 @@ class StatusJob(msgspec.Struct, frozen=True):
     """Publishes how a run goes; see `publish_status`."""
 
     options: RunOptions
+    past: ResumePoint | None = None
 
     async def run(self, part: PartContext) -> None:
         """Publish until the run is over."""
         async with part.connection.fabric() as fabric:
             ready = part.reporter.ready
-            await publish_status(self.options, fabric, part.stop, ready)
+            await publish_status(self.options, fabric, part.stop, ready, self.past)
         part.reporter.done()

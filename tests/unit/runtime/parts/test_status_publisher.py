@@ -1,15 +1,23 @@
 """Who tells a broker of a run ends with it, and says so, however that ends."""
 
 import asyncio
+from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 import pytest
 
+from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER, publish_status
+from neurosnap.runtime.parts.status_publisher import (
+    STATUS_PUBLISHER,
+    Listener,
+    publish_status,
+)
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
 from neurosnap.sources.open_live import MQTT
 from tests.support.patience import PATIENCE
@@ -86,3 +94,41 @@ async def test_it_ends_when_the_broker_refuses_it(
     refusal = InvalidValueError("username", "must be one the broker knows", "me")
     with pytest.raises(InvalidValueError, match=r"^username: must be one"):
         await run_with(Broker(refusal), monkeypatch)
+
+
+class Anomalies:
+    """Stands in for a publisher, and keeps which implications were broken."""
+
+    def __init__(self) -> None:
+        self.said: list[list[str]] = []
+
+    def decision(self, decision: wire.Decision) -> None:
+        pass
+
+    def anomaly(self, record: Mapping[str, Any] | None) -> None:
+        assert record is not None
+        self.said.append([link["implication"] for link in record["broken"]])
+
+
+@pytest.mark.parametrize("before", [0, 1])
+def test_grown_sensors_are_called_by_their_formulas_once_they_are_born(
+    before: int,
+) -> None:
+    body = Body.full(["door", "dark"], ["push"], room=2)
+    first, contexts = body.first_grown, ((0, (0, 2)), (0, (0, 3)))
+    past = ResumePoint("log", 3, (), b"", {}, (3,), grown=contexts[:before])
+    publisher = Anomalies()
+    listener = Listener(publisher, past.body(body))  # type: ignore[arg-type]
+    links = (0, 1), (2 * first, 2 * first + 2), (0, 0), (9.0, 9.0), (0.0, 0.0), (1, 1)
+    broken = wire.Anomaly(6, 6, (), (), True, 2, *links)
+    listener.take(broken)
+    for tick, context in enumerate(contexts[before:], 4):
+        born = first + before + tick - 4
+        listener.take(wire.Decision(tick, 0, "by chance", born, *context))
+    listener.take(wire.Decision(6, 0, "by chance", retires=first))
+    listener.take(broken)
+    names = "push&door&dark", "push&door&~dark"
+    early = (names[0] if before else "grown 1", "grown 2")
+    assert publisher.said == [
+        [f"{name} -> door" for name in several] for several in (early, names)
+    ]
