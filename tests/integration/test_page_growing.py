@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.async_api import expect
 
+from neurosnap.apps.viewer import imagined
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.runtime.run import run
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.lamp import lamp_options
@@ -97,8 +99,8 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -
             "state",
             *(f"consequences of {action}" for action in ("turn_a", "turn_b", "press")),
         ]
-        imagined = await which.locator("optgroup option").all_inner_texts()
-        assert "imagined, 2 steps ahead: turn_a, press" in imagined
+        ahead = await which.locator("optgroup option").all_inner_texts()
+        assert "imagined, 2 steps ahead: turn_a, press" in ahead
         label = page.locator("#drawing-wave")
         await expect(label).to_be_hidden()
         await page.click("#wave-play")
@@ -118,6 +120,22 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -
         await go_to(page, BIRTH + 2)
         await expect(steps.nth(1)).to_have_attribute("aria-current", "step")
         await expect(steps.first).to_have_class("done")
+
+
+async def test_of_many_imagined_waves_some_are_shown_and_the_others_counted(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (whole,) = RunView(log).frames(BIRTH + 1, BIRTH + 1)
+    count = sum(wave.imagined for wave in whole.waves)
+    monkeypatch.setattr(imagined, "MOST_IMAGINED", 2)
+    async with opened(log, f"#t={BIRTH + 1}") as page:
+        await wait_shown(page, BIRTH + 1)
+        options = page.locator("#wave-which optgroup option")
+        said = await options.all_inner_texts()
+        assert len(said) == 3
+        assert "imagined, 2 steps ahead: turn_a, turn_a" in said  # the plan's
+        assert said[-1] == f"and {count - 2} more, not shown"
+        await expect(options.last).to_be_disabled()
 
 
 async def test_a_page_of_a_run_that_grows_nothing_has_none_of_it(

@@ -41,6 +41,8 @@ COLUMNS: tuple[Column, ...] = ("edges", "depth", "height", "pulses")
 """Those that every recording has."""
 
 MOST_FRAMES = 240
+MOST_IMAGINED = 200
+"""Imagined waves in a frame: a search may take thousands."""
 MOST_POINTS = 2000
 
 
@@ -152,7 +154,10 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     place: int | None
     """Where in the world this is; None: not known."""
     waves: list[Wave]
-    """Oldest first; the state's is the last of kind ``state``."""
+    """Oldest first; the state's is the last of kind ``state``. Of imagined ones those
+    along the plan are here, and the oldest of the others."""
+    left_out: int
+    """How many imagined waves there are besides."""
     sensors: int
     """How many sensors there are after the tick: those of higher numbers were not grown
     by then."""
@@ -307,6 +312,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     graph: str | UnsetType = UNSET
     place: int | UnsetType | None = UNSET
     waves: list[Wave] | UnsetType = UNSET
+    left_out: int | UnsetType = UNSET
     sensors: int | UnsetType = UNSET
     retired: list[int] | UnsetType = UNSET
     changed: list[Changed] | UnsetType = UNSET

@@ -7,7 +7,7 @@ planner took for the next imagined state (`neurosnap.agent.imagining`).
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgspec
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.apps.viewer.api import Wave
+from neurosnap.apps.viewer.api import MOST_IMAGINED, Plan, Wave
 
 
 class Imagined:
@@ -131,3 +131,20 @@ class _Ways:
         ways, asked = self._found.get(key, []), self._asked[key]
         self._asked[key] += 1
         return ways[min(asked, len(ways) - 1)] if ways else None
+
+
+def first_shown(waves: Sequence[Wave], plan: Plan | None) -> list[Wave]:
+    """Return the waves of a tick that are shown first, in their order.
+
+    Of the imagined ones there are at most `MOST_IMAGINED`: those that lead along the
+    plan, then the oldest.
+    """
+    ahead = [] if plan is None else plan.steps[plan.at :]
+    imagined = [place for place, wave in enumerate(waves) if wave.imagined]
+
+    def strays(place: int) -> bool:
+        steps = waves[place].steps
+        return steps is None or steps != ahead[: len(steps)]
+
+    left_out = set(sorted(imagined, key=strays)[MOST_IMAGINED:])
+    return [wave for place, wave in enumerate(waves) if place not in left_out]

@@ -17,7 +17,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import body_before, changes_in
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.imagined import Imagined
+from neurosnap.apps.viewer.imagined import Imagined, first_shown
 from neurosnap.apps.viewer.order_drawing import drawn, graph_id
 from neurosnap.apps.viewer.plans import BEFORE, plan_at
 from neurosnap.apps.viewer.snapshot_cache import SnapshotCache
@@ -233,6 +233,10 @@ class RunView:
         reached[ticks.reached(state.wave)] = True
         decision = ticks.decisions.get(tick)
         choice = -1 if decision is None else decision.action
+        waves = self._imagined.followed(
+            ticks.waves(tick), literals, body_before(body, decision)
+        )
+        shown = first_shown(waves, plan)
         return api.Frame(
             tick=tick,
             bits=_bits(observed),
@@ -250,9 +254,8 @@ class RunView:
             pulses=state.pulses,
             graph=graph,
             place=self.scene.place(observed),
-            waves=self._imagined.followed(
-                ticks.waves(tick), literals, body_before(body, decision)
-            ),
+            waves=shown,
+            left_out=len(waves) - len(shown),
             sensors=body.size,
             retired=[body.first_grown + place for place in body.retired],
             changed=[] if decision is None else list(changes_in(decision, body)),

@@ -6,7 +6,6 @@ import { literalName } from "./literals.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
-const LISTED = 200; // imagined waves that can be chosen
 const REST = 0.8; // hops' time that a wave played within a tick stands still at its end
 
 /** The panel of the wave, and the clock it is shown by. */
@@ -99,7 +98,7 @@ export class WaveView {
   _take(frame) {
     this._frame = frame;
     const known = new Map(frame.waves.map((wave) => [this._keyOf(wave), wave]));
-    this._offer(known);
+    this._offer(known, frame.left_out);
     this._wave = known.get(this._which) ?? known.get(STATE) ?? null;
     this._hops = new Map(this._wave?.hops);
     if (this._at !== null) this._at = Math.min(this._at, this._wave?.depth ?? 0);
@@ -127,22 +126,22 @@ export class WaveView {
   }
 
   /** Let one choose: what starts in the present state first, then what was imagined. */
-  _offer(known) {
+  _offer(known, more) {
     const all = [...known].map(([key, wave]) => [key, this._nameOf(wave), wave.imagined]);
     const here = all.filter(([, , imagined]) => !imagined);
     const ahead = all.filter(([, , imagined]) => imagined);
-    const listed = ahead.filter(([key], place) => place < LISTED || key === this._which);
     if (!known.has(this._which)) {
-      here.push([this._which, `${this._which || "state"}: not at this tick`]);
+      const why = more > 0 ? "not among those shown" : "not at this tick";
+      here.push([this._which, `${this._which || "state"}: ${why}`]);
     }
-    const more = ahead.length - listed.length;
-    const offered = JSON.stringify([here, listed, more]);
+    const offered = JSON.stringify([here, ahead, more]);
     if (offered !== this._offered) {
       this._offered = offered;
       const options = (waves) => waves.map(([value, name]) => make("option", { value }, name));
-      const imagined = make("optgroup", { label: "Imagined" }, ...options(listed));
-      if (more > 0) imagined.append(make("option", { disabled: true }, `and ${more} more`));
-      find("wave-which").replaceChildren(...options(here), ...(listed.length ? [imagined] : []));
+      const imagined = make("optgroup", { label: "Imagined" }, ...options(ahead));
+      const rest = `and ${more} more, not shown`;
+      if (more > 0) imagined.append(make("option", { disabled: true }, rest));
+      find("wave-which").replaceChildren(...options(here), ...(ahead.length ? [imagined] : []));
     }
     find("wave-which").value = this._which;
   }

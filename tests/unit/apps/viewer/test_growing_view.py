@@ -14,6 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.experience import Plan
 from neurosnap.agent.plan_reason import plan_reason, plan_told
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.imagined import first_shown
 from neurosnap.apps.viewer.plans import plan_at
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
@@ -111,6 +112,31 @@ def test_the_planner_finds_its_way_among_the_waves(world: str, tmp_path: Path) -
             assert tuple(frame.plan.steps[:-1]) in ways
             seen += 1
     assert seen > 3
+
+
+def test_a_frame_has_the_waves_along_its_plan_and_the_oldest_of_the_others() -> None:
+    def wave(number: int, *steps: int) -> api.Wave:
+        fired = [(literal, 1) for literal in range(100)]
+        asked: dict[str, Any] = {"signal": [0], "depth": 1, "pulses": 99}
+        return api.Wave(
+            wave=number,
+            kind="signal",
+            hops=fired,
+            settled=True,
+            steps=[*steps],
+            imagined=len(steps) > 1,
+            **asked,
+        )
+
+    here = [wave(number, number) for number in (1, 2, 3)]
+    ahead = [wave(number, 1, number) for number in range(4, 2004)]
+    along = [wave(2004, 1, 2), wave(2005, 1, 2, 3), wave(2006, 1, 2, 1)]
+    plan = api.Plan(steps=[3, 1, 2, 3], at=1, more=0, why="")
+    shown = first_shown([*here, *ahead, *along], plan)
+    oldest = ahead[: api.MOST_IMAGINED - 2]
+    assert shown == [*here, *oldest, *along[:2]]
+    assert first_shown([*here, *ahead], None) == [*here, *ahead[: api.MOST_IMAGINED]]
+    assert first_shown(here, plan) == here
 
 
 def test_a_plan_keeps_the_steps_that_were_taken(view: RunView) -> None:
