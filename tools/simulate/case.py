@@ -8,11 +8,14 @@ goes on from the last whole tick of what is on disk.
 import logging
 import random
 from collections.abc import Callable
+from itertools import combinations, product
 from pathlib import Path
 
 import msgspec
 
+from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.errors import SwarmError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.split_files import open_whole, part_paths
@@ -84,17 +87,31 @@ def live_on(
             completeness = open_whole(log).completeness()
         check(log, options, completeness, sent)
         tally.ticks += options.ticks
+        tally.births += _births(log)
         tally.files += len(part_paths(log))
         tally.incomplete += not completeness.whole
         return tally
+
+
+def _births(log: Path) -> int:
+    """Return how many sensors a recorded run has grown."""
+    messages = (recorded.message for recorded in open_whole(log).messages(("decide",)))
+    return sum(isinstance(m, wire.Decision) and m.born >= 0 for m in messages)
 
 
 # What is drawn ------------------------------------------------------------------------
 
 
 def random_options(chance: random.Random, folder: Path) -> RunOptions:
-    """Draw a run of 5 to 25 ticks and 2 to 8 sensors, in cells or among workers."""
-    made = _readings(chance, folder) if chance.random() < 0.5 else _path(chance)
+    """Draw a run of 5 to 25 ticks in cells or among workers.
+
+    It has 2 to 8 sensors, or up to 22 where some of them are grown.
+    """
+    kind = chance.random()
+    if kind < 0.4:
+        made = _readings(chance, folder)
+    else:
+        made = _path(chance) if kind < 0.8 else _growing(chance)
     sensors, empirical = len(made.sensors), chance.random() < 0.5
     return msgspec.structs.replace(
         made,
@@ -150,4 +167,32 @@ def _path(chance: random.Random) -> RunOptions:
         agent="planner" if plans else "walker",
         target=source.sensors[:1] if plans else (),
         ticks=chance.randint(5, 25),
+    )
+
+
+def _growing(chance: random.Random) -> RunOptions:
+    """A path where sensors are grown by a script, and others if there is room."""
+    arguments: dict[str, Argument] = {"places": chance.randint(3, 4)}
+    source = open_source("neurosnap/Path-v0", 0, arguments)
+    source.close()
+    ticks = chance.randint(10, 25)
+    every = [
+        (action, tuple(name + star for name, star in zip(pair, stars, strict=True)))
+        for action in source.actions
+        for pair in combinations(source.sensors, 2)
+        for stars in product(("", "*"), repeat=2)
+    ]
+    births = [
+        Birth(action, literals, chance.randrange(ticks))
+        for action, literals in chance.sample(every, chance.randint(1, 3))
+    ]
+    body = Body.full(source.sensors, source.actions, room=chance.randint(0, 2))
+    return RunOptions(
+        source="neurosnap/Path-v0",
+        arguments=arguments,
+        body=with_births(body, births),
+        agent="planner",
+        target=chance.choice([(), source.sensors[:1]]),
+        imagine=3,
+        ticks=ticks,
     )

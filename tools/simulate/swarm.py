@@ -12,7 +12,7 @@ from itertools import combinations
 from pathlib import Path
 
 from neurosnap import wire
-from neurosnap.errors import MessageError, SwarmError, WaveLostError
+from neurosnap.errors import AnswerLostError, MessageError, SwarmError, WaveLostError
 from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import shares
@@ -91,7 +91,8 @@ class Life:
     def _faults(self) -> Faults:
         weather, chance = self._weather, self._chance
         pair = ("coordinator", "world")
-        # Only waves have deadlines, so only what they are made of may be dropped.
+        # Only waves and questions have deadlines: only what they are made of may be
+        # dropped.
         spared = {pair, pair[::-1], *((who, "recorder") for who in self._parts)}
         slow = {who for who in self._parts if chance.random() < weather.slow}
         return Faults(
@@ -237,10 +238,10 @@ class Life:
             raise SwarmError("world: must stay until the run ends, is gone")
 
     def _deadline(self, number: int) -> None:
-        """Let a wave be late."""
+        """Let a wave be late, or a question: `number` is as in `in_flight`."""
         try:
             self._say(*self._core.overdue(number))
-        except WaveLostError as error:
+        except (AnswerLostError, WaveLostError) as error:
             self._tally.given_up += 1
             self._say(wire.Fault("coordinator", str(error)), wire.Leave("coordinator"))
             raise

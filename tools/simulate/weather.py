@@ -37,6 +37,8 @@ class Tally(msgspec.Struct):
 
     schedules: int = 0
     ticks: int = 0
+    births: int = 0
+    """Sensors that were grown."""
     files: int = 0
     """Files of the recordings in the end."""
     deliveries: int = 0
