@@ -196,7 +196,7 @@ def _explored(
         env,
         "walker" if setting.walk else "planner",
         seed=seed,
-        grow={"nothing": False, "contexts": True, "whole states": BUDGET}[grows],
+        grow={"nothing": 0, "contexts": setting.room, "whole states": BUDGET}[grows],
         imagine=not setting.walk,
     )
     if grows == "whole states":

@@ -17,6 +17,7 @@ import numpy as np
 from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import NDArray
 
+from neurosnap.agent.growth.grower import ROOM
 from neurosnap.sensorium import complete
 from neurosnap.sources.gymnasium_source import import_worlds
 
@@ -37,6 +38,8 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
     """Steps of exploration."""
     walk: bool = False
     """Whether these are a random walk's; else exploration is planned."""
+    room: int = ROOM
+    """Sensors an agent may grow, those it retires among them."""
     coins: int = 0
     """Sensors added that are on or off by chance at every step."""
     journeys: int = 200
@@ -83,6 +86,7 @@ def settings() -> tuple[Setting, ...]:
                 world=minigrid,
                 arguments=(("layout", layout),),
                 steps=20_000,
+                room=300,
                 to_goal=True,
             )
             for name, layout in (
