@@ -95,7 +95,7 @@ def test_a_run_has_it_for_a_target(tmp_path: Path) -> None:
         target=("rewarded",),
         explore="planned",
         threshold=EXACT,
-        cells="inline",
+        cells="worker",
         ticks=40,
     )
     log = tmp_path / "log"
