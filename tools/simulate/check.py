@@ -17,13 +17,12 @@ from neurosnap.agent.policy import Signal, decided
 from neurosnap.agent.senses import Senses
 from neurosnap.poc.learning.search import answered
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.observations import selection
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.reader import Recorded
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.recording.replay.verify import verify
-from neurosnap.sensorium import pack
+from neurosnap.sensorium import pack, selection
 from tools.simulate.source import source_of
 
 Said = tuple[object, ...]
