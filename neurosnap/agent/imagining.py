@@ -15,14 +15,9 @@ plan leads to the target, luck may: it goes on greedily and begins no other epis
 References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
     Reactive Planning") and names "replanning in the face of failure" as future work.
-    To go where an outcome is unknown is the exploration of R-max (Brafman & Tennenholtz
-    2002). Of its table there is which action was taken where, and that serves only to
-    test what seems to be known, where most surprises are to be expected (Schmidhuber
-    1991, "Curious model-building control systems").
 """
 
 from collections.abc import Generator, Iterable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -31,7 +26,9 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.contexts import Contexts
+from neurosnap.agent.curiosity import Curiosity
 from neurosnap.agent.experience import Experience, Plan
+from neurosnap.agent.imagined_state import ImaginedState
 from neurosnap.agent.plan_reason import plan_reason
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policy import (
@@ -42,35 +39,12 @@ from neurosnap.agent.policy import (
 )
 from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.agent.reflex import Reflex
-from neurosnap.agent.surprises import BEGINNING
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 
 STATES: Final = 2000
 """Imagined states a decision may take, unless another number is given."""
 _Search = Generator[list[Signal], Closures, "Plan | None"]
-
-
-@dataclass(frozen=True, slots=True)
-class _Node:
-    """An imagined state and how it is reached."""
-
-    state: NDArray[np.bool_]
-    before: "_Node | None" = None
-    action: int = -1
-    steps: int = 0
-    """How many actions led to it."""
-    by_chance: bool = False
-    """Whether it, or one on the way, is left to chance in part."""
-
-    def way(self) -> list["_Node"]:
-        """Return the nodes from the first, which no action led to, to this one."""
-        nodes: list[_Node] = []
-        node: _Node | None = self
-        while node is not None:
-            nodes.append(node)
-            node = node.before
-        return nodes[::-1]
 
 
 class ImaginingPlanner:
@@ -161,110 +135,57 @@ class ImaginingPlanner:
 
         Returns:
             The shortest plan. If there is none and the planner is curious, that to the
-            nearest unknown outcome; if nothing is unknown, and nothing left to chance,
-            to the nearest end of an episode: the next may begin elsewhere. One who only
-            explores goes there or to test an outcome that seems to be known and was
-            never seen, whichever gives most surprises a step, as far as one can tell:
-            what was learned is only as true as what was met. None: there is nothing of
-            this.
+            best thing to try; see `Curiosity`. None: there is nothing of this.
         """
         told = self._experience
-        frontier, seen, left = [_Node(here)], {here.tobytes()}, self._states
+        frontier, seen, left = [ImaginedState(here)], {here.tobytes()}, self._states
         met = told.met
         always = met & ~complement(met)  # a sensor that never changed
-        unknown: list[tuple[_Node, int]] = []
-        known: list[tuple[_Node, int]] = []
-        end: _Node | None = None  # the nearest
+        curiosity = Curiosity(told, self._names, bool(self._target))
         chance = False  # whether some place on the way is left to it
-        while frontier and not (unknown and not self._target):
-            asked: list[tuple[_Node, int]] = []
+        while frontier and not curiosity.is_settled(frontier[0].steps):
+            asked: list[tuple[ImaginedState, int]] = []
             signals: list[Signal] = []
-            doubtful: list[tuple[_Node, int]] = []
-            for node in frontier:
+            for at in frontier:
                 # Where it is now an action is due in any case.
-                if node.before is not None and told.is_end(node.state, node.action):
-                    end = end or node
+                if at.before is not None and told.is_end(at.place, at.action):
+                    curiosity.end(at)
                     continue
-                possible = self._imaginable(node.state)
-                for action, signal in enumerate(self._actions.signals(node.state)):
+                possible = self._imaginable(at.place)
+                for action, signal in enumerate(self._actions.signals(at.place)):
                     if possible[action]:
-                        asked.append((node, action))
+                        asked.append((at, action))
                         signals.append(signal)
-                    elif not node.by_chance:
-                        doubtful.append((node, action))
+                    elif not at.by_chance:
+                        curiosity.unknown(at, action)
             closures = (yield signals) if signals else ()
             frontier = []
-            for (node, action), bound in zip(asked, _bound(closures), strict=True):
+            for (at, action), bound in zip(asked, _bound(closures), strict=True):
                 state = bound | always
                 if self._target and state[self._target].all():
-                    return self._planned(_Node(state, node, action), "")
+                    return _planned(ImaginedState(state, at, action), "")
                 place = state & self._looked_at
                 # One who only explores tests what seems to be known all the same.
                 by_chance = bool(self._target) and (
-                    node.by_chance or told.by_chance(place, action)
+                    at.by_chance or told.by_chance(place, action)
                 )
                 if by_chance:
                     chance = True
-                elif not told.is_whole(place, action):
-                    doubtful.append((node, action))
+                elif told.is_whole(place, action):
+                    curiosity.known(at, action)
                 else:
-                    known.append((node, action))
+                    curiosity.unknown(at, action)
                 key = place.tobytes()
                 if key not in seen and len(frontier) < left:
                     seen.add(key)
-                    steps = node.steps + 1
-                    frontier.append(_Node(place, node, action, steps, by_chance))
+                    reached = ImaginedState(place, at, action, at.steps + 1, by_chance)
+                    frontier.append(reached)
             left -= len(frontier)
-            unknown = unknown or doubtful
-        if not self._curious:
+        trial = curiosity.choice(draw, chance) if self._curious else None
+        if trial is None:
             return None
-        nothing = np.zeros_like(here)
-        if unknown:
-            node, action = unknown[int(draw * len(unknown))]
-            why = f"to learn what {self._names[action]} does there, "
-            return self._planned(_Node(nothing, node, action), why)
-        if not self._target:
-            test, hope = self._test(known)
-            if test is None:  # all was seen: see any of it again
-                half, draw = divmod(2 * draw, 1.0)
-                test, hope = known[int(draw * len(known))], 1.0 - half
-            if end is None or hope >= self._hope(end, BEGINNING):
-                node, action = test
-                why = f"to test what {self._names[action]} does there, "
-                return self._planned(_Node(nothing, node, action), why)
-        if end is not None and not chance:
-            action = int(draw * len(self._names))
-            why = "to begin another episode, "
-            return self._planned(_Node(nothing, end, action), why)
-        return None
-
-    def _test(
-        self, known: list[tuple[_Node, int]]
-    ) -> tuple[tuple[_Node, int] | None, float]:
-        """Return the best outcome to test that seems to be known and was never seen.
-
-        Returns:
-            It, or None if all were seen; and the surprises to hope for a step.
-        """
-        told = self._experience
-        best, most = None, 0.0
-        for node, action in known:
-            hope = self._hope(node, action)
-            if hope > most and (told.key(node.state), action) not in told.tried:
-                best, most = (node, action), hope
-        return best, most
-
-    def _hope(self, node: _Node, action: int) -> float:
-        """Return how many surprises a step one may hope for on the way to a trial."""
-        return self._experience.surprises.share(action) / (node.steps + 1)
-
-    def _planned(self, last: _Node, why: str) -> Plan:
-        first, *way = last.way()
-        return Plan(
-            tuple(node.action for node in way),
-            np.stack([node.state for node in (first, *way[:-1])]),
-            why,
-        )
+        at, action, why = trial
+        return _planned(ImaginedState(np.zeros_like(here), at, action), why)
 
     def _imaginable(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return for each action whether all its contexts in a state have been met."""
@@ -273,6 +194,15 @@ class ImaginingPlanner:
         possible = np.ones(len(self._names), np.bool_)
         possible[self._contexts.action[never]] = False
         return possible
+
+
+def _planned(last: ImaginedState, why: str) -> Plan:
+    first, *way = last.way()
+    return Plan(
+        tuple(state.action for state in way),
+        np.stack([state.place for state in (first, *way[:-1])]),
+        why,
+    )
 
 
 def _bound(closures: Closures) -> NDArray[np.bool_]:
