@@ -67,7 +67,7 @@ def test_where_one_step_back_is_not_enough_it_says_so_and_arrives_all_the_same(
     seed: int,
 ) -> None:
     around = ring(6, (0, 3))
-    agent = taught(around, 1500, seed)
+    agent = taught(around, 2000, seed)
     assert len(agent.body.in_use) <= 20
     assert agent.chance == dict.fromkeys(("left", "right"), around.sensors)
     for start in range(1, 6):

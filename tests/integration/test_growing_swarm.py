@@ -39,7 +39,7 @@ from tests.support.rewritten_recordings import (
 from tests.support.run_options import options_for
 
 TICKS = 40
-BIRTH = 21
+BIRTH = 22
 GROWN = "press&a&b"
 
 

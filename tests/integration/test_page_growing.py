@@ -15,7 +15,8 @@ from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
 
-TICKS, BIRTH, GROWN = 60, 21, "press&a&b"
+TICKS, BIRTH, GROWN = 60, 22, "press&a&b"
+PLANNED = 36  # a plan of two steps begins, and nothing gets in its way
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +92,8 @@ async def test_one_goes_from_birth_to_birth_by_the_keyboard(log: Path) -> None:
 
 
 async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -> None:
-    async with opened(log, f"#t={BIRTH + 1}", still=True) as page:
-        await wait_shown(page, BIRTH + 1)
+    async with opened(log, f"#t={PLANNED}", still=True) as page:
+        await wait_shown(page, PLANNED)
         which = page.locator("#wave-which")
         here = await which.locator("> option").all_inner_texts()
         assert here == [
@@ -112,12 +113,12 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -
             "Imagined, 2 steps ahead: turn_a, press. Hop"
         )
         steps = page.locator(".plan li")
-        await expect(steps).to_have_text(["turn_a", "turn_a"])
+        await expect(steps).to_have_text(["turn_a", "turn_b"])
         await expect(steps.first).to_have_attribute("aria-current", "step")
         await expect(page.locator(".plan")).to_have_attribute(
             "aria-label", "Plan: step 1 of 2"
         )
-        await go_to(page, BIRTH + 2)
+        await go_to(page, PLANNED + 1)
         await expect(steps.nth(1)).to_have_attribute("aria-current", "step")
         await expect(steps.first).to_have_class("done")
 
@@ -125,15 +126,15 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -
 async def test_of_many_imagined_waves_some_are_shown_and_the_others_counted(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (whole,) = RunView(log).frames(BIRTH + 1, BIRTH + 1)
+    (whole,) = RunView(log).frames(PLANNED, PLANNED)
     count = sum(wave.imagined for wave in whole.waves)
     monkeypatch.setattr(imagined, "MOST_IMAGINED", 2)
-    async with opened(log, f"#t={BIRTH + 1}") as page:
-        await wait_shown(page, BIRTH + 1)
+    async with opened(log, f"#t={PLANNED}") as page:
+        await wait_shown(page, PLANNED)
         options = page.locator("#wave-which optgroup option")
         said = await options.all_inner_texts()
         assert len(said) == 3
-        assert "imagined, 2 steps ahead: turn_a, turn_a" in said  # the plan's
+        assert "imagined, 2 steps ahead: turn_a, turn_b" in said  # the plan's
         assert said[-1] == f"and {count - 2} more, not shown"
         await expect(options.last).to_be_disabled()
 
