@@ -24,7 +24,7 @@ from tests.support.lamp import NAME as LAMP
 from tests.support.lamp import Lamp, lamp_options
 from tests.support.run_options import options_for
 
-TICKS, BIRTH, SENSORS, GROWN = 120, 21, 24, "press&a&b"
+TICKS, BIRTH, SENSORS, GROWN = 120, 22, 24, "press&a&b"
 LEARNED = 60  # ticks after which every outcome in the lamp's world is guaranteed
 ACTIONS = ("down", "right", "in 3", "up")
 
