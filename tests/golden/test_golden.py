@@ -14,6 +14,7 @@ from tests.golden.make import FOLDER, MESSAGES, make, meaning
 
 RECORDINGS = sorted(FOLDER.glob("recording-*.mcap"))
 RUNS = sorted(FOLDER.glob("run-*.mcap"))
+GROWING = FOLDER / "run-3-growing.mcap"
 
 
 def test_every_schema_has_its_recording() -> None:
@@ -41,8 +42,18 @@ def test_it_holds_every_kind_of_message() -> None:
 @pytest.mark.parametrize("path", RUNS, ids=lambda path: path.stem)
 def test_a_run_of_an_older_schema_is_derived_again(path: Path) -> None:
     verdict = verify(path)
+    ticks = 30 if path == GROWING else 12
     assert (verdict.difference, verdict.complete) == (None, True)
-    assert (verdict.ticks, verdict.decisions) == (12, 12)
+    assert (verdict.ticks, verdict.decisions) == (ticks, ticks)
+
+
+def test_a_run_that_grew_a_sensor_is_among_them() -> None:
+    births = [
+        recorded.message
+        for recorded in Recording.open(GROWING).messages(("decide",))
+        if isinstance(recorded.message, wire.Decision) and recorded.message.born >= 0
+    ]
+    assert [(one.tick, one.literals) for one in births] == [(22, (0, 2))]
 
 
 def test_what_is_written_today_means_the_same(tmp_path: Path) -> None:
