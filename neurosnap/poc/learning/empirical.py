@@ -1,19 +1,23 @@
 """Empirical snapshots: learning by counting, without forgetting."""
 
-from typing import ClassVar, Self
+from collections.abc import Iterable
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
 from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import saved_threshold
 from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.poc.order.literals import Words
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import Sensorium, complete
 
 
 class EmpiricalSnapshot(Snapshot):
@@ -54,6 +58,71 @@ class EmpiricalSnapshot(Snapshot):
         self._weights = Weights.starting(
             len(self.sensorium), np.uint32(0), np.uint32(0)
         )
+
+    @classmethod
+    def fit(
+        cls,
+        data: Any,  # noqa: ANN401 - an array, a data frame, or columns
+        threshold: ArrayLike = THRESHOLD,
+        names: Iterable[str] | None = None,
+        on_progress: OnProgress | None = None,
+    ) -> Self:
+        """Return what a snapshot is after observing all rows of a table, in order.
+
+        Pairs are counted a column at a time, 64 ticks a step.
+
+        Args:
+            data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; a
+                data frame whose missing values are unknown; or `Columns`.
+            threshold: As of the class.
+            names: Of the sensors; None: those of the data frame, or ``s0``, ``s1`` and
+                so on. `Columns` have their own.
+            on_progress: Told how many pairs are done, twice for each.
+
+        Returns:
+            A new snapshot. O(N² T / 64) time.
+
+        Raises:
+            ShapeError: `data` has not two axes, or there is not one name a column.
+            InvalidValueError: An entry is not 0, 1 or unknown; there are too many
+                rows; or a threshold is out of range.
+
+        Example:
+            >>> e = EmpiricalSnapshot.fit([[0, 0], [0, 1], [1, 1]], threshold=0.25)
+            >>> e.poc_graph().implications(e.sensorium), e.clock
+            ([('s0', 's1')], 3)
+        """
+        columns = data if isinstance(data, Columns) else Columns.of(data, names)
+        snapshot = cls(columns.sensorium, threshold)
+        snapshot._take(columns, on_progress)
+        return snapshot
+
+    def _take(self, columns: Columns, on_progress: OnProgress | None) -> None:
+        """Become what all rows make of a snapshot that has seen nothing."""
+        if columns.ticks >= 2**32:
+            rule = "must be below 2**32, which the counts have room for"
+            raise InvalidValueError("rows", rule, columns.ticks)
+        if not columns.ticks:
+            return
+        self._clock = columns.ticks
+        ticks = count_pairs(columns, on_progress).ticks
+        read_on = np.bitwise_count(columns.on).sum(axis=1)
+        read = read_on + np.bitwise_count(columns.off).sum(axis=1)
+        if (read == columns.ticks).all():
+            self._weights.joints[:] = ticks[0]
+            self._weights.marginals[:] = read_on
+        else:
+            self._weights.widen(0)
+            self._weights.put(slice(None), ticks)
+        self._count(self._clock)  # no bit is known yet: it only derives
+        self._noted[:] = self._codes
+        self._since[:] = last_changes(
+            columns, ticks, self._by_pair, self._codes, on_progress
+        )
+        bits, known = columns.row(columns.ticks - 1)
+        self._bits[:], self._known[:] = bits, known
+        read_last = complete(bits) & known.repeat(2)
+        self.adopt(self.poc_graph().coherent_projection(read_last))
 
     def _update(self) -> bool:
         return self._count(self._clock + 1)

@@ -1,0 +1,126 @@
+"""Counting occasions, and a snapshot fitted at once, equal going tick by tick."""
+
+import itertools
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.poc.learning.columns import Columns, GrowingColumns
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.pair_counts import count_pairs
+from neurosnap.sensorium import Sensorium
+from tests.support.hypothesis_settings import examples
+from tests.support.whole_readings import tables
+
+Table: TypeAlias = NDArray[np.float64]
+THRESHOLDS = st.sampled_from([0.25, 0.1, 0.03, 0.01])
+
+
+def runs_of(table: Table, i: int, j: int) -> dict[tuple[int, int], list[int]]:
+    """The lengths of the runs of each joint reading of two sensors, one by one."""
+    found: dict[tuple[int, int], list[int]] = {}
+    before = None
+    for row in table.tolist():
+        if np.isnan([row[i], row[j]]).any():
+            before = None
+            continue
+        now = (int(row[i]), int(row[j]))
+        if now == before:
+            found[now][-1] += 1
+        else:
+            found.setdefault(now, []).append(1)
+        before = now
+    return found
+
+
+@examples(60)
+@given(tables())
+def test_ticks_and_occasions_are_those_of_the_runs(table: Table) -> None:
+    counts = count_pairs(Columns.of(table))
+    pairs = [(i, j) for i in range(table.shape[1]) for j in range(i)]
+    for pair, (i, j) in enumerate(pairs):
+        runs = runs_of(table, i, j)
+        for place, readings in enumerate([(1, 1), (1, 0), (0, 1), (0, 0)]):
+            lengths = runs.get(readings, [])
+            assert counts.ticks[place, pair] == sum(lengths)
+            assert counts.occasions[place, pair] == len(lengths)
+
+
+@examples(60)
+@given(tables(longest=700), THRESHOLDS)
+def test_a_fitted_snapshot_is_one_that_saw_row_after_row(
+    table: Table, threshold: float
+) -> None:
+    walked = EmpiricalSnapshot(table.shape[1], threshold)
+    for row in table:
+        known = ~np.isnan(row)
+        walked.observe(np.nan_to_num(row), None if known.all() else known)
+    fitted = EmpiricalSnapshot.fit(table, threshold)
+    wanted, got = walked.arrays(), fitted.arrays()
+    assert wanted.keys() == got.keys()
+    for name, array in wanted.items():
+        np.testing.assert_array_equal(got[name], array, err_msg=name, strict=True)
+    edges = walked.poc_graph().edges
+    np.testing.assert_array_equal(fitted.poc_graph().edges, edges)
+
+
+@examples(30)
+@given(tables(most=3, longest=200), st.integers(0, 2**32 - 1))
+def test_a_threshold_for_each_pair_is_the_same_too(table: Table, seed: int) -> None:
+    sensors = table.shape[1]
+    drawn = np.random.default_rng(seed).uniform(0.01, 0.25, (sensors, sensors))
+    threshold = np.maximum(drawn, drawn.T)
+    walked = EmpiricalSnapshot(sensors, threshold)
+    for row in table:
+        walked.observe(np.nan_to_num(row), ~np.isnan(row))
+    fitted = EmpiricalSnapshot.fit(table, threshold)
+    np.testing.assert_array_equal(fitted.arrays()["since"], walked.arrays()["since"])
+
+
+@examples(30)
+@given(tables(longest=200), st.data())
+def test_columns_do_not_depend_on_how_rows_came(
+    table: Table, data: st.DataObject
+) -> None:
+    whole = Columns.of(table)
+    growing = GrowingColumns(Sensorium.of(table.shape[1]))
+    left = table
+    while len(left):
+        taken = data.draw(st.integers(1, len(left)))
+        part, left = left[:taken], left[taken:]
+        growing.extend(part == 1, ~np.isnan(part))
+    pieces = growing.columns()
+    assert pieces.ticks == whole.ticks == len(table)
+    np.testing.assert_array_equal(pieces.on, whole.on)
+    np.testing.assert_array_equal(pieces.off, whole.off)
+    for sensor in range(table.shape[1]):
+        assert whole.reading(sensor).tolist() == (table[:, sensor] == 1).tolist()
+        assert whole.known(sensor).tolist() == (table[:, sensor] >= 0).tolist()
+
+
+@pytest.mark.parametrize("rows", [4095, 4096, 4097, 9000])
+def test_many_rows_are_packed_in_order(rows: int) -> None:
+    table = np.random.default_rng(rows).integers(0, 2, (rows, 2)).astype(np.bool_)
+    growing = GrowingColumns(Sensorium.of(2))
+    for row in table:
+        growing.append(row)
+    columns = growing.columns()
+    assert columns.reading(0).tolist() == table[:, 0].tolist()
+    assert columns.reading(1).tolist() == table[:, 1].tolist()
+
+
+@examples(30)
+@given(tables(most=3, longest=300))
+def test_spans_are_the_first_and_the_last_tick_of_a_joint_reading(
+    table: Table,
+) -> None:
+    columns, literals = Columns.of(table), range(2 * table.shape[1])
+    for a, b in itertools.product(literals, repeat=2):
+        here = (table[:, a // 2] == 1 - a % 2) & (table[:, b // 2] == 1 - b % 2)
+        ticks = here.nonzero()[0]
+        wanted = (int(ticks[0]) + 1, int(ticks[-1]) + 1) if ticks.size else (0, 0)
+        assert columns.span(a, b) == wanted
