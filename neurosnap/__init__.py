@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from neurosnap.poc.dual.morphism import PocMorphism
     from neurosnap.poc.dual.realization import Realization
     from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+    from neurosnap.poc.learning.relation_table import implications
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.poc.order.pocset import PocSet
     from neurosnap.recording.snapshot_file import load_snapshot, save_snapshot
@@ -39,6 +40,7 @@ __all__ = [
     "Realization",
     "Sensor",
     "Sensorium",
+    "implications",
     "load_snapshot",
     "save_snapshot",
 ]
@@ -57,6 +59,7 @@ _HOMES = {
     "Realization": "neurosnap.poc.dual.realization",
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
+    "implications": "neurosnap.poc.learning.relation_table",
     "load_snapshot": "neurosnap.recording.snapshot_file",
     "save_snapshot": "neurosnap.recording.snapshot_file",
 }

@@ -131,7 +131,7 @@ def test_cells_follow_a_relation_that_changes(
     packing, plain = WaveControl(sensors), WaveControl(sensors)
     cells = Listener()
     for edges in relations:
-        graph = PocGraph._derived(packed(sensors, edges))
+        graph = PocGraph.of_rows(packed(sensors, edges))
         expected = wiring_of(2 * sensors, edges, kind)
         assert pairs(graph.wires(kind)) == expected
         assert graph.wire_count(kind) == len(expected)

@@ -99,6 +99,11 @@ class Snapshot(Archived):
         return self._threshold.copy()
 
     @property
+    def codes(self) -> NDArray[np.uint8]:
+        """``(P,)``: what relates each pair, as in `poc.learning.pair_codes`; a copy."""
+        return self._codes.copy()
+
+    @property
     def state(self) -> NDArray[np.bool_]:
         """``(2N,)`` bool, a copy; a *-selection, coherent when it was adopted."""
         return self._state.copy()
@@ -355,7 +360,7 @@ class Snapshot(Archived):
                 if equivalences
                 else rows_of(codes, len(self._sensorium))
             )
-            self._graphs[equivalences] = PocGraph._derived(rows)  # noqa: SLF001
+            self._graphs[equivalences] = PocGraph.of_rows(rows)
         return self._graphs[equivalences]
 
     @abc.abstractmethod

@@ -7,7 +7,7 @@ kept.
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from neurosnap.poc.order.literals import (
     to_words,
 )
 from neurosnap.sensorium import Sensorium, complement
+
+if TYPE_CHECKING:
+    import networkx
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -110,8 +113,8 @@ class PocGraph:
         return cls(edges)
 
     @classmethod
-    def _derived(cls, rows: Words) -> "PocGraph":
-        """Return a graph over `rows`, not copied and not checked."""
+    def of_rows(cls, rows: Words) -> "PocGraph":
+        """Return a graph over packed edges, ``(2N, w)``, not copied and not checked."""
         graph = cls.__new__(cls)
         graph._rows = rows  # noqa: SLF001 - its own class
         return graph
@@ -314,11 +317,38 @@ class PocGraph:
             >>> g.implications(Sensorium(["door", "motion"]))
             [('door', 'motion')]
         """
+        self._check(sensorium)
+        pairs = np.argwhere(self.hasse()).tolist()
+        return [(sensorium.name(a), sensorium.name(b)) for a, b in pairs if a <= b ^ 1]
+
+    def to_networkx(
+        self, sensorium: Sensorium, kind: WiringKind = "hasse"
+    ) -> "networkx.DiGraph[str]":
+        """Return the edges of `wiring` as a graph of networkx, literals by name.
+
+        Raises:
+            ShapeError: `sensorium` has another number of sensors.
+
+        Example:
+            >>> g = PocGraph.from_implications(2, [(0, 2)])
+            >>> list(g.to_networkx(Sensorium(["door", "motion"])).edges)
+            [('door', 'motion'), ('motion*', 'door*')]
+        """
+        import networkx
+
+        self._check(sensorium)
+        graph: networkx.DiGraph[str] = networkx.DiGraph()
+        graph.add_nodes_from(map(sensorium.name, range(len(self))))
+        graph.add_edges_from(
+            (sensorium.name(a), sensorium.name(b))
+            for a, b in np.argwhere(self.wiring(kind)).tolist()
+        )
+        return graph
+
+    def _check(self, sensorium: Sensorium) -> None:
         if len(sensorium) != self.sensors:
             rule = f"must have {self.sensors} sensors"
             raise ShapeError("sensorium", rule, len(sensorium))
-        pairs = np.argwhere(self.hasse()).tolist()
-        return [(sensorium.name(a), sensorium.name(b)) for a, b in pairs if a <= b ^ 1]
 
     @cached_property
     def _order(self) -> Order:

@@ -130,12 +130,12 @@ def test_a_derived_class_that_is_its_own_complement_breaks_nothing() -> None:
     edges = np.zeros((6, 6), np.bool_)
     for a, b in [(0, 2), (2, 1), (1, 0), (4, 0)]:
         edges[a, b] = edges[b ^ 1, a ^ 1] = True
-    graph = PocGraph._derived(to_words(edges))
+    graph = PocGraph.of_rows(to_words(edges))
     assert graph.classes() == [(0, 1, 2, 3)]
     assert not graph.coherent_projection([0, 4]).any()
     for kind in ("hasse", "derived"):
         wiring = graph.wiring(kind)
-        again = PocGraph._derived(to_words(wiring))
+        again = PocGraph.of_rows(to_words(wiring))
         for a in range(6):
             assert (graph.up([a]) == again.up([a])).all()
             assert graph.depth([a], kind) <= graph.height() + 2

@@ -1,0 +1,309 @@
+"""The relations that readings support, as a table: what a user wants to know.
+
+A row is a relation of two sensors with what speaks for it. It comes from the rule of
+`neurosnap.poc.learning.relation_rule`, or from the order of a snapshot. Only covers are
+rows, unless all are asked for: what follows from two rows is none. Near copies count as
+one there, so that a copy does not hide what its original implies; that is not in the
+order of a snapshot, which cannot hold them (docs/paper.md, "Not in the paper").
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.pair_codes import rows_of
+from neurosnap.poc.learning.pair_counts import OnProgress, PairCounts, count_pairs
+from neurosnap.poc.learning.relation_rule import judge
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.weight_store import pair_of
+from neurosnap.poc.order.graph import PocGraph
+
+Kind: TypeAlias = Literal[
+    "implies",
+    "never together",
+    "at least one of",
+    "the same",
+    "opposite",
+    "nearly the same",
+    "nearly opposite",
+]
+
+_TESTS: dict[int, tuple[Kind, bool, tuple[int, int], tuple[int, int]]] = {
+    1: ("implies", False, (1, 0), (1, 3)),
+    2: ("implies", True, (2, 0), (2, 3)),
+    4: ("never together", True, (0, 2), (0, 1)),
+    8: ("at least one of", True, (3, 1), (3, 2)),
+    3: ("the same", True, (2, 0), (1, 0)),
+    12: ("opposite", True, (0, 2), (3, 1)),
+}
+"""Of each code of a pair of sensors ``j < i``: its name; whether it is told of ``j``
+first; and of its two tests the joint readings that fail and that pass."""
+_NEARLY: dict[Kind, Kind] = {
+    "the same": "nearly the same",
+    "opposite": "nearly opposite",
+}
+_SURE = 1.645
+"""Standard deviations of a normal variable that it exceeds once in twenty times."""
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """A relation of two sensors, and what speaks for it.
+
+    A relation is put to the test on the occasions on which it could fail, and counted
+    from both sides: ``a implies b`` where ``a`` is on, and where ``b`` is off; ``never
+    together`` and ``the same`` where ``a`` is on, and where ``b`` is; ``at least one
+    of`` where ``a`` is off, and where ``b`` is; ``opposite`` where ``a`` is on, and
+    where it is off.
+    """
+
+    relation: Kind
+    a: str
+    """A sensor."""
+    b: str
+    """Another."""
+    tested: int
+    """Occasions on which the first test was made; see above."""
+    failed: int
+    """Those of them on which it failed."""
+    tested_back: int
+    """Occasions on which the second test was made."""
+    failed_back: int
+    """Those of them on which it failed; equal to `failed` but for copies."""
+    share: float
+    """The share of the ticks, with both known, at which it held."""
+    at_most: float
+    """With confidence 0.95, the share of tests that fail is no more than this (Wilson's
+    bound, for the side with fewer tests)."""
+    since: int
+    """The tick, from 1, since when it has not failed; of a snapshot's order, the one
+    since when it is in there."""
+    last_failure: int
+    """The last tick at which it failed; 0: never."""
+    ticks: int
+    """The ticks at which both sensors were known."""
+
+    @property
+    def sentence(self) -> str:
+        """The relation in words."""
+        if self.relation == "implies":
+            return f"{self.a} implies {self.b}"
+        if self.relation == "at least one of":
+            return f"at least one of {self.a} and {self.b}"
+        return f"{self.a} and {self.b}: {self.relation}"
+
+
+def tabulate(
+    columns: Columns,
+    snapshot: Snapshot | None = None,
+    every: bool = False,
+    on_progress: OnProgress | None = None,
+) -> list[Relation]:
+    """Return the relations of readings, the strongest first.
+
+    The strongest is the one whose tests fail least often, as far as is known:
+    `Relation.at_most`.
+
+    Args:
+        columns: The readings.
+        snapshot: What learned from them: its order is shown, and copies that it cannot
+            hold; None: what the rule finds.
+        every: Whether to show those that follow from others, too.
+        on_progress: Told how many pairs are counted.
+
+    Returns:
+        O(N² T / 64) time.
+    """
+    counts = count_pairs(columns, on_progress)
+    judged = judge(columns, counts)
+    if snapshot is None:
+        codes = judged.codes
+    else:
+        codes = np.where(judged.near, judged.codes, snapshot.codes)
+    found = _Found(columns, counts, codes, snapshot)
+    rows = found.every() if every else found.covers()
+    return sorted(rows, key=lambda row: (row.at_most, row.a, row.b, row.relation))
+
+
+def implications(
+    data: Any,  # noqa: ANN401 - an array, a data frame, or columns
+    threshold: ArrayLike | None = None,
+    names: Iterable[str] | None = None,
+    every: bool = False,
+) -> Any:  # noqa: ANN401 - a data frame, where pandas is
+    """Return which relations of sensors a table of readings supports.
+
+    Args:
+        data: As of `EmpiricalSnapshot.fit`.
+        threshold: Show the order that a snapshot with this threshold learns, instead of
+            what the rule of `neurosnap.poc.learning.relation_rule` finds.
+        names: Of the sensors; None: those of the data frame, or ``s0``, ``s1`` and so
+            on.
+        every: Whether to show relations that follow from others, too.
+
+    Returns:
+        A data frame of pandas where that is installed, else a list of `Relation`; the
+        strongest relation comes first. The columns are the attributes of `Relation`.
+
+    Raises:
+        ShapeError: `data` has not two axes, or there is not one name a column.
+        InvalidValueError: An entry is not 0, 1 or unknown, or the threshold is out of
+            range.
+    """
+    columns = data if isinstance(data, Columns) else Columns.of(data, names)
+    fitted = None if threshold is None else EmpiricalSnapshot.fit(columns, threshold)
+    rows = tabulate(columns, fitted, every)
+    if find_spec("pandas") is None:
+        return rows
+    fields = Relation.__dataclass_fields__
+    return import_module("pandas").DataFrame(
+        {name: [getattr(row, name) for row in rows] for name in fields}
+    )
+
+
+class _Found:
+    """Makes rows of pairs and their codes."""
+
+    def __init__(
+        self,
+        columns: Columns,
+        counts: PairCounts,
+        codes: NDArray[np.uint8],
+        snapshot: Snapshot | None,
+    ) -> None:
+        self._columns, self._counts, self._codes = columns, counts, codes
+        self._snapshot = snapshot
+        self._names = columns.sensorium.names
+
+    def every(self) -> Iterator[Relation]:
+        """Yield a row for every pair that has a code."""
+        i, j = np.tril_indices(len(self._names), -1)
+        some = self._codes.nonzero()[0]
+        for first, second in zip(i[some].tolist(), j[some].tolist(), strict=True):
+            yield self._row(2 * first, 2 * second)
+
+    def covers(self) -> Iterator[Relation]:
+        """Yield a row for every cover, and some that tell all copies."""
+        graph = PocGraph.of_rows(rows_of(self._codes, len(self._names)))
+        head = graph.representative
+        members: dict[int, list[int]] = {}
+        for literal, first in enumerate(head.tolist()):
+            members.setdefault(first, []).append(literal)
+        for group in members.values():
+            if len(group) > 1 and group[0] % 2 == 0:
+                yield from self._copies(group)
+        for low, high in np.argwhere(graph.hasse()).tolist():
+            if low <= high ^ 1 and head[low] != head[high]:
+                yield min(
+                    self._direct(members[int(head[low])], members[int(head[high])]),
+                    key=lambda row: (row.at_most, row.a, row.b),
+                )
+
+    def _copies(self, group: list[int]) -> Iterator[Relation]:
+        """Yield rows that make of a class of literals one: as few, from its first on.
+
+        Noise may bind literals to a class that are no copies: ``a -> c -> b`` and ``a``
+        nearly the same as ``b``. These rows follow.
+        """
+        left, waiting = set(group), []
+        while left:
+            waiting.append(min(left))
+            left.discard(waiting[-1])
+            while waiting:
+                literal = waiting.pop(0)
+                for other in sorted(left):
+                    if self._copy(literal, other):
+                        left.discard(other)
+                        waiting.append(other)
+                        yield self._row(literal, other)
+        for k, low in enumerate(group):
+            for high in group[k + 1 :]:
+                if not self._copy(low, high) and self._related(low, high):
+                    yield self._row(low, high)
+
+    def _direct(self, low: list[int], high: list[int]) -> Iterator[Relation]:
+        """Yield the rows of all edges from one class to another."""
+        for a in low:
+            for b in high:
+                if a >> 1 != b >> 1 and self._leads(a, b):
+                    yield self._row(a, b)
+
+    def _code(self, a: int, b: int) -> int:
+        return int(self._codes[pair_of(a, b)])
+
+    def _related(self, a: int, b: int) -> bool:
+        return a >> 1 != b >> 1 and self._code(a, b) != 0
+
+    def _copy(self, a: int, b: int) -> bool:
+        """Return whether two literals are the same, or nearly."""
+        wanted = 3 if (a ^ b) & 1 == 0 else 12
+        return a >> 1 != b >> 1 and self._code(a, b) == wanted
+
+    def _leads(self, a: int, b: int) -> bool:
+        """Return whether there is an edge from one literal to another."""
+        bit = 1 << _bit(a, b)
+        return bool(self._code(a, b) & bit)
+
+    def _row(self, a: int, b: int) -> Relation:
+        """Return the row of two related sensors, given by any of their literals."""
+        i, j = max(a, b) >> 1, min(a, b) >> 1
+        pair = pair_of(a, b)
+        kind, swapped, *tests = _TESTS[int(self._codes[pair])]
+        ticks = self._counts.ticks[:, pair].tolist()
+        runs = self._counts.occasions[:, pair].tolist()
+        failures = {failed for failed, _ in tests}
+        wrong, total = sum(ticks[cell] for cell in failures), sum(ticks)
+        tested = [runs[failed] + runs[passed] for failed, passed in tests]
+        failed = [runs[failed] for failed, _ in tests]
+        last = max(self._span(i, j, cell)[1] for cell in failures)
+        return Relation(
+            relation=_NEARLY.get(kind, kind) if wrong else kind,
+            a=self._names[j if swapped else i],
+            b=self._names[i if swapped else j],
+            tested=tested[0],
+            failed=failed[0],
+            tested_back=tested[1],
+            failed_back=failed[1],
+            share=1 - wrong / total if total else 1.0,
+            at_most=max(map(_at_most, failed, tested)),
+            since=self._since(pair, i, j, last),
+            last_failure=last,
+            ticks=total,
+        )
+
+    def _span(self, i: int, j: int, cell: int) -> tuple[int, int]:
+        """Return the first and the last tick of a joint reading; 0: there is none."""
+        return self._columns.span(2 * i + (cell >> 1), 2 * j + (cell & 1))
+
+    def _since(self, pair: int, i: int, j: int, last: int) -> int:
+        if self._snapshot is not None and self._snapshot.codes[pair]:
+            return self._snapshot.evidence(2 * i, 2 * j).since
+        if last:
+            return last + 1
+        firsts = [self._span(i, j, cell)[0] for cell in range(4)]
+        return min((first for first in firsts if first), default=0)
+
+
+def _bit(a: int, b: int) -> int:
+    """Return which bit of a code says that one literal implies another."""
+    if a >> 1 < b >> 1:
+        a, b = b ^ 1, a ^ 1
+    return {(0, 0): 0, (1, 1): 1, (0, 1): 2, (1, 0): 3}[a & 1, b & 1]
+
+
+def _at_most(failed: int, tested: int) -> float:
+    """Return Wilson's upper bound on the share of tests that fail."""
+    if not tested:
+        return 1.0
+    square = _SURE**2 / tested
+    share = failed / tested
+    spread = _SURE * math.sqrt(share * (1 - share) / tested + square / (4 * tested))
+    return min(1.0, (share + square / 2 + spread) / (1 + square))

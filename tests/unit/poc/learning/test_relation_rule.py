@@ -1,0 +1,115 @@
+"""What is planted is found whole, with nothing false; what chance makes is not."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import neurosnap
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.relation_table import Relation, tabulate
+from tests.support.planted import Planted, planted
+
+
+def found(rows: list[Relation]) -> dict[str, list[tuple[int, int]]]:
+    """Rows by the name of their relation, as pairs of columns."""
+    by_name: dict[str, list[tuple[int, int]]] = {}
+    for row in rows:
+        pair = int(row.a[1:]), int(row.b[1:])
+        by_name.setdefault(row.relation, []).append(pair)
+    return by_name
+
+
+def assert_whole(wanted: Planted) -> None:
+    for every in False, True:
+        rows = found(tabulate(Columns.of(wanted.table), every=every))
+        implied = wanted.implied if every else wanted.covers
+        assert Counter(rows.pop("implies")) == Counter(implied)
+        excluded = map(frozenset, rows.pop("never together"))
+        assert Counter(excluded) == Counter(wanted.exclusions)
+        copies = [pair for pairs in rows.values() for pair in pairs]
+        assert Counter(map(frozenset, copies)) == Counter(wanted.copies)
+        assert set(rows) <= {"the same", "nearly the same"}
+
+
+@pytest.mark.parametrize("noise", [0, 0.001, 0.002, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("hold", [0, 0.5])
+def test_what_is_planted_is_found_whole_and_nothing_else(
+    noise: float, hold: float
+) -> None:
+    for seed in range(3):
+        assert_whole(planted(seed, noise, hold=hold))
+
+
+@pytest.mark.parametrize("hold", [0.9, 0.98])
+@pytest.mark.parametrize("noise", [0, 0.005, 0.02])
+def test_of_slow_sensors_less_is_found_and_nothing_false(
+    noise: float, hold: float
+) -> None:
+    wanted = planted(0, noise, hold=hold)
+    rows = found(tabulate(Columns.of(wanted.table), every=True))
+    assert set(rows.pop("implies", [])) <= wanted.implied
+    assert set(map(frozenset, rows.pop("never together", []))) <= wanted.exclusions
+    copies = {frozenset(pair) for pairs in rows.values() for pair in pairs}
+    assert copies <= wanted.copies
+
+
+@pytest.mark.parametrize("hold", [0, 0.9, 0.99])
+def test_independent_sensors_have_no_relation(hold: float) -> None:
+    chance = np.random.default_rng(1)
+    rates = chance.uniform(0.005, 0.995, 120)
+    fresh = chance.random((4000, 120)) >= hold
+    fresh[0] = True
+    last = np.maximum.accumulate(np.where(fresh, np.arange(4000)[:, None], 0))
+    drawn = chance.random((4000, 120)) < rates
+    assert tabulate(Columns.of(np.take_along_axis(drawn, last, 0)), every=True) == []
+
+
+def test_a_copy_does_not_hide_what_its_original_implies() -> None:
+    chance = np.random.default_rng(2)
+    value = chance.random(5000)
+    readings = np.stack([value < bound for bound in (0.3, 0.5, 0.7)], axis=1)
+    twins = readings[:, [1, 1]] ^ (chance.random((5000, 2)) < 0.005)
+    columns = Columns.of(np.hstack([readings, twins]), ["a", "b", "c", "b2", "b3"])
+    told = [row.sentence for row in tabulate(columns)]
+    copies = {"b and b2: nearly the same", "b and b3: nearly the same"}
+    assert set(told) == {"a implies b", "b implies c", *copies}
+
+
+def test_bins_that_differ_seldom_are_no_copies() -> None:
+    value = np.random.default_rng(3).random(5000)
+    columns = Columns.of(np.stack([value < 0.5, value < 0.51], axis=1))
+    assert [row.sentence for row in tabulate(columns)] == ["s0 implies s1"]
+
+
+def test_an_opposite_that_is_noisy_is_told_as_that() -> None:
+    chance = np.random.default_rng(4)
+    bits = chance.random(5000) < 0.3
+    readings = np.stack([bits, ~bits ^ (chance.random(5000) < 0.002)], axis=1)
+    (row,) = tabulate(Columns.of(readings, ["open", "closed"]))
+    assert row.sentence == "open and closed: nearly opposite"
+    assert row.share == 1 - (readings[:, 0] == readings[:, 1]).mean()
+    assert row.failed
+    assert row.failed_back
+
+
+def test_one_night_is_one_occasion() -> None:
+    # A lamp and a heater that were on once, at the same time, for long.
+    readings = np.zeros((5000, 2), np.bool_)
+    readings[1000:3000] = True
+    assert tabulate(Columns.of(readings)) == []
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2])
+def test_too_little_to_say_anything(rows: int) -> None:
+    assert tabulate(Columns.of(np.ones((rows, 3), np.bool_))) == []
+
+
+def test_a_table_in_python() -> None:
+    wanted = planted(0, 0.002, sensors=92, rows=2000)
+    rows = neurosnap.implications(wanted.table, names=[f"x{k}" for k in range(92)])
+    assert {(row.a, row.b) for row in rows if row.relation == "implies"} == {
+        (f"x{a}", f"x{b}") for a, b in wanted.covers
+    }
+    learned = neurosnap.implications(wanted.table, threshold=0.01, every=True)
+    assert len(learned) > len(rows)
