@@ -9,6 +9,7 @@ pytestmark = pytest.mark.slow
 
 VERBS = (
     "run",
+    "learn",
     "replay",
     "depth",
     "figures",

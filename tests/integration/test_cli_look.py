@@ -33,7 +33,7 @@ def test_graph_names_what_was_learned(log: Path) -> None:
     assert ["below_18", "below_19"] in facts["implications"]
     earlier = happy("graph", log, "--at", 0)
     assert (earlier["tick"], earlier["implications"]) == (0, [])
-    assert json.loads(call("graph", log).stdout) == facts
+    assert json.loads(call("graph", log, "--format", "json").stdout) == facts
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_graph_speaks_other_formats(log: Path, form: str, start: str) -> None:
 def test_a_wrong_graph_is_refused(log: Path) -> None:
     assert "tick: must be in [0, 30], got 31" in refused("graph", log, "--at", 31)
     assert "tick: must be in [0, 30], got -1" in refused("graph", log, "--at", -1)
-    assert "format: must be json, dot or graphml, got 'png'" in refused(
+    assert "format: must be table, json, dot or graphml, got 'png'" in refused(
         "graph", log, "--format", "png"
     )
 

@@ -7,6 +7,7 @@ import msgspec
 import typer
 
 from neurosnap.apps.cli.options import FLAG, option
+from neurosnap.apps.cli.relations import Every, Force, Out, answered_by
 from neurosnap.apps.cli.shared import (
     LOST,
     Json,
@@ -24,7 +25,8 @@ from neurosnap.errors import InvalidValueError
 
 @app.command()
 def info(log: Log, as_json: Json = False) -> None:
-    """Show what a recording holds, its settings, and what is missing from it."""
+    """Show what a recording holds, what it learned, and what is missing from it."""
+    from neurosnap.apps.cli.relations import learned_lines
     from neurosnap.recording.read.info import describe, render
     from neurosnap.recording.read.reader import Recording
 
@@ -32,6 +34,8 @@ def info(log: Log, as_json: Json = False) -> None:
         recording = Recording.open(log)
         found = describe(recording)
         say(as_json).print(render(found), markup=False, soft_wrap=True)
+        for line in learned_lines(log, recording, found):
+            say(as_json).print(line, markup=False, soft_wrap=True)
         if as_json:
             print_json(msgspec.to_builtins(found))
         if not recording.whole:
@@ -44,20 +48,41 @@ def graph(
     at: OptionalTick = None,
     form: Annotated[
         str,
-        typer.Option("--format", help="One of json, dot (for Graphviz) and graphml."),
-    ] = "json",
+        typer.Option(
+            "--format",
+            help="Table: each implication with how often it was put to the test, and"
+            " how often it failed. For programs: json, dot (for Graphviz), graphml.",
+        ),
+    ] = "table",
+    out: Out = None,
+    every: Every = False,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Print the implications that were learned: which sensor implies which."""
+    from neurosnap.apps.cli.relations import check_out, show, write
     from neurosnap.apps.export.graph_text import diagram, parse_format, render
     from neurosnap.recording.read.births import births_of
     from neurosnap.recording.read.learned_at import snapshot_at
     from neurosnap.recording.read.split_files import open_whole
 
     with errors():
-        wanted = parse_format("json" if as_json else form)
+        table = form == "table" and not as_json
+        if out is not None:
+            check_out(out)
+            if not table:
+                rule = "must go with the table; other formats go to standard output"
+                raise InvalidValueError("out", rule, str(out))
+        wanted = "json" if as_json or table else parse_format(form)
         recording = open_whole(log)
         tick, snapshot = snapshot_at(recording, at)
+        if table:
+            answered = answered_by(log, recording, tick, snapshot, every=every)
+            if out is not None:
+                write(answered, out, log, force=force)
+            show(say(as_json=False), answered, out, None)
+            end_by(recording)
+            return
         births = births_of(recording)
         drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium, births)
         if as_json:

@@ -225,9 +225,11 @@ def _implications(
         console.print(f"  {escape(visible(shown))}")
     if len(pairs) > _MOST:
         # Without a recording nobody can be asked later.
-        every = "--json" if log is None else f"neurosnap graph {shlex.quote(str(log))}"
-        more = f"  and {len(pairs) - _MOST} more; all: {every}"
-        console.print(more, markup=False, soft_wrap=True)
+        all_of_them = "; all: --json" if log is None else ""
+        console.print(f"  and {len(pairs) - _MOST} more{all_of_them}")
+    if pairs and log is not None:
+        table = f"  how often each was tested and failed: neurosnap graph {shlex.quote(str(log))}"
+        console.print(table, markup=False, soft_wrap=True)
 
 
 def verdict(console: Console, found: Verdict) -> None:

@@ -43,7 +43,8 @@ def parse_format(name: str) -> Format:
         case "json" | "dot" | "graphml":
             return name
         case _:
-            raise InvalidValueError("format", "must be json, dot or graphml", name)
+            rule = "must be table, json, dot or graphml"
+            raise InvalidValueError("format", rule, name)
 
 
 def diagram(

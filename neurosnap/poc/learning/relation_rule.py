@@ -5,19 +5,21 @@ sensors pass it by chance, and noisy ones do not. The rule here asks three thing
 ``a -> b``, counted on occasions (`neurosnap.poc.learning.pair_counts`):
 
 - It can be noise what speaks against it: ``w_ab*`` is at most 4 % of all ticks, and the
-  least of the four weights.
+  least of the four weights; and at most half of the occasions fail, be it those with
+  ``a`` or those with ``b*``.
 - It is far from chance: ``1 - w_ab* t / (w_a w_b*)`` is at least 1/2. That is
   Loevinger's H (1948); Mokken (1971) calls a scale strong from 1/2 on.
 - It is no accident: were ``a`` and ``b`` independent, as few failures in as many tests
   would come less often than once in 20 tables, all pairs of a table taken together
-  (Bonferroni). The bound is Chernoff's, ``exp(-n KL(f || q))`` for the share ``f`` of
-  ``a`` at which ``b`` is off, and the share ``q`` of all ticks at which it is. It has
-  to hold for the ticks of ``a``, and for those of ``b*``, too.
+  (Bonferroni). The bound is Hoeffding's (1963) for draws without replacement, ``exp(-n
+  KL(f || q))`` for the share ``f`` of ``a`` at which ``b`` is off, and the share ``q``
+  of all ticks at which it is; or the same for ``b*`` and ``a``, if that says more.
 
-Ticks in which nothing changes prove nothing. So ``n`` is at most the number of
-occasions, and of ``t`` ticks count as many as independent ones would be worth: ``t /
-(1 + 2 sum r_a(l) r_b(l))`` over all lags ``l``, with the autocorrelations of both
-sensors (Bartlett 1946). Of a sensor that changed once nothing can be known, and flips
+Ticks in which nothing changes prove nothing. Of ``t`` ticks count as many as
+independent ones would be worth: ``t / (1 + 2 sum r_a(l) r_b(l))`` over all lags ``l``,
+with the autocorrelations of both sensors (Bartlett 1946; products that chance would
+make, and those below 0, are left out). And the bound must be good enough with
+occasions for ``n``, too. Of a sensor that changed once nothing can be known, and flips
 by noise do not pass for changes.
 
 Two sensors are *nearly the same* if each implies the other by that, Cohen's kappa is at
@@ -40,6 +42,8 @@ Flags = NDArray[np.bool_]
 
 NOISE = 0.04
 """The largest share of all ticks that may speak against an implication."""
+FAILING = 0.5
+"""The largest share of its tests, each an occasion, that an implication may fail."""
 LEAST_H = 0.5
 """The least H of an implication."""
 CHANCE = 0.05
@@ -75,6 +79,8 @@ class _Rates(NamedTuple):
     """``(L, N)``: its autocorrelation at some lags."""
     weights: Floats
     """``(L,)``: of how many lags each of these stands for."""
+    noise: float
+    """What the product of two sampled autocorrelations may be where both are 0."""
 
 
 def judge(columns: Columns, counts: PairCounts) -> Judged:
@@ -116,7 +122,8 @@ def _rates(columns: Columns) -> _Rates:
         sure = np.bitwise_count(known & _later(known, lag)).sum(axis=1)
         memory[place] = (both / np.maximum(sure, 1) - on**2) / spread
     edges = np.array([*lags, columns.ticks // 2 + 1])
-    return _Rates(np.array([on, off]), memory, np.diff(edges).astype(np.float64))
+    weights = np.diff(edges).astype(np.float64)
+    return _Rates(np.array([on, off]), memory, weights, 1 / max(columns.ticks, 1))
 
 
 def _lags(ticks: int) -> list[int]:
@@ -124,7 +131,7 @@ def _lags(ticks: int) -> list[int]:
     lags, lag = [], 1
     while lag <= ticks // 2:
         lags.append(lag)
-        lag = max(lag + 1, lag * 5 // 4)
+        lag += max(1, lag // 16)
     return lags
 
 
@@ -153,20 +160,24 @@ def _judge_some(
     of_j = np.array([ticks[0] + ticks[2], ticks[1] + ticks[3]])
     alike = np.zeros(len(i))
     for memory, weight in zip(rates.memory, rates.weights, strict=True):
-        alike += weight * np.maximum(memory[i] * memory[j], 0)
+        alike += weight * np.maximum(memory[i] * memory[j] - rates.noise, 0)
     worth = 1 / (1 + 2 * alike)
     holds = np.zeros((4, len(i)), np.bool_)
     for cell, (a, b) in enumerate(_CELLS):
         by_i, by_j = cell ^ 1, cell ^ 2  # the readings of the tests that it passes
-        evidence = np.minimum(
-            np.minimum(worth * of_i[a], runs[cell] + runs[by_i])
-            * _surprise(ticks[cell] / of_i[a], of_j[b] / total),
-            np.minimum(worth * of_j[b], runs[cell] + runs[by_j])
-            * _surprise(ticks[cell] / of_j[b], of_i[a] / total),
-        )
+        by_a = _surprise(ticks[cell] / of_i[a], of_j[b] / total)
+        by_b = _surprise(ticks[cell] / of_j[b], of_i[a] / total)
+        evidence = np.maximum(of_i[a] * by_a, of_j[b] * by_b) * worth
+        tests = runs[cell] + runs[by_i], runs[cell] + runs[by_j]
+        occasions = np.maximum(tests[0] * by_a, tests[1] * by_b)
+        evidence = np.minimum(evidence, occasions)
+        passes = runs[cell] <= FAILING * np.minimum(*tests)
         h = 1 - ticks[cell] * total / (of_i[a] * of_j[b])
         holds[cell] = (
-            (evidence >= needed) & (h >= LEAST_H) & (ticks[cell] <= NOISE * total)
+            (evidence >= needed)
+            & (h >= LEAST_H)
+            & (ticks[cell] <= NOISE * total)
+            & passes
         )
     codes, near = np.zeros(len(i), np.uint8), np.zeros(len(i), np.bool_)
     on = (rates.share[0, i] + rates.share[0, j]) / 2

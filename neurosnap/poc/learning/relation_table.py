@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -161,10 +160,12 @@ def implications(
     columns = data if isinstance(data, Columns) else Columns.of(data, names)
     fitted = None if threshold is None else EmpiricalSnapshot.fit(columns, threshold)
     rows = tabulate(columns, fitted, every)
-    if find_spec("pandas") is None:
+    try:
+        pandas = import_module("pandas")
+    except ImportError:
         return rows
     fields = Relation.__dataclass_fields__
-    return import_module("pandas").DataFrame(
+    return pandas.DataFrame(
         {name: [getattr(row, name) for row in rows] for name in fields}
     )
 

@@ -14,11 +14,7 @@ import msgspec
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
-
-ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
-OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
-UNKNOWN = ("", "none", "null", "unknown", "unavailable")
-"""Words that say that nothing is known, for every sensor; an empty payload is one."""
+from neurosnap.sources.words import OFF, ON
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]

@@ -11,7 +11,8 @@ from typing import Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.mqtt.options import UNKNOWN, MqttSensor
+from neurosnap.sources.mqtt.options import MqttSensor
+from neurosnap.sources.words import UNKNOWN
 
 LARGEST = 64 * 1024
 """Bytes of a payload that are looked at; one that is longer is refused unread."""

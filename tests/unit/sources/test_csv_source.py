@@ -7,6 +7,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
 from neurosnap.sources.open import open_source
+from neurosnap.sources.tables.meaning import RULE
 from tests.support.sources import README, everything, first, opened, written
 
 
@@ -109,33 +110,11 @@ class TestCsv:
             ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
             ("a,b,a\n0,1,1\n", "{}:1: names: must be unique, got 'a'"),
             ("a,b*\n0,1\n", "{}:1: sensor name: must not end with *, got 'b*'"),
-            ("a,b\n0,1\n0,2\n", "{}:3: b: must be 0 or 1, got '2'"),
-            (
-                "a,b\n0,1\n,1\n",
-                "{}:3: a: must be 0 or 1 (unknown readings come by MQTT or NDJSON, not "
-                "in a CSV), got ''",
-            ),
-            *(
-                (
-                    f"a,b\n0,{said}\n",
-                    "{}:2: b: must be 0 or 1 (with pandas: frame.astype(int).to_csv), "
-                    f"got '{said}'",
-                )
-                for said in ("true", "False")
-            ),
-            ("a,b\n0,1.0\n", "{}:2: b: must be 0 or 1, got '1.0'"),
-            ("a,b\n0,１\n", "{}:2: b: must be 0 or 1, got '１'"),
-            ("time,a,b\n0,1,x\n", "{}:2: b: must be 0 or 1, got 'x'"),
-            (
-                "a;b\n0;1\n",
-                "{}:2: a;b: must be 0 or 1 (write commas between cells, not "
-                "semicolons), got '0;1'",
-            ),
-            (
-                "a\tb\n0\t1\n",
-                "{}:1: must have commas between the names of sensors, not tabs, "
-                "got 'a\\tb'",
-            ),
+            ("a,b\n0,1\n0,2\n", f"{{}}:3: b: {RULE}, got '2'"),
+            ("a,b\n0,1.5\n", f"{{}}:2: b: {RULE}, got '1.5'"),
+            ("a,b\n0,１\n", f"{{}}:2: b: {RULE}, got '１'"),
+            ("time,a,b\n0,1,x\n", f"{{}}:2: b: {RULE}, got 'x'"),
+            ("a,b\n0;1\n", "{}:2: must have 2 cells, as many as the header, got 1"),
             (
                 "a,b\n0,1\n\n\n0,1\n",
                 "{}:3: must not be blank before the end of the file, got ''",

@@ -1,6 +1,9 @@
 """What is planted is found whole, with nothing false; what chance makes is not."""
 
+import dataclasses
+import sys
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -105,11 +108,19 @@ def test_too_little_to_say_anything(rows: int) -> None:
     assert tabulate(Columns.of(np.ones((rows, 3), np.bool_))) == []
 
 
-def test_a_table_in_python() -> None:
+def test_a_table_in_python_is_a_data_frame_if_it_can_be_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     wanted = planted(0, 0.002, sensors=92, rows=2000)
-    rows = neurosnap.implications(wanted.table, names=[f"x{k}" for k in range(92)])
+    names = [f"x{k}" for k in range(92)]
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    rows = neurosnap.implications(wanted.table, names=names)
     assert {(row.a, row.b) for row in rows if row.relation == "implies"} == {
         (f"x{a}", f"x{b}") for a, b in wanted.covers
     }
     learned = neurosnap.implications(wanted.table, threshold=0.01, every=True)
     assert len(learned) > len(rows)
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=dict))
+    frame = neurosnap.implications(wanted.table, names=names)
+    assert list(frame) == [field.name for field in dataclasses.fields(Relation)]
+    assert frame["a"] == [row.a for row in rows]

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.mqtt.options import OFF, ON, MqttSensor
+from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.mqtt.payload import LARGEST, Payload, Reader
+from neurosnap.sources.words import OFF, ON
 
 
 def read(sensor: MqttSensor, data: bytes) -> bool | None:

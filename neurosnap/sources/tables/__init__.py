@@ -1,0 +1,1 @@
+"""Readings that are there as a whole: files of rows, logs, databases."""

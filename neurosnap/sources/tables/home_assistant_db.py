@@ -1,0 +1,96 @@
+"""The database of Home Assistant's recorder: ``home-assistant_v2.db``.
+
+It is opened for reading only, and may be in use meanwhile. Binary sensors are read by
+themselves; others if they are asked for.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.tables.csv_file import OnProgress
+from neurosnap.sources.tables.events import Events
+from neurosnap.sources.tables.meaning import Reader, Wanted
+from neurosnap.sources.tables.readings import Readings
+
+MAGIC = b"SQLite format 3\x00"
+_BINARY = "binary_sensor."
+_REPORT = 10_000
+_STATES = """
+    SELECT metadata_id, state, last_updated_ts FROM states
+    WHERE metadata_id IS NOT NULL AND last_updated_ts IS NOT NULL
+    ORDER BY last_updated_ts, state_id
+"""
+
+
+def read_home_assistant(
+    path: str, wanted: Wanted, on_progress: OnProgress | None = None
+) -> Readings:
+    """Return what the sensors of a home read.
+
+    Args:
+        path: Where the database is.
+        wanted: Which entities to read; by themselves binary sensors are.
+        on_progress: Told how many states are read.
+
+    Raises:
+        InvalidValueError: It is no such database, lacks an entity that is wanted, or a
+            state that is wanted says neither on nor off.
+    """
+    uri = f"{Path(path).absolute().as_uri()}?mode=ro"
+    if not Path(f"{path}-wal").exists():
+        # Nobody writes it now: no file is needed beside it, nor the right to make one.
+        uri += "&immutable=1"
+    try:
+        with closing(sqlite3.connect(uri, uri=True)) as database:
+            return _read(database, path, wanted, on_progress)
+    except sqlite3.Error as error:
+        rule = "must be a database of Home Assistant 2023.4 or newer"
+        raise InvalidValueError(path, rule, str(error)) from error
+
+
+def _read(
+    database: sqlite3.Connection,
+    path: str,
+    wanted: Wanted,
+    on_progress: OnProgress | None,
+) -> Readings:
+    entities: dict[int, str] = dict(
+        database.execute("SELECT metadata_id, entity_id FROM states_meta")
+    )
+    wanted.check(list(entities.values()), path)
+    readers = {
+        number: wanted.readers(name, by_itself=name.startswith(_BINARY))
+        for number, name in entities.items()
+    }
+    if not any(readers.values()):
+        rule = "must have binary sensors; name others with --sensors or --when"
+        raise InvalidValueError(path, rule, sorted(entities.values()))
+    events = Events()
+    for number, state, time in _states(database, on_progress):
+        for reader in readers.get(number, ()):
+            _add(events, reader, entities[number], state, time, path)
+    return events.readings()
+
+
+def _states(
+    database: sqlite3.Connection, on_progress: OnProgress | None
+) -> Iterator[tuple[int, str | None, float]]:
+    (total,) = database.execute("SELECT count(*) FROM states").fetchone()
+    for done, row in enumerate(database.execute(_STATES), start=1):
+        if on_progress is not None and done % _REPORT == 0:
+            on_progress(done, total)
+        yield row
+
+
+def _add(
+    events: Events, reader: Reader, name: str, state: str | None, time: float, path: str
+) -> None:
+    """Take in one state; an entity that was removed has none."""
+    try:
+        value = reader.read(state or "")
+    except ValueError as error:
+        raise InvalidValueError(f"{path}: {name}", str(error), state) from None
+    events.add(time, reader.name, value)

@@ -1,0 +1,158 @@
+"""What a cell or a logged value says of a sensor: on, off or unknown."""
+
+import fnmatch
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.words import OFF, ON, UNKNOWN
+
+WORDS: dict[str, bool | None] = {
+    **dict.fromkeys((*UNKNOWN, "na", "nan", "<na>", "n/a")),
+    **dict.fromkeys((*ON, "1.0"), True),
+    **dict.fromkeys((*OFF, "0.0"), False),
+}
+"""What words mean, in small letters. Pandas writes 1.0 where a column has gaps."""
+
+RULE = "must be 0 or 1, false or true, off or on, or nothing for unknown"
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_WHEN = re.compile(
+    rf"(?P<name>.+?)\s*(?P<sign>[<>])\s*(?P<limit>{_NUMBER})"
+    rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER}))?",
+    re.ASCII,
+)
+
+
+class Comparison(NamedTuple):
+    """When a sensor with a number is on."""
+
+    source: str
+    """What the sensor is called in the data."""
+    above: bool
+    """On above the limit, or below it."""
+    limit: float
+    release: float
+    """Off beyond this, on the other side; between the two, as it was before."""
+
+    @property
+    def name(self) -> str:
+        """What the binary sensor is called."""
+        return f"{self.source}{'>' if self.above else '<'}{self.limit:g}"
+
+
+def parse_comparison(text: str) -> Comparison:
+    """Return what a text such as ``hall > 21, off < 20`` says.
+
+    Raises:
+        InvalidValueError: It says nothing of the kind.
+
+    Example:
+        >>> parse_comparison("hall > 21, off < 20").name
+        'hall>21'
+    """
+    match = _WHEN.fullmatch(text.strip())
+    rule = 'must be like "hall > 21" or "hall > 21, off < 20"'
+    if match is None or match["back"] == match["sign"]:
+        raise InvalidValueError("when", rule, text)
+    above, limit = match["sign"] == ">", float(match["limit"])
+    release = limit if match["release"] is None else float(match["release"])
+    if release > limit if above else release < limit:
+        side = "below" if above else "above"
+        rule = f"must let the sensor be off {side} where it is on"
+        raise InvalidValueError("when", rule, text)
+    return Comparison(match["name"].strip(), above, limit, release)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which sensors are read, and how.
+
+    Args:
+        patterns: Names, or patterns with ``*`` and ``?``; none: what a kind of data
+            takes by itself.
+        comparisons: Of sensors with numbers; these are read, too.
+        time: The name of the column with the time; None: ``time``, if it is the first.
+    """
+
+    patterns: tuple[str, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    time: str | None = None
+
+    def takes(self, name: str, by_itself: bool = True) -> bool:
+        """Return whether a sensor with words is read."""
+        if any(name == comparison.source for comparison in self.comparisons):
+            return False
+        if not self.patterns:
+            return by_itself
+        return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.patterns)
+
+    def readers(self, name: str, by_itself: bool = True) -> list["Reader"]:
+        """Return what reads a sensor of the data: nothing, or one for each name."""
+        found = [Reader(name)] if self.takes(name, by_itself) else []
+        return found + [
+            Reader(comparison.name, comparison)
+            for comparison in self.comparisons
+            if comparison.source == name
+        ]
+
+    def check(self, names: Sequence[str], where: str) -> None:
+        """Refuse what is asked for and not there.
+
+        Raises:
+            InvalidValueError: There is no such sensor.
+        """
+        for pattern in self.patterns:
+            if not any(fnmatch.fnmatchcase(name, pattern) for name in names):
+                raise InvalidValueError(where, "must have this sensor", pattern)
+        for comparison in self.comparisons:
+            if comparison.source not in names:
+                rule = "must have this sensor"
+                raise InvalidValueError(where, rule, comparison.source)
+
+
+class Reader:
+    """Reads the values of one sensor, one after the other.
+
+    Args:
+        name: Of the sensor.
+        comparison: None: values are words.
+    """
+
+    def __init__(self, name: str, comparison: Comparison | None = None) -> None:
+        self.name = name
+        self.comparison = comparison
+        self._before: bool | None = None
+
+    def read(self, text: str) -> bool | None:
+        """Return what a value says; None: that nothing is known.
+
+        Raises:
+            ValueError: It says nothing; the text is the rule.
+        """
+        word = text.strip().casefold()
+        if self.comparison is None:
+            try:
+                return WORDS[word]
+            except KeyError:
+                raise ValueError(RULE) from None
+        if word in WORDS and WORDS[word] is None:
+            self._before = None
+            return None
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError("must be a number, or nothing for unknown")
+        sign = 1 if self.comparison.above else -1
+        if sign * value > sign * self.comparison.limit:
+            self._before = True
+        elif sign * value < sign * self.comparison.release or (
+            self.comparison.release == self.comparison.limit
+        ):
+            self._before = False
+        return self._before

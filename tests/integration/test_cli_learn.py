@@ -1,0 +1,153 @@
+"""``neurosnap learn``, and the table of what a run learned, as a user has them."""
+
+import csv
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.command_line import call, happy, refused
+from tests.support.command_line_files import record_path
+from tests.support.planted import planted
+from tests.support.sources import written
+
+ROOT = Path(__file__).parents[2]
+READINGS = ROOT / "examples" / "readings.csv"
+HOME = ROOT / "tests" / "golden" / "home-assistant_v2.db"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_path(tmp_path_factory.mktemp("log") / "path.mcap")
+
+
+def test_a_table_is_printed_strongest_first() -> None:
+    result = call("learn", READINGS)
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert lines[0].split() == [
+        *("relation", "tested", "failed", "held", "in", "since", "last", "failure")
+    ]
+    assert lines[1].startswith("motor and green: the same  ")
+    assert any(line.startswith("moving implies green") for line in lines)
+    assert lines[-1] == (
+        "8 relations of 10 sensors in 400 ticks (by the table's own rule)"
+    )
+
+
+def test_every_form_has_the_same_rows(tmp_path: Path) -> None:
+    facts = happy("learn", READINGS)
+    told = [(row["relation"], row["a"], row["b"]) for row in facts["relations"]]
+    outs = {form: tmp_path / f"table.{form}" for form in ("csv", "json", "html", "txt")}
+    for out in outs.values():
+        assert f"wrote {out}" in call("learn", READINGS, "--out", out).stdout
+    with outs["csv"].open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["relation"], row["a"], row["b"]) for row in rows] == told
+    assert rows[0]["tested"] == "86"
+    assert json.loads(outs["json"].read_text()) == facts
+    assert len(outs["txt"].read_text().splitlines()) == len(told) + 1
+    again = call("learn", READINGS, "--out", outs["csv"])
+    assert again.exit_code == 2
+    assert call("learn", READINGS, "--out", outs["csv"], "--force").exit_code == 0
+
+
+class Page(HTMLParser):
+    """Counts what a page has, and notes what it would load."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.loads: list[str] = []
+        self.policy = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        given = dict(attrs)
+        self.loads += [name for name in ("src", "href") if name in given]
+        if given.get("http-equiv") == "Content-Security-Policy":
+            self.policy = given["content"] or ""
+
+
+def test_the_page_loads_nothing_and_shows_strange_names_as_they_are(
+    tmp_path: Path,
+) -> None:
+    bits = np.random.default_rng(0).random(500) < 0.5
+    rows = "".join(f"{int(bit)},{int(bit)}\n" for bit in bits)
+    data = written(tmp_path, f"<script>alert(1)</script>,a&b\n{rows}")
+    out = tmp_path / "page.html"
+    assert call("learn", data, "--out", out).exit_code == 0
+    page = Page()
+    page.feed(out.read_text())
+    assert page.policy == "default-src 'none'; style-src 'unsafe-inline'"
+    assert page.loads == []
+    assert "script" not in page.tags
+    assert page.tags.count("svg") == 1
+    assert page.tags.count("rect") == 2  # an element and its complement
+    assert "url(" not in out.read_text()
+
+
+def test_what_is_planted_is_found_from_the_command_line(tmp_path: Path) -> None:
+    wanted = planted(0, 0.01)
+    names = ",".join(f"s{k}" for k in range(200))
+    lines = ("".join(map(str, row)) for row in wanted.table.astype(int).tolist())
+    text = "\n".join(",".join(line) for line in lines)
+    facts = happy("learn", written(tmp_path, f"{names}\n{text}\n"))
+    found = [(row["relation"], row["a"], row["b"]) for row in facts["relations"]]
+    covers = {(f"s{a}", f"s{b}") for a, b in wanted.covers}
+    assert len(found) == 50
+    assert {(a, b) for name, a, b in found if name == "implies"} == covers
+
+
+def test_a_home_says_when() -> None:
+    facts = happy("learn", HOME)
+    assert facts["sensors"] == 5
+    (row,) = facts["relations"]
+    # The second contact lost three of thirty messages.
+    assert (row["a"], row["relation"]) == ("binary_sensor.window_2", "implies")
+    assert (row["tested"], row["tested_back"], row["failed"]) == (27, 31, 0)
+    assert row["since_time"] == "2025-06-15 15:06:40Z"
+    assert row["last_failure_time"] == ""
+    told = happy("learn", HOME, "--sensors", "binary_sensor.*", "--sensors", "switch.*")
+    assert told["sensors"] == 6
+
+
+def test_little_data_is_said_to_be_little(tmp_path: Path) -> None:
+    result = call("learn", written(tmp_path, "a,b\n0,0\n0,1\n1,1\n"))
+    assert result.exit_code == 0
+    assert "0 relations of 2 sensors in 3 ticks" in result.stdout
+    assert "--threshold" in result.stdout
+    data = tmp_path / "readings.csv"
+    facts = happy("learn", data, "--threshold", 0.25)
+    assert [row["b"] for row in facts["relations"]] == ["b"]
+    assert facts["learned"] == "threshold 0.25"
+
+
+def test_wrong_use_is_refused(tmp_path: Path, log: Path) -> None:
+    assert "out: must end with one of .csv" in refused("learn", READINGS, "-o", "a.png")
+    assert "must have this sensor" in refused("learn", READINGS, "--sensors", "nobody")
+    assert "when: must be like" in refused("learn", READINGS, "--when", "warm")
+    assert "must not go with a recording" in refused("learn", log, "--time", "then")
+    assert "threshold: must be in" in refused("learn", READINGS, "--threshold", 2)
+    assert "can be read" in refused("learn", tmp_path / "none.csv")
+    assert "out: must go with the table" in refused(
+        "graph", log, "--format", "dot", "--out", tmp_path / "a.csv"
+    )
+
+
+def test_a_recording_has_the_same_table(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "graph.json"
+    assert call("graph", log, "--out", out).exit_code == 0
+    table = json.loads(out.read_text())
+    assert table["learned"] == "learned by tick 30"
+    told = {(row["a"], row["b"]) for row in table["relations"]}
+    implied = happy("graph", log)["implications"]
+    assert len(told) == len(table["relations"]) >= len(implied)
+    assert ("below_18", "below_19") in told
+    shown = call("graph", log).stdout
+    assert "below_18 implies below_19" in shown
+    assert "learned by tick 12" in call("graph", log, "--at", 12).stdout
+    assert "relations of 20 sensors in 30 ticks" in call("info", log).stdout
+    assert happy("learn", log, "--threshold", 0.01)["ticks"] == 30

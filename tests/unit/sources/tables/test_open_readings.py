@@ -1,0 +1,247 @@
+"""Files of readings of every kind, and what is refused of them."""
+
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.open import open_source
+from neurosnap.sources.tables.meaning import RULE, Wanted, parse_comparison
+from neurosnap.sources.tables.open_readings import open_readings
+from neurosnap.sources.tables.readings import Readings
+from tests.support.sources import written
+
+HOME = Path(__file__).parents[3] / "golden" / "home-assistant_v2.db"
+
+
+def shown(readings: Readings) -> dict[str, str]:
+    """What each sensor read, a letter a tick; ? is unknown."""
+    columns = readings.columns
+    return {
+        name: "".join(
+            "?" if not sure else "1" if bit else "0"
+            for bit, sure in zip(columns.reading(k), columns.known(k), strict=True)
+        )
+        for k, name in enumerate(columns.sensorium)
+    }
+
+
+def read(folder: Path, text: str, wanted: Wanted | None = None) -> Readings:
+    return open_readings(str(written(folder, text)), wanted)
+
+
+def refused(folder: Path, text: str, wanted: Wanted | None = None) -> str:
+    path = written(folder, text)
+    with pytest.raises(InvalidValueError) as caught:
+        open_readings(str(path), wanted)
+    return str(caught.value).replace(str(path), "{}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a,b\n0,1\n1,\n",
+        "a;b\n0;1\n1;\n",
+        "a\tb\n0\t1\n1\t\n",
+        "a,b\nFalse,True\nTrue,NA\n",
+        "a,b\noff,on\nOn,unavailable\n",
+        "a,b\n0.0,1.0\n1.0,NaN\n",
+        ",a,b\n0,0,1\n1,1,\n",
+        'a,b\n"0","1"\n"1",""\n',
+        "a,b\r\n0,1\r\n1,None\r\n",
+        '"a";"b"\n0;1\n1;\n',
+    ],
+)
+def test_ways_to_write_a_table(tmp_path: Path, text: str) -> None:
+    assert shown(read(tmp_path, text)) == {"a": "01", "b": "1?"}
+    source = open_source(str(written(tmp_path, text)), 0)
+    told = [(source.first(), source.known), (source.step(0), source.known)]
+    (_, at_first), (bits, known) = told
+    assert at_first is None
+    assert bits is not None
+    assert bits[0]
+    assert known is not None
+    assert known.tolist() == [True, False]
+
+
+def test_a_row_that_says_nothing_is_no_tick_of_a_run(tmp_path: Path) -> None:
+    path = str(written(tmp_path, "a,b\n0,1\n,\n1,1\n"))
+    assert open_source(path, 0).length == 2
+    assert open_readings(path).columns.ticks == 3
+
+
+def test_a_time_column_is_told_by_name(tmp_path: Path) -> None:
+    text = "a,when,b\n0,Mon,1\n1,Tue,0\n"
+    readings = read(tmp_path, text, Wanted(time="when"))
+    assert shown(readings) == {"a": "01", "b": "10"}
+    assert readings.moment(2) == "Tue"
+    assert readings.moment(3) == ""
+    assert read(tmp_path, "time,a\nMon,0\nTue,1\n").moment(1) == "Mon"
+    assert "must have this column, got 'then'" in refused(
+        tmp_path, text, Wanted(time="then")
+    )
+
+
+def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
+    text = "door,hall,attic,note\n0,19.5,1,x\n1,20.5,0,y\n1,21.5,,z\n0,20.5,1,\n"
+    warm = parse_comparison("hall > 21, off < 20")
+    wanted = Wanted(("door", "at*"), (warm, parse_comparison("hall<20")))
+    assert shown(read(tmp_path, text, wanted)) == {
+        "door": "0110",
+        "hall>21": "0011",
+        "hall<20": "1000",
+        "attic": "10?1",
+    }
+    assert "must have this sensor, got 'cellar'" in refused(
+        tmp_path, text, Wanted(("cellar",))
+    )
+    assert refused(tmp_path, text, Wanted((), (warm,))).endswith(
+        f"{{}}:2: note: {RULE}, got 'x'"
+    )
+    assert "{}:2: note: must be a number" in refused(
+        tmp_path, text, Wanted(("door",), (parse_comparison("note > 1"),))
+    )
+
+
+@pytest.mark.parametrize(
+    "text", ["hall", "hall > warm", "> 3", "hall > 2, off < 3", "hall > 2, off > 1"]
+)
+def test_comparisons_that_say_nothing_are_refused(text: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^when: must "):
+        parse_comparison(text)
+
+
+def test_a_log_gives_a_tick_for_each_change(tmp_path: Path) -> None:
+    text = (
+        "time,sensor,value\n"
+        "2026-07-01T12:00:00Z,door,off\n"
+        "2026-07-01T12:00:00Z,hall,off\n"
+        "2026-07-01T14:00:05+02:00,hall,on\n"
+        "2026-07-01 12:00:06,hall,on\n"
+        "2026-07-01 12:00:07,door,on\n"
+        "2026-07-01 12:00:07,door,off\n"
+        "2026-07-01 12:00:08,hall,unavailable\n"
+    )
+    readings = read(tmp_path, text)
+    assert shown(readings) == {"door": "00100", "hall": "0111?"}
+    assert readings.moment(2) == "2026-07-01 12:00:05Z"
+    assert readings.moment(4) == readings.moment(3) == "2026-07-01 12:00:07Z"
+
+
+def test_logs_may_be_out_of_order_and_have_other_heads(tmp_path: Path) -> None:
+    text = "entity_id,state,last_changed\nb,on,30\na,on,10\nb,off,20000000000000\n"
+    readings = read(tmp_path, text)
+    assert shown(readings) == {"a": "111", "b": "?10"}
+    assert readings.moment(3) == "2603-10-11 11:33:20Z"
+
+
+def test_a_bad_event_is_refused_with_its_line(tmp_path: Path) -> None:
+    head = "time,sensor,value\n"
+    assert refused(tmp_path, f"{head}1,door,ajar\n") == (
+        f"{{}}:2: door: {RULE}, got 'ajar'"
+    )
+    assert refused(tmp_path, f"{head}now,door,on\n") == (
+        "{}:2: time: must be seconds since 1970, or a date such as 2026-07-01"
+        " 12:00:00, got 'now'"
+    )
+    assert "must hold readings" in refused(tmp_path, head)
+
+
+def test_a_home_is_read_from_its_intervals(tmp_path: Path) -> None:
+    text = "10\t5\t24\n12 10 3\n13 1 24\n30 0 3\n"
+    readings = open_readings(str(written(tmp_path, text, "house.sensors")))
+    assert shown(readings) == {"s24": "110000", "s3": "011010"}
+    bad = written(tmp_path, "10 5\n", "bad.sensors")
+    with pytest.raises(InvalidValueError, match=r"bad\.sensors:1: must be a start and"):
+        open_readings(str(bad))
+
+
+def test_a_database_that_home_assistant_made() -> None:
+    readings = open_readings(str(HOME))
+    names = [f"binary_sensor.{name}" for name in ("attic", "front_door", "hall_motion")]
+    names += [f"binary_sensor.{name}" for name in ("window", "window_2")]
+    assert list(readings.columns.sensorium) == names
+    told = shown(readings)
+    assert set(told[names[0]]) == {"?"}  # it was never available
+    assert told[names[1]].count("01") == 26
+    assert told[names[3]].count("01") == 30
+    assert readings.moment(1) == "2025-06-15 15:06:40Z"
+    assert "?" in told[names[2]]
+
+
+def test_other_entities_of_a_home_are_read_if_asked_for() -> None:
+    warm = parse_comparison("sensor.hall_temperature > 21, off < 20")
+    readings = open_readings(str(HOME), Wanted(("switch.*",), (warm,)))
+    told = shown(readings)
+    assert set(told) == {"switch.heater", "sensor.hall_temperature>21"}
+    # Warm from eight to twenty o'clock, on each of six days.
+    assert told["sensor.hall_temperature>21"].lstrip("?").count("01") == 6
+    with pytest.raises(InvalidValueError, match=r"sensor\.hall_temperature: must be 0"):
+        open_readings(str(HOME), Wanted(("sensor.*",)))
+    with pytest.raises(InvalidValueError, match="must have this sensor, got 'light"):
+        open_readings(str(HOME), Wanted(("light.*",)))
+
+
+def test_a_database_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "home.db"
+    path.write_bytes(HOME.read_bytes())
+    alone = shown(open_readings(str(path)))
+    assert list(tmp_path.iterdir()) == [path]
+    with sqlite3.connect(path) as writer:  # as Home Assistant has it, running
+        writer.execute(
+            "INSERT INTO states (metadata_id, state, last_updated_ts)"
+            " SELECT metadata_id, 'on', 2e9 FROM states_meta"
+            " WHERE entity_id = 'binary_sensor.attic'"
+        )
+        writer.commit()
+        running = shown(open_readings(str(path)))
+    writer.close()
+    assert running["binary_sensor.attic"] == alone["binary_sensor.attic"] + "1"
+    assert path.read_bytes()[:16] == HOME.read_bytes()[:16]
+
+
+def test_another_database_is_none_of_home_assistant(tmp_path: Path) -> None:
+    path = tmp_path / "other.db"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE readings (x)")
+    database.close()
+    with pytest.raises(InvalidValueError, match="must be a database of Home Assistant"):
+        open_readings(str(path))
+
+
+def test_parquet_with_gaps_and_dates(tmp_path: Path) -> None:
+    path = tmp_path / "readings.parquet"
+    dates = np.array(["2026-07-01T12:00", "2026-07-01T12:01"], "datetime64[ms]")
+    table = {
+        "at": pa.array(dates),
+        "door": pa.array([True, None]),
+        "hall": pa.array([19.0, 22.0]),
+        "lamp": pa.array(["on", "off"]),
+        "fan": pa.array([0, 1]),
+    }
+    pq.write_table(pa.table(table), path)
+    wanted = Wanted(("door", "lamp", "fan"), (parse_comparison("hall > 21"),))
+    readings = open_readings(str(path), wanted)
+    assert shown(readings) == {"door": "1?", "hall>21": "01", "lamp": "10", "fan": "01"}
+    assert readings.moment(2) == "2026-07-01 12:01:00+00:00"
+    with pytest.raises(InvalidValueError, match=r"parquet: hall, row 1: must be 0 or"):
+        open_readings(str(path))
+
+
+def test_parquet_may_hold_a_log(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    log = {"time": [2.0, 1.0], "sensor": ["a", "b"], "value": [True, False]}
+    pq.write_table(pa.table(log), path)
+    assert shown(open_readings(str(path))) == {"a": "?1", "b": "00"}
+
+
+def test_bytes_that_are_nothing_are_refused(tmp_path: Path) -> None:
+    broken = written(tmp_path, b"PAR1nothing", "x.parquet")
+    with pytest.raises(InvalidValueError, match=r"x\.parquet: must be a Parquet file"):
+        open_readings(str(broken))
+    with pytest.raises(InvalidValueError, match=r"^source: must be a file that can"):
+        open_readings(str(tmp_path / "none.csv"))
