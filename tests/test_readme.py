@@ -86,10 +86,11 @@ def test_python_blocks_run(text: str) -> None:
 
 def test_there_are_as_many_blocks_to_run_as_were_written() -> None:
     """A block in a language that is misspelt would not be run."""
-    assert len(PYTHON) == 5
+    assert len(PYTHON) == 6
     assert {page.stem: len(lines) for page, lines in VERBS.items() if lines} == {
         "README": 3,
         "commands": 10,
+        "data": 3,
         "measurements": 1,
     }
     assert sum(len(shown(page)) for page in PAGES) == 2

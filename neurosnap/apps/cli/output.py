@@ -223,13 +223,12 @@ def _implications(
     shown = ", ".join(f"{below} → {above}" for below, above in pairs[:_MOST])
     if pairs:
         console.print(f"  {escape(visible(shown))}")
-    if len(pairs) > _MOST:
-        # Without a recording nobody can be asked later.
-        all_of_them = "; all: --json" if log is None else ""
-        console.print(f"  and {len(pairs) - _MOST} more{all_of_them}")
+    more = f"and {len(pairs) - _MOST} more; " if len(pairs) > _MOST else ""
     if pairs and log is not None:
-        table = f"  how often each was tested and failed: neurosnap graph {shlex.quote(str(log))}"
-        console.print(table, markup=False, soft_wrap=True)
+        table = f"with tests and failures: neurosnap graph {shlex.quote(str(log))}"
+        console.print(f"  {more}{table}", markup=False, soft_wrap=True)
+    elif more:  # nobody can be asked later
+        console.print(f"  {more}all: --json")
 
 
 def verdict(console: Console, found: Verdict) -> None:

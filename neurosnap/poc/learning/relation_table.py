@@ -128,8 +128,11 @@ def tabulate(
     else:
         codes = np.where(judged.near, judged.codes, snapshot.codes)
     found = _Found(columns, counts, codes, snapshot)
-    rows = found.every() if every else found.covers()
-    return sorted(rows, key=lambda row: (row.at_most, row.a, row.b, row.relation))
+    # A pair has one relation; a class that holds complements, too, tells it twice.
+    rows = {(row.a, row.b): row for row in (found.every() if every else found.covers())}
+    return sorted(
+        rows.values(), key=lambda row: (row.at_most, row.a, row.b, row.relation)
+    )
 
 
 def implications(

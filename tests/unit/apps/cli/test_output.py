@@ -86,9 +86,8 @@ def test_a_name_cannot_turn_the_text_around() -> None:
 def test_a_run_names_the_command_that_shows_all_it_learned() -> None:
     pairs = [(low, "top") for low in many("s", 26)]
     shown = told(implications=pairs, log=Path("my logs/a.mcap"))
-    assert "  and 2 more" in shown
-    table = "  how often each was tested and failed: neurosnap graph 'my logs/a.mcap'"
-    assert table in shown
+    table = "with tests and failures: neurosnap graph 'my logs/a.mcap'"
+    assert f"  and 2 more; {table}" in shown
     assert "  and 2 more; all: --json" in told(implications=pairs)
 
 

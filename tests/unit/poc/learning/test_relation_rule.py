@@ -79,6 +79,17 @@ def test_a_copy_does_not_hide_what_its_original_implies() -> None:
     assert set(told) == {"a implies b", "b implies c", *copies}
 
 
+def test_copies_of_copies_may_be_opposites() -> None:
+    """Arcs of half a circle, each turned a little further: no order can hold these."""
+    value = np.random.default_rng(5).random(5000)
+    turned = [(value - k / 40) % 1 < 0.5 for k in range(20)]
+    rows = tabulate(Columns.of(np.stack(turned, axis=1)))
+    beside = {(f"s{k}", f"s{k + 1}", "nearly the same") for k in range(19)}
+    told = [(row.a, row.b, row.relation) for row in rows]
+    assert set(told) == beside | {("s0", "s19", "nearly opposite")}
+    assert len(told) == 20
+
+
 def test_bins_that_differ_seldom_are_no_copies() -> None:
     value = np.random.default_rng(3).random(5000)
     columns = Columns.of(np.stack([value < 0.5, value < 0.51], axis=1))
