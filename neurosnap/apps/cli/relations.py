@@ -65,12 +65,15 @@ def answered_by(
     from neurosnap.apps.cli import output
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.relation_table import tabulate
+    from neurosnap.recording.read.births import births_of
     from neurosnap.recording.read.readings_of import readings_of
 
     read = readings_of(recording, snapshot.sensorium, tick)
     with output.progress(screen, "pairs", None) as on_progress:
         rows = tabulate(read.columns, snapshot, every, on_progress)
-    return Answered(str(log), read, rows, f"learned by tick {tick}")
+    births = births_of(recording)
+    room = births.body.room - len(births.at(tick))
+    return Answered(str(log), read, rows, f"learned by tick {tick}", room)
 
 
 def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[str]:

@@ -37,27 +37,33 @@ class Answered:
         readings: These.
         rows: The relations, the strongest first.
         learned: How they were chosen, in words.
+        room: Sensors among them that there is room for, and that were never grown.
     """
 
     def __init__(
-        self, source: str, readings: Readings, rows: Sequence[Relation], learned: str
+        self,
+        source: str,
+        readings: Readings,
+        rows: Sequence[Relation],
+        learned: str,
+        room: int = 0,
     ) -> None:
         self.source, self.readings, self.rows = source, readings, rows
         self.learned = learned
+        self.sensors = len(readings.columns.sensorium) - room
 
     @property
     def title(self) -> str:
         """One line that says how much there is."""
-        columns, found = self.readings.columns, len(self.rows)
+        found, ticks = len(self.rows), self.readings.columns.ticks
         noun = "relation" if found == 1 else "relations"
         return (
-            f"{found} {noun} of {len(columns.sensorium)} sensors"
-            f" in {columns.ticks} ticks ({self.learned})"
+            f"{found} {noun} of {self.sensors} sensors in {ticks} ticks"
+            f" ({self.learned})"
         )
 
     def facts(self) -> Answer:
         """Return it for programs."""
-        columns = self.readings.columns
         relations: list[dict[str, object]] = []
         for row in self.rows:
             facts = dict(_fields(row))
@@ -67,8 +73,8 @@ class Answered:
             relations.append(facts)
         return Answer(
             visible(self.source),
-            len(columns.sensorium),
-            columns.ticks,
+            self.sensors,
+            self.readings.columns.ticks,
             self.learned,
             relations,
         )

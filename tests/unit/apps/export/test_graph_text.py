@@ -161,6 +161,6 @@ def test_a_format_goes_by_its_name(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["", "JSON", "png", "dot "])
 def test_another_format_is_refused(name: str) -> None:
-    rule = rf"^format: must be json, dot or graphml, got '{re.escape(name)}'$"
+    rule = rf"^format: must be table, json, dot or graphml, got '{re.escape(name)}'$"
     with pytest.raises(InvalidValueError, match=rule):
         parse_format(name)

@@ -51,7 +51,9 @@ def test_the_order_has_what_was_grown_by_then(
     at: int, sensors: int, log: Path, tmp_path: Path
 ) -> None:
     given = ["graph", str(log), "--at", str(at)]
-    found = json.loads(CliRunner().invoke(app, given).stdout)
+    table = CliRunner().invoke(app, given).stdout
+    assert f" of {sensors} sensors in {at} ticks" in table
+    found = json.loads(CliRunner().invoke(app, [*given, "--json"]).stdout)
     assert len(found["sensors"]) == sensors
     assert found["room"] == 3 - (sensors - SENSORS)
     born = [(each["tick"], each["name"]) for each in found["births"]]
