@@ -165,12 +165,21 @@ def test_a_wrong_run_is_refused_before_anything_is_written(
     assert not out.exists()
 
 
+def test_a_file_with_gaps_runs_and_verifies(tmp_path: Path) -> None:
+    source, out = tmp_path / "gaps.csv", tmp_path / "gaps.mcap"
+    source.write_text("a;b\n" + "True;on\n;off\n;\nFalse;NA\n" * 3)
+    facts = happy("run", source, "--cells", "inline", "--out", out)
+    assert facts["ticks"] == 9  # a row without a reading is none
+    assert happy("replay", out, "--verify")["same"]
+    assert happy("learn", out)["ticks"] == 9
+
+
 BAD_FILES = {
     "no text": (b"", "must have a header of sensor names"),
     "no rows": (b"a,b\n", "must have rows below its header, got 0"),
     "a cell too few": (b"a,b\n1,0\n1\n", ":3: must have 2 cells"),
-    "no bit": (b"a,b\n1,0\n1,2\n", ":3: b: must be 0 or 1, got '2'"),
-    "NaN": (b"a,b\n1,nan\n", ":2: b: must be 0 or 1, got 'nan'"),
+    "no bit": (b"a,b\n1,0\n1,2\n", ":3: b: must be 0 or 1, false or true"),
+    "infinity": (b"a,b\n1,inf\n", ":2: b: must be 0 or 1, false or true"),
     "no names": (b"1,0\n0,1\n", ":1: must be a header of sensor names"),
     "one name twice": (b"a,a\n1,0\n", "a"),
     "binary": (b"\xff\xfe\x00", "must be UTF-8 text"),
