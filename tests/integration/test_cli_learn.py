@@ -137,6 +137,15 @@ def test_wrong_use_is_refused(tmp_path: Path, log: Path) -> None:
     )
 
 
+def test_more_sensors_than_fit_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("neurosnap.system.resources.free_memory", lambda: 4000)
+    said = refused("learn", READINGS)
+    assert "sensors: must be fewer here: their pairs take 0.0 GB" in said
+    assert call("learn", READINGS, "--sensors", "m*").exit_code == 0
+
+
 def test_a_recording_has_the_same_table(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "graph.json"
     assert call("graph", log, "--out", out).exit_code == 0
@@ -151,3 +160,19 @@ def test_a_recording_has_the_same_table(log: Path, tmp_path: Path) -> None:
     assert "learned by tick 12" in call("graph", log, "--at", 12).stdout
     assert "relations of 20 sensors in 30 ticks" in call("info", log).stdout
     assert happy("learn", log, "--threshold", 0.01)["ticks"] == 30
+
+
+def test_a_recording_and_its_export_say_the_same(log: Path, tmp_path: Path) -> None:
+    exported = tmp_path / "readings.csv"
+    given = ("export", log, "--only-readings", "--out", exported)
+    assert call(*given).exit_code == 0
+    tables = [
+        happy("learn", data, "--threshold", 0.01, "--all") for data in (log, exported)
+    ]
+    for table in tables:
+        del table["source"]
+        for row in table["relations"]:
+            assert row.pop("since_time")
+            del row["last_failure_time"]
+    assert tables[0] == tables[1]
+    assert tables[0]["relations"]

@@ -16,6 +16,7 @@ from neurosnap.apps.cli.shared import (
     say,
     screen,
 )
+from neurosnap.apps.cli.stopping import unwinding
 from neurosnap.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from neurosnap.sources.tables.meaning import Wanted
     from neurosnap.sources.tables.readings import Readings
 
+_BYTES_A_PAIR = 100
+"""Of two sensors: their counts and what is judged of them. Measured: 85, of 2,000."""
 _RULE = "by the table's own rule"
 _EXAMPLE = "Example: neurosnap learn home-assistant_v2.db --out home.html"
 
@@ -89,6 +92,7 @@ def learn(
             tuple(sensors or ()), tuple(map(parse_comparison, when or ())), time
         )
         recording, readings = _read(data, wanted)
+        _check_room(len(readings.columns.sensorium))
         with output.progress(screen, "pairs", None) as on_progress:
             fitted = None
             if threshold is not None:
@@ -99,7 +103,8 @@ def learn(
         learned = _RULE if threshold is None else f"threshold {threshold:g}"
         answered = Answered(str(data), readings, rows, learned)
         if out is not None:
-            write(answered, out, data, force=force)
+            with unwinding():
+                write(answered, out, data, force=force)
         show(say(as_json), answered, out, MOST)
         if not rows and threshold is None:
             say(as_json).print(
@@ -130,3 +135,20 @@ def _read(data: Path, wanted: "Wanted") -> "tuple[Recording | None, Readings]":
     recording = open_whole(data)
     tick, snapshot = snapshot_at(recording)
     return recording, readings_of(recording, snapshot.sensorium, tick)
+
+
+def _check_room(sensors: int) -> None:
+    """Refuse more sensors than there is memory for all their pairs.
+
+    Raises:
+        InvalidValueError: There are more.
+    """
+    from neurosnap.system.resources import free_memory
+
+    needed, free = _BYTES_A_PAIR * sensors * (sensors - 1) // 2, free_memory()
+    if needed > free:
+        rule = (
+            f"must be fewer here: their pairs take {needed / 1e9:,.1f} GB, free are"
+            f" {free / 1e9:.1f} GB (choose some with --sensors)"
+        )
+        raise InvalidValueError("sensors", rule, sensors)

@@ -79,7 +79,8 @@ def graph(
         if table:
             answered = answered_by(log, recording, tick, snapshot, every=every)
             if out is not None:
-                write(answered, out, log, force=force)
+                with unwinding():
+                    write(answered, out, log, force=force)
             show(say(as_json=False), answered, out, None)
             end_by(recording)
             return
