@@ -67,7 +67,7 @@ class Judged(NamedTuple):
     """``(P,)``, as in `neurosnap.poc.learning.pair_codes`; 3 and 12 for near copies and
     near opposites, too."""
     near: Flags
-    """``(P,)``: whether it is these that they are, or exact ones."""
+    """``(P,)``: whether they are near copies or near opposites, and not exact ones."""
 
 
 class _Rates(NamedTuple):
