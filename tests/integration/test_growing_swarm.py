@@ -28,7 +28,7 @@ from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
-from tests.support.lamp import LIMITED, lamp_options
+from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import first
 from tests.support.rewritten_recordings import (
     changing,
@@ -39,7 +39,6 @@ from tests.support.rewritten_recordings import (
 from tests.support.run_options import options_for
 
 TICKS = 40
-BIRTH = 22
 GROWN = "press&a&b"
 
 

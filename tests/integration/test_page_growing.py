@@ -10,12 +10,12 @@ from neurosnap.apps.viewer import imagined
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.runtime.run import run
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
-from tests.support.lamp import lamp_options
+from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
 
-TICKS, BIRTH, GROWN = 60, 22, "press&a&b"
+TICKS = 60
 PLANNED = 36  # a plan of two steps begins, and nothing gets in its way
 
 

@@ -13,6 +13,8 @@ from tests.support import run_options
 NAME = "tests.support.lamp:Lamp-v0"
 LIMITED = "tests.support.lamp:LimitedLamp-v0"
 """Its episodes are cut off after eight steps, and never end."""
+BIRTH, GROWN = 22, "press&a&b"
+"""What `lamp_options` grow, and the tick whose decision says so."""
 
 
 class Lamp(gymnasium.Env[Any, Any]):

@@ -14,9 +14,9 @@ from neurosnap.apps.cli import app
 from neurosnap.apps.drawing.find_model import of_recording
 from neurosnap.apps.export.write import Form, export
 from neurosnap.runtime.run import run
-from tests.support.lamp import lamp_options
+from tests.support.lamp import BIRTH, GROWN, lamp_options
 
-TICKS, BIRTH, SENSORS, GROWN = 40, 21, 24, "press&a&b"
+TICKS, SENSORS = 40, 24
 """Ticks; that of the birth; sensors at first; and what is grown."""
 
 

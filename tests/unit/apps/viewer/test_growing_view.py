@@ -20,11 +20,11 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.runtime.run import run
 from tests.support.aliased_worlds import NAME as MAZE
+from tests.support.lamp import BIRTH, GROWN, Lamp, lamp_options
 from tests.support.lamp import NAME as LAMP
-from tests.support.lamp import Lamp, lamp_options
 from tests.support.run_options import options_for
 
-TICKS, BIRTH, SENSORS, GROWN = 120, 22, 24, "press&a&b"
+TICKS, SENSORS = 120, 24
 LEARNED = 60  # ticks after which every outcome in the lamp's world is guaranteed
 ACTIONS = ("down", "right", "in 3", "up")
 

@@ -17,10 +17,9 @@ from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.runtime.run import run
-from tests.support.lamp import lamp_options
+from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.rewritten_recordings import changing, rewritten
 
-BIRTH, GROWN = 21, "press&a&b"
 BODY = Body.full(["door", "dark"], ["push"], room=3)
 FIRST = BODY.size
 ONE, TWO = (0, 2), (1, 3)  # push where door and dark hold; where neither does
