@@ -26,7 +26,7 @@ from tests.support.mosquitto import (
     peer,
     started,
 )
-from tests.support.mqtt_sources import PREFIX, options, source_of, until
+from tests.support.mqtt_sources import PREFIX, options, reading, source_of, until
 
 pytestmark = [
     pytest.mark.slow,
@@ -42,7 +42,7 @@ def broker(tmp_path: Path) -> Iterator[Mosquitto]:
 
 async def test_what_the_broker_kept_is_the_first_reading(broker: Mosquitto) -> None:
     sensors = (
-        MqttSensor(name="door", topic="house/+/door"),
+        MqttSensor(name="door", topic="house/+/door", combine="last"),
         MqttSensor(name="warm", topic="house/climate", field="t", on_above=20),
         MqttSensor(name="phone", topic="house/#", seen_within=60),
     )
@@ -56,6 +56,31 @@ async def test_what_the_broker_kept_is_the_first_reading(broker: Mosquitto) -> N
             await other.publish("house/garden/door", "closed", qos=1)
             found = await until(source, lambda r: r["phone"] is not None)
             assert found == {"door": False, "warm": False, "phone": True}
+
+
+async def test_topics_of_a_wildcard_combine(broker: Mosquitto) -> None:
+    sensors = (
+        MqttSensor(name="some", topic="house/+/motion"),
+        MqttSensor(name="every", topic="house/+/motion", combine="all"),
+        MqttSensor(name="latest", topic="house/+/motion", combine="last"),
+    )
+    steps = [
+        ("kitchen", "ON", (True, True, True)),
+        ("bath", "OFF", (True, False, False)),
+        ("bath", "ON", (True, True, True)),
+        ("kitchen", "OFF", (True, False, False)),
+        ("bath", "unavailable", (False, False, None)),
+    ]
+    async with peer(broker, f"{PREFIX}/world/status") as other:
+        with source_of(options(broker.options, *sensors)) as source:
+            shown = asyncio.create_task(asyncio.to_thread(reading, source))
+            await heard(other, f"{PREFIX}/world/status", b"online")
+            for room, word, expected in steps:
+                await other.publish(f"house/{room}/motion", word, qos=1)
+                assert tuple((await shown).values()) == expected
+                shown = asyncio.create_task(asyncio.to_thread(reading, source))
+            await other.publish("house/bath/motion", "ON", qos=1)
+            await shown
 
 
 async def test_an_action_is_published_and_doing_nothing_is_not(

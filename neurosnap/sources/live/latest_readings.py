@@ -1,7 +1,8 @@
 """The latest reading of every sensor, and whether it is still valid.
 
 No clock and no threads: every time is an argument, in seconds on one clock that never
-goes back. It holds one reading a sensor, however many come.
+goes back. It holds one reading a sensor, however many come, and one a topic of a sensor
+that combines topics (`neurosnap.sources.live.combined_topics`).
 
 What is known at a time `now`:
 
@@ -17,6 +18,8 @@ What is known at a time `now`:
 - A sensor with `seen_within` does not say what it reads, only that it is there: it is
   on until that many seconds after any message, and off otherwise. Silence means that it
   is off only once it was listened to for that long; until then it is unknown.
+- Where a sensor combines topics, all this holds for each topic; those count that are
+  known. Lateness is the sensor's.
 """
 
 from collections.abc import Sequence
@@ -27,6 +30,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.live.combined_topics import Combine, CombinedTopics
 
 TOLERANCE = 1.0
 """Seconds that clocks may differ by without a word."""
@@ -44,10 +48,11 @@ class LatestReadings:
         stale_after: Seconds after which a reading is believed no more, above 0.
         seen_within: For sensors that are on while messages come: for how many seconds
             after one, above 0. Staleness means nothing for these.
+        combine: How the topics of each sensor combine; None: ``last`` for all.
 
     Raises:
         InvalidValueError: There is no sensor, a name is none, or a span is not above 0.
-        ShapeError: There are spans, but not one a sensor.
+        ShapeError: There are spans, or ways to combine, but not one a sensor.
     """
 
     def __init__(
@@ -56,6 +61,7 @@ class LatestReadings:
         *,
         stale_after: Spans = None,
         seen_within: Spans = None,
+        combine: Sequence[Combine] | None = None,
     ) -> None:
         self.sensors: tuple[str, ...] = Sensorium(sensors).names
         if not self.sensors:
@@ -65,10 +71,16 @@ class LatestReadings:
         seen = _spans("seen_within", seen_within, count)
         self._seen: Bits = np.isfinite(seen)
         self._span = np.where(self._seen, seen, stale)
-        self._on: Bits = np.zeros(count, np.bool_)
-        self._some: Bits = np.zeros(count, np.bool_)
+        ways = ["last"] * count if combine is None else combine
+        if len(ways) != count:
+            rule = f"must be {count}, one a sensor"
+            raise ShapeError("combine", rule, len(ways))
+        self._all: Bits = np.array([way == "all" for way in ways])
+        self._topics = {k: CombinedTopics() for k in range(count) if ways[k] != "last"}
         self._at = np.full(count, -np.inf)
-        self._until = np.full(count, -np.inf)
+        # Both are ahead only where topics that are known contradict each other.
+        self._on_until = np.full(count, -np.inf)
+        self._off_until = np.full(count, -np.inf)
         self._silent_from = np.full(count, np.inf)
         self.late = 0
         """Readings dropped because a younger one was there."""
@@ -82,9 +94,14 @@ class LatestReadings:
     def deafen(self) -> None:
         """Take note that nobody listens: who is there cannot be told until `begin`."""
         self._silent_from[:] = np.inf
-        self._some &= ~self._seen
+        self._on_until[self._seen] = -np.inf
+        for sensor, topics in self._topics.items():
+            if self._seen[sensor]:
+                topics.clear()
 
-    def put(self, sensor: int, on: bool | None, at: float, now: float) -> bool:
+    def put(
+        self, sensor: int, on: bool | None, at: float, now: float, topic: str = ""
+    ) -> bool:
         """Take in one reading. O(1).
 
         Args:
@@ -93,6 +110,7 @@ class LatestReadings:
                 `seen_within` is there whatever it says.
             at: When it was read.
             now: When it came, never before any time given earlier.
+            topic: Which topic says so; of use only where the sensor combines topics.
 
         Returns:
             Whether it was taken; a late one is not.
@@ -104,12 +122,26 @@ class LatestReadings:
             self.late += 1
             return False
         self._at[sensor] = at
-        self._until[sensor] = at + self._span[sensor]
+        until = at + float(self._span[sensor])
         if self._seen[sensor]:
             on = True
-        self._some[sensor] = on is not None
-        self._on[sensor] = bool(on)
+        if sensor in self._topics:
+            self._combine(sensor, topic, on, until)
+        else:
+            self._on_until[sensor] = until if on is True else -np.inf
+            self._off_until[sensor] = until if on is False else -np.inf
         return True
+
+    def _combine(self, sensor: int, topic: str, on: bool | None, until: float) -> None:
+        """Take in what one topic of a sensor says. O(1)."""
+        topics = self._topics[sensor]
+        topics.put(topic, on, until)
+        # A topic that is no longer seen is off, which ends `all`; one that is stale is
+        # unknown, and does not.
+        ends = self._seen[sensor] and self._all[sensor]
+        last = topics.first_until if ends else topics.last_until
+        self._on_until[sensor] = last(True)
+        self._off_until[sensor] = topics.last_until(False)
 
     def put_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
         """Take in a reading of every sensor, as `put` would one after the other. O(N).
@@ -128,9 +160,12 @@ class LatestReadings:
             at = now
         taken: Bits = at >= self._at
         self._at[taken] = at
-        self._until[taken] = at + self._span[taken]
-        self._some[taken] = (some | self._seen)[taken]
-        self._on[taken] = (on | self._seen)[taken]
+        until = at + self._span
+        self._on_until[taken] = np.where(on | self._seen, until, -np.inf)[taken]
+        off = some & ~on & ~self._seen
+        self._off_until[taken] = np.where(off, until, -np.inf)[taken]
+        for sensor in self._topics.keys() & set(np.flatnonzero(taken).tolist()):
+            self._topics[sensor].clear()  # it says all there is to say
         self.late += int(np.count_nonzero(~taken))
         return taken
 
@@ -144,12 +179,12 @@ class LatestReadings:
             The readings and which are known: ``(N,)`` each, new arrays; a reading that
             is not known is 0.
         """
-        believed = self._some & (now < self._until)
-        return self._on & believed, believed | (now >= self._silent_from)
+        on, off = now < self._on_until, now < self._off_until
+        return on & ~(off & self._all), on | off | (now >= self._silent_from)
 
     def next_change(self, now: float) -> float | None:
         """Return when `observation` changes next if nothing comes; None: never."""
-        turns = np.concatenate((self._until[self._some], self._silent_from))
+        turns = np.concatenate((self._on_until, self._off_until, self._silent_from))
         ahead = turns[(turns > now) & np.isfinite(turns)]
         return float(ahead.min()) if ahead.size else None
 

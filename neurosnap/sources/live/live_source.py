@@ -288,12 +288,21 @@ class LiveSource:
         self.put_all({sensor: on}, at)
 
     def put_all(
-        self, readings: Mapping[str, bool | None], at: float | None = None
+        self,
+        readings: Mapping[str, bool | None],
+        at: float | None = None,
+        *,
+        topic: str = "",
     ) -> None:
         """Take in readings that belong together, as `put`: no tick shows half of them.
 
         A name that is none of `sensors` is counted and named once: a run has the
         sensors it began with.
+
+        Args:
+            readings: By name.
+            at: As for `put`.
+            topic: Which topic says so, as for `LatestReadings.put`.
         """
         with self._condition:
             now = self._clock()
@@ -302,7 +311,7 @@ class LiveSource:
                 number = self._number.get(sensor)
                 if number is None:
                     self._refusals.refuse_sensor(sensor)
-                elif self._latest.put(number, on, as_of, now):
+                elif self._latest.put(number, on, as_of, now, topic):
                     self._taken += 1
                     self._coalesced += int(self._unshown[number])
                     self._unshown[number] = True

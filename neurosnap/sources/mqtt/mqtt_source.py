@@ -1,7 +1,8 @@
 """MQTT topics as sensors, and published messages as actions.
 
-What a sensor reads is the latest message of any topic that matches its filter; one
-message may feed several sensors. A topic that appears under way feeds the sensors whose
+What a sensor reads is the latest message of its topic, or where several topics match
+its filter, of them all, as `MqttSensor.combine` says; one message may feed several
+sensors. A topic that appears under way feeds the sensors whose
 filters it matches, like any other. Readings carry no time of their own: they count from
 their arrival, and what the broker had kept counts from when it was delivered.
 
@@ -51,6 +52,7 @@ def mqtt_source(
                 for sensor in options.sensors
             ],
             seen_within=[sensor.seen_within for sensor in options.sensors],
+            combine=[sensor.combines for sensor in options.sensors],
         ),
         options.tick.schedule(),
         feeder=feeder,
@@ -136,7 +138,7 @@ class MqttFeeder:
                 readings[sensor.name] = self._readers[number].read(payload)
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
-        self._source.put_all(readings)
+        self._source.put_all(readings, topic=topic)
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

@@ -13,6 +13,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.live.combined_topics import Combine
 from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
 from neurosnap.sources.words import OFF, ON
 
@@ -111,13 +112,18 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """A sensor, and how it reads what is published.
 
     It reads words, or compares numbers, or notices that anything is published at all.
-    Topics that match its filter all feed it: the latest message is its reading.
+    Topics that match its filter all feed it, and combine.
     """
 
     name: Text
     """The sensor's name."""
     topic: Text
     """A topic filter; ``+`` stands for one level, ``#`` for all that follow."""
+    combine: Combine | None = None
+    """How the topics that match a filter with ``+`` or ``#`` are one sensor. "any": on
+    where one is on, off where all are off; "all": on where all are on, off where one is
+    off; topics that are stale or said nothing yet are left out. "last": as the latest
+    message of them all says. None: "any" with ``+`` or ``#``, or else "last"."""
     field: Text | None = None
     """The way to a field of a JSON payload, levels apart by dots, places in a list by
     number (``climate.0.value``); None: the whole payload is meant."""
@@ -144,6 +150,9 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         if not is_filter(self.topic):
             rule = "must be a topic filter, + or # alone in a level and # in the last"
             raise InvalidValueError(f"{self.name}: topic", rule, self.topic)
+        if self.combine not in {None, "last"} and not _wild(self.topic):
+            rule = 'must be "last" or left out where the topic has no + and no #'
+            raise InvalidValueError(f"{self.name}: combine", rule, self.combine)
         self._check_kind()
         self._check_hysteresis("off_below", self.off_below, "on_above", self.on_above)
         self._check_hysteresis("on_below", self.on_below, "off_above", self.off_above)
@@ -159,6 +168,13 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         if both:
             rule = "must differ from the words for on"
             raise InvalidValueError(f"{self.name}: off", rule, sorted(both))
+
+    @property
+    def combines(self) -> Combine:
+        """How its topics combine, whether said or not."""
+        if self.combine is not None:
+            return self.combine
+        return "any" if _wild(self.topic) else "last"
 
     @property
     def compares(self) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.live.combined_topics import REMEMBERED
 from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.words import UNKNOWN
 
@@ -84,7 +85,9 @@ class Payload:
 
 
 class Reader:
-    """One sensor's reading of payloads; remembers its last comparison, if any.
+    """One sensor's reading of payloads; remembers its last comparisons, if any.
+
+    Where topics combine, each has a last comparison of its own.
 
     Args:
         sensor: Which, and how it reads.
@@ -95,7 +98,7 @@ class Reader:
         self._words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
         self._words |= {word.casefold(): True for word in sensor.on}
         self._words |= {word.casefold(): False for word in sensor.off}
-        self._compared: bool | None = None
+        self._compared: dict[str, bool] = {}
 
     def read(self, payload: Payload) -> bool | None:
         """Return whether `payload` says on or off; None: it says unknown.
@@ -112,11 +115,17 @@ class Reader:
             value = payload.field(self._sensor.field)
         if not self._sensor.compares:
             return self._word(payload, value)
-        if value is None or (isinstance(value, str) and value.casefold() in UNKNOWN):
-            self._compared = None  # nothing to hold on to
-        else:
-            self._compared = self._compare(_number(payload, value))
-        return self._compared
+        topic = "" if self._sensor.combines == "last" else payload.topic
+        compared = None  # nothing to hold on to
+        if not _is_unknown(value):
+            number = _number(payload, value)
+            compared = self._compare(number, self._compared.get(topic))
+        self._compared.pop(topic, None)
+        if compared is not None:
+            self._compared[topic] = compared
+        if len(self._compared) > REMEMBERED:
+            del self._compared[next(iter(self._compared))]
+        return compared
 
     def _word(self, payload: Payload, value: object) -> bool | None:
         try:
@@ -126,7 +135,7 @@ class Reader:
             place = self._sensor.field or "payload"
             raise payload.wrong(f"{place} must be one of {words}") from None
 
-    def _compare(self, value: float) -> bool | None:
+    def _compare(self, value: float, before: bool | None) -> bool | None:
         """Return what a number says, or what was said before where it says nothing."""
         sensor = self._sensor
         if sensor.on_above is not None:
@@ -140,7 +149,12 @@ class Reader:
             return True
         if off is None or limit < off:
             return False
-        return self._compared
+        return before
+
+
+def _is_unknown(value: object) -> bool:
+    """Tell whether a value says that nothing is known."""
+    return value is None or (isinstance(value, str) and value.casefold() in UNKNOWN)
 
 
 def _as_word(value: object) -> str:

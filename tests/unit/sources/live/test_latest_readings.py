@@ -192,7 +192,11 @@ def test_before_anybody_listens_silence_says_nothing() -> None:
 @pytest.mark.parametrize("span", [0, -1, float("nan"), [1, 0, 2]])
 def test_a_span_must_be_above_0(name: str, span: float | list[float]) -> None:
     with pytest.raises(InvalidValueError, match=rf"^{name}: must be above 0, got "):
-        LatestReadings(NAMES, **{name: span})
+        LatestReadings(
+            NAMES,
+            stale_after=span if name == "stale_after" else None,
+            seen_within=span if name == "seen_within" else None,
+        )
 
 
 def test_spans_must_be_one_a_sensor() -> None:

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.live.combined_topics import Combine
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange
 from neurosnap.sources.mqtt.options import (
     MqttBroker,
@@ -74,6 +75,8 @@ def test_a_table_becomes_options_and_survives_the_recording() -> None:
         ('"house/+/door"', '"house/a+/door"', "door: topic: must be a topic filter"),
         ('"house/+/door"', '"house/#/door"', "door: topic: must be a topic filter"),
         ('"house/light/set"', '"house/+/set"', "light: topic: must be a topic, with"),
+        ("field = ", 'combine = "any"\nfield = ', 'warm: combine: must be "last" or '),
+        ("seen_within = 30", 'combine = "most"', "Invalid enum value 'most'"),
         ("off_below = 21", "off_below = 22", "off_below: must not be greater than on_"),
         ("off_below = 21", "off_above = 22", "off_above: must go with on_below"),
         ("on_above = 21.5", "", "off_below: must go with on_above"),
@@ -100,6 +103,23 @@ def test_what_breaks_a_rule_is_named(old: str, new: str, text: str) -> None:
     assert TABLE.count(old) == 1
     with pytest.raises(msgspec.ValidationError, match=re.escape(text)):
         parsed(TABLE.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("topic", "combine", "means"),
+    [
+        ("a/+/b", None, "any"),
+        ("a/#", None, "any"),
+        ("a/b", None, "last"),
+        ("a/b", "last", "last"),
+        ("a/+", "last", "last"),
+        ("a/+", "all", "all"),
+    ],
+)
+def test_topics_of_a_wildcard_combine_as_any_unless_said(
+    topic: str, combine: Combine | None, means: str
+) -> None:
+    assert MqttSensor(name="x", topic=topic, combine=combine).combines == means
 
 
 def test_words_for_on_and_off_must_differ() -> None:

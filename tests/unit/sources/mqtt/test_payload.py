@@ -3,11 +3,13 @@
 import json
 import re
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.live.combined_topics import REMEMBERED
 from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.mqtt.payload import LARGEST, Payload, Reader
 from neurosnap.sources.words import OFF, ON
@@ -119,3 +121,23 @@ def test_without_a_band_every_number_says_something(limit: int, number: int) -> 
 def test_whatever_is_published_is_a_sign_of_life() -> None:
     sensor = MqttSensor(name="phone", topic="wifi/#", seen_within=30)
     assert read(sensor, b"\xff" * (LARGEST + 1)) is True
+
+
+def test_each_topic_of_a_wildcard_has_a_hysteresis_of_its_own() -> None:
+    each = MqttSensor(name="warm", topic="+/t", on_above=22, off_below=20)
+    one = msgspec.structs.replace(each, combine="last")
+    said = [("a/t", b"23"), ("b/t", b"19"), ("a/t", b"21"), ("b/t", b"21")]
+    for sensor, expected in [
+        (each, [True, False, True, False]),
+        (one, [True, False, False, False]),
+    ]:
+        reader = Reader(sensor)
+        assert [reader.read(Payload(*it)) for it in said] == expected
+
+
+def test_the_hysteresis_of_topics_without_end_is_bounded() -> None:
+    reader = Reader(MqttSensor(name="warm", topic="+/t", on_above=22, off_below=20))
+    for number in range(REMEMBERED + 1):
+        assert reader.read(Payload(f"{number}/t", b"23")) is True
+    assert reader.read(Payload("0/t", b"21")) is None
+    assert reader.read(Payload("2/t", b"21")) is True
