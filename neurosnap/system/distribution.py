@@ -12,6 +12,10 @@ NAME = "neurosnap-uma"
 """What pip knows this project by."""
 
 
+HOME = "https://arxiv.org/abs/1502.06132"
+"""Where to read about it: the paper, as in the project's own description."""
+
+
 @functools.cache
 def version() -> str:
     """Return the installed version; ``0+unknown`` in a bare copy of the sources."""

@@ -131,6 +131,11 @@ async def publish_status(
         body.sensors,
         own=len(body.own),
         actions=body.actions,
+        classes={
+            sensor.name: sensor.device_class
+            for sensor in given.sensors
+            if sensor.device_class is not None
+        },
     )
     listener = Listener(publisher, body if past is None else past.body(body))
 

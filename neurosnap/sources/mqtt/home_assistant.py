@@ -4,21 +4,31 @@ One retained message a device, in the form of 2024.11 and later: the device, who
 so, and its components under ids of their own. Whether the device is there follows from
 the run's status topic and its last will. An empty message takes the device away.
 
+What is believed of a sensor is another entity than the sensor itself, which Home
+Assistant may well have: its name and its id say so, and like everything but anomalies
+it is a diagnosis, which is not put on a dashboard unasked.
+
 References:
     https://www.home-assistant.io/integrations/mqtt/#device-discovery-payload
+    https://www.home-assistant.io/integrations/binary_sensor.mqtt/
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
 
-from neurosnap.sources.mqtt.options import MqttPublish
+from neurosnap.sources.mqtt.options import DeviceClass, MqttPublish
 from neurosnap.sources.mqtt.published_topics import Topics, slugs
-from neurosnap.system.distribution import version
+from neurosnap.system.distribution import HOME, version
 
 # What is no reading is the payload None to Home Assistant.
 _BELIEF = "{{ 'None' if value == 'unknown' else value }}"
+
+_DIAGNOSIS = "diagnostic"
+_NOT_IN_ID = re.compile(r"[^a-z0-9]+")
 
 
 def discovery_topic(publish: MqttPublish) -> str:
@@ -32,7 +42,12 @@ def node(publish: MqttPublish) -> str:
 
 
 def discovery(
-    publish: MqttPublish, topics: Topics, names: Sequence[str], *, acts: bool
+    publish: MqttPublish,
+    topics: Topics,
+    names: Sequence[str],
+    *,
+    acts: bool,
+    classes: Mapping[str, DeviceClass] = MappingProxyType({}),
 ) -> bytes:
     """Return the announcement.
 
@@ -44,14 +59,17 @@ def discovery(
         topics: Where its components' states are.
         names: The sensors' names, as shown to people.
         acts: Whether it decides anything.
+        classes: What sensors sense, by their names, where that was said.
     """
     unique = node(publish)
     components: dict[str, dict[str, Any]] = {
         f"sensor_{slug}": {
             "platform": "binary_sensor",
-            "name": name,
+            "name": f"{name} (believed)",
+            "entity_category": _DIAGNOSIS,
             "state_topic": topic,
             "value_template": _BELIEF,
+            **({"device_class": classes[name]} if name in classes else {}),
         }
         for slug, name, topic in zip(topics.slugs, names, topics.sensors, strict=True)
     }
@@ -67,6 +85,7 @@ def discovery(
     components["predictions"] = {
         "platform": "sensor",
         "name": "Predictions",
+        "entity_category": _DIAGNOSIS,
         "icon": "mdi:crystal-ball",
         "state_topic": topics.predictions,
         "value_template": "{{ value_json | count }}",
@@ -76,6 +95,7 @@ def discovery(
         components["decision"] = {
             "platform": "sensor",
             "name": "Decision",
+            "entity_category": _DIAGNOSIS,
             "icon": "mdi:source-branch",
             "state_topic": topics.decision,
             "value_template": "{{ value_json.action }}",
@@ -83,6 +103,9 @@ def discovery(
         }
     for identity, component in components.items():
         component["unique_id"] = f"{unique}_{identity}"
+        entity = _entity_id(unique, identity)
+        component["default_entity_id"] = f"{component['platform']}.{entity}"
+    page = {} if publish.page is None else {"configuration_url": publish.page}
     return msgspec.json.encode(
         {
             "device": {
@@ -91,10 +114,24 @@ def discovery(
                 "manufacturer": "neurosnap",
                 "model": "Universal Memory Architecture",
                 "sw_version": version(),
+                **page,
             },
-            "origin": {"name": "neurosnap", "sw_version": version()},
+            "origin": {
+                "name": "neurosnap",
+                "sw_version": version(),
+                "support_url": HOME,
+            },
             "availability": [{"topic": topics.status}],
             "qos": 1,
             "components": components,
         }
     )
+
+
+def _entity_id(unique: str, identity: str) -> str:
+    """Return an entity's id without its platform, which can be no other device's.
+
+    Such an id has small letters, digits, and single ``_`` between them. Where two come
+    out the same, Home Assistant numbers them.
+    """
+    return _NOT_IN_ID.sub("_", f"{unique}_{identity}".lower()).strip("_")

@@ -7,7 +7,8 @@ that does: a recording is read without it.
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -20,6 +21,38 @@ from neurosnap.sources.words import OFF, ON
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 Number = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+
+DeviceClass: TypeAlias = Literal[
+    "battery",
+    "battery_charging",
+    "carbon_monoxide",
+    "cold",
+    "connectivity",
+    "door",
+    "garage_door",
+    "gas",
+    "heat",
+    "light",
+    "lock",
+    "moisture",
+    "motion",
+    "moving",
+    "occupancy",
+    "opening",
+    "plug",
+    "power",
+    "presence",
+    "problem",
+    "running",
+    "safety",
+    "smoke",
+    "sound",
+    "tamper",
+    "update",
+    "vibration",
+    "window",
+]
+"""The classes that Home Assistant has for binary sensors."""
 
 _LEAST = 0.1  # seconds between ticks on change
 
@@ -145,6 +178,9 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     otherwise. What the broker kept does not count: nobody knows when it came."""
     stale_after: Seconds | None = None
     """Seconds after which a reading no longer counts; None: the source's own rule."""
+    device_class: DeviceClass | None = None
+    """What it senses, in Home Assistant's words, which show it with icons and words of
+    their own ("open", "detected"); None: plain on and off."""
 
     def __post_init__(self) -> None:
         if not is_filter(self.topic):
@@ -260,8 +296,15 @@ class MqttPublish(
     forget: bool = False
     """Whether an orderly end takes the device out of Home Assistant; otherwise it stays
     there with its history, as unavailable, until the next run."""
+    page: Text | None = None
+    """Where Home Assistant's link "visit" leads, ``http://...`` or ``https://...``: a
+    dashboard, or a page of your own. None: no link. The page of ``--view`` is for this
+    machine only, and its address is a secret, so it is never published."""
 
     def __post_init__(self) -> None:
+        if self.page is not None and not _is_address(self.page):
+            rule = "must be an address that starts with http:// or https://"
+            raise InvalidValueError("page", rule, self.page)
         for name in ("prefix", "discovery_prefix"):
             given = getattr(self, name)
             if not is_topic(given):
@@ -319,6 +362,15 @@ def is_filter(topic: str) -> bool:
 def is_topic(topic: str) -> bool:
     """Whether `topic` may be published to."""
     return _is_name(topic) and not _wild(topic)
+
+
+def _is_address(page: str) -> bool:
+    """Tell whether `page` is an absolute web address."""
+    try:
+        parts = urlsplit(page)
+    except ValueError:
+        return False
+    return parts.scheme in {"http", "https"} and bool(parts.hostname)
 
 
 def _is_name(topic: str) -> bool:

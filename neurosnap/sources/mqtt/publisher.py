@@ -8,6 +8,7 @@ leaves the rest, so that Home Assistant keeps the device with its history; with
 
 import asyncio
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import unpack
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
-from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
+from neurosnap.sources.mqtt.options import DeviceClass, MqttBroker, MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     Topics,
     anomaly,
@@ -40,6 +41,7 @@ class MqttPublisher:
         own: How many of them, from the first on, are published; None: all.
         actions: The names of the actions, one of which is taken at each step; none:
             nothing is decided.
+        classes: What sensors sense, by their names, where that was said.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -53,6 +55,7 @@ class MqttPublisher:
         *,
         own: int | None = None,
         actions: Sequence[str] = (),
+        classes: Mapping[str, DeviceClass] = MappingProxyType({}),
     ) -> None:
         self._count = len(sensors)
         self._names = tuple(sensors)[:own]
@@ -68,7 +71,13 @@ class MqttPublisher:
             second=True,  # the source's own is the first
         )
         if publish.discovery:
-            found = discovery(publish, self._topics, self._names, acts=bool(actions))
+            found = discovery(
+                publish,
+                self._topics,
+                self._names,
+                acts=bool(actions),
+                classes=classes,
+            )
             self._link.hold(discovery_topic(publish), found)
         self.anomaly(None)
 

@@ -96,6 +96,10 @@ def test_a_table_becomes_options_and_survives_the_recording() -> None:
             '"a..b"',
             "host: must be a name or an address, got 'a..b'",
         ),
+        ("seen_within = 30", 'device_class = "dor"', "Invalid enum value 'dor'"),
+        ('"neurosnap/house"', '"n"\npage = "house.lan"', "page: must be an address"),
+        ('"neurosnap/house"', '"n"\npage = "http://[a"', "page: must be an address"),
+        ('"neurosnap/house"', '"n"\npage = "file:///a"', "page: must be an address"),
         ('"neurosnap/house"', '"neurosnap/#"', "prefix: must be a topic, without"),
     ],
 )

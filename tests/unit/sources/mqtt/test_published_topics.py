@@ -76,10 +76,14 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
     publish = MqttPublish(prefix="neurosnap/house", device="House")
     topics = Topics(publish.prefix, NAMES)
     assert discovery_topic(publish) == "homeassistant/device/neurosnap_house/config"
-    told = json.loads(discovery(publish, topics, NAMES, acts=True))
+    told = json.loads(
+        discovery(publish, topics, NAMES, acts=True, classes={"hall/motion": "motion"})
+    )
     assert told["device"]["identifiers"] == ["neurosnap_house"]
     assert told["device"]["name"] == "House"
+    assert "configuration_url" not in told["device"]
     assert told["origin"]["name"] == "neurosnap"
+    assert told["origin"]["support_url"].startswith("https://")
     assert told["availability"] == [{"topic": "neurosnap/house/status"}]
     components = told["components"]
     assert set(components) == {
@@ -92,11 +96,16 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
     }
     assert components["sensor_hall_motion"] == {
         "platform": "binary_sensor",
-        "name": "hall/motion",
+        "name": "hall/motion (believed)",
+        "device_class": "motion",
+        "entity_category": "diagnostic",
         "unique_id": "neurosnap_house_sensor_hall_motion",
+        "default_entity_id": "binary_sensor.neurosnap_house_sensor_hall_motion",
         "state_topic": "neurosnap/house/sensor/hall_motion",
         "value_template": "{{ 'None' if value == 'unknown' else value }}",
     }
+    assert "device_class" not in components["sensor_door"]
+    assert "entity_category" not in components["anomaly"]
     ids = [component["unique_id"] for component in components.values()]
     assert len(set(ids)) == len(ids)
     where = {component["state_topic"] for component in components.values()}
@@ -112,3 +121,25 @@ def test_what_decides_nothing_has_no_decisions() -> None:
     publish = MqttPublish()
     told = discovery(publish, Topics(publish.prefix, NAMES), NAMES, acts=False)
     assert "decision" not in json.loads(told)["components"]
+
+
+ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor)\.(?!_)[a-z0-9_]+(?<!_)")
+"""What Home Assistant takes for an entity's id (`homeassistant.core`)."""
+
+
+@given(names=st.lists(st.text(st.sampled_from("aB_-/ é02"), min_size=1), unique=True))
+def test_every_entity_gets_an_id_that_home_assistant_takes(names: list[str]) -> None:
+    publish = MqttPublish(prefix="Ö/House")
+    told = json.loads(
+        discovery(publish, Topics(publish.prefix, names), names, acts=True)
+    )
+    for component in told["components"].values():
+        platform, _ = component["default_entity_id"].split(".")
+        assert platform == component["platform"]
+        assert ENTITY.fullmatch(component["default_entity_id"])
+
+
+def test_the_device_links_to_a_page_where_one_is_named() -> None:
+    publish = MqttPublish(page="http://house.lan:8080/neurosnap")
+    told = json.loads(discovery(publish, Topics("n", NAMES), NAMES, acts=False))
+    assert told["device"]["configuration_url"] == "http://house.lan:8080/neurosnap"
