@@ -28,6 +28,7 @@ VERBS = (
     "join",
     "watch",
     "view",
+    "topics",
     "keys",
 )
 

@@ -16,6 +16,7 @@ from neurosnap.apps.cli import coordinate as coordinate  # isort: skip
 from neurosnap.apps.cli import services as services  # isort: skip
 from neurosnap.apps.cli import watch as watch  # isort: skip
 from neurosnap.apps.cli import view as view  # isort: skip
+from neurosnap.apps.cli import topics as topics  # isort: skip
 from neurosnap.apps.cli import keys as keys  # isort: skip
 from neurosnap.apps.cli import config as config  # isort: skip
 from neurosnap.apps.cli.shared import app as app  # isort: skip

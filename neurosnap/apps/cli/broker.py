@@ -49,8 +49,20 @@ def _is_mqtt(source: str) -> bool:
 
 
 def _elsewhere(broker: str) -> dict[str, object]:
+    return {"source.broker": host_and_port(broker, f"{EMBEDDED}, HOST or HOST:PORT")}
+
+
+def host_and_port(broker: str, forms: str) -> dict[str, object]:
+    """Return `broker` as a table of a file has it.
+
+    Args:
+        broker: HOST or HOST:PORT.
+        forms: What it may be, for the error.
+
+    Raises:
+        InvalidValueError: It is nothing of it.
+    """
     host, colon, port = broker.rpartition(":") if ":" in broker else (broker, "", "")
     if not host or ":" in host or (colon and not port.isdecimal()):
-        rule = f"must be {EMBEDDED}, HOST or HOST:PORT"
-        raise InvalidValueError("broker", rule, broker)
-    return {"source.broker": {"host": host} | ({"port": int(port)} if colon else {})}
+        raise InvalidValueError("broker", f"must be {forms}", broker)
+    return {"host": host} | ({"port": int(port)} if colon else {})

@@ -1,0 +1,103 @@
+"""`neurosnap topics` at a real Mosquitto, and the file that it writes."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("aiomqtt")
+
+from neurosnap.apps.config.load import look
+from neurosnap.apps.config.prepare import prepare
+from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.open_live import open_live
+from tests.support.command_line import call
+from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
+from tests.support.mqtt_sources import until
+from tests.support.patience import PATIENCE
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    with started(tmp_path, "allow_anonymous true") as broker:
+        yield broker
+
+
+@needs_mosquitto
+async def test_a_look_at_a_broker_gives_a_file_that_runs(
+    broker: Mosquitto, tmp_path: Path
+) -> None:
+    out = tmp_path / "home.toml"
+    async with peer(broker) as other:
+        for topic, payload in [
+            ("home/kitchen/motion", "ON"),
+            ("home/bath/motion", "OFF"),
+            ("home/warm", "21.5"),
+            ("zigbee2mqtt/door", '{"contact": false, "battery": 97}'),
+        ]:
+            await other.publish(topic, payload, qos=1, retain=True)
+        command = [sys.executable, "-m", "neurosnap", "topics"]
+        command += [f"127.0.0.1:{broker.port}", "--seconds", "3600", "--json"]
+        process = subprocess.Popen(  # noqa: ASYNC220 - it returns at once
+            [*command, "--out", str(out)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert process.stderr is not None
+            heard: set[str] = set()
+            for line in process.stderr:
+                heard |= {line.split()[-1]} if line.startswith("heard") else set()
+                if len(heard) == 4:
+                    break
+            process.send_signal(signal.SIGINT)
+            said, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+            process.communicate()
+        assert process.returncode == 0, errors
+        facts = json.loads(said.splitlines()[-1])
+        assert {each["topic"]: each["messages"] for each in facts["topics"]} == (
+            dict.fromkeys(heard, 1)
+        )
+        assert call("config", "check", out).exit_code == 0
+        options = prepare(look(out)).options
+        source = open_live(options.source, options.arguments)
+        assert isinstance(source, LiveSource)
+        wanted = {"bath_motion": False, "kitchen_motion": True, "door_contact": True}
+        with closing(source):
+            await until(source, lambda reading: reading == wanted)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["a:b"], "broker: must be HOST or HOST:PORT, got 'a:b'"),
+        (["a", "--topic", "a+"], "topic: must be a topic filter"),
+        (["a", "--out", "a.txt"], "out: must end with .toml, got 'a.txt'"),
+        (["a", "--out", "away/a.toml"], "out: must be in a folder that is there"),
+        (["a", "--out", "there.toml"], "out: must not be there yet (--force replaces"),
+        (["a", "--ca-file", "a.pem"], "ca_file: must go with tls"),
+        (["a", "--seconds", "0"], "--seconds"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_is_listened_to(
+    arguments: list[str],
+    text: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("there.toml").write_text("# mine\n")
+    result = call("topics", *arguments)
+    assert result.exit_code == 2
+    assert text in " ".join(result.stderr.split())
+    assert Path("there.toml").read_text() == "# mine\n"
