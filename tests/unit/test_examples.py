@@ -11,7 +11,9 @@ import pytest
 from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
+from neurosnap.sources.mqtt.payload import Payload, Reader
 from neurosnap.sources.open import open_source
+from neurosnap.sources.open_live import mqtt_options
 from tests.support.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -66,6 +68,24 @@ def test_every_file_that_the_unit_copies_is_an_example() -> None:
     ]
     assert copied == ["home.toml", "neurosnap.service"]
     assert all((EXAMPLES / name).is_file() for name in copied)
+
+
+@pytest.mark.parametrize(
+    ("name", "topic", "payload", "expected"),
+    [
+        ("zigbee2mqtt", "zigbee2mqtt/front_door", b'{"contact": false}', True),
+        ("zigbee2mqtt", "zigbee2mqtt/lamp", b'{"state": "OFF"}', False),
+        ("statestream", "statestream/binary_sensor/front_door/state", b"on", True),
+        ("statestream", "statestream/person/+/state", b"not_home", False),
+    ],
+)
+def test_the_examples_of_a_broker_read_what_is_published_there(
+    name: str, topic: str, payload: bytes, expected: bool
+) -> None:
+    given = prepare(load(EXAMPLES / f"{name}.toml")).options
+    sensors = mqtt_options(given.arguments).sensors
+    (sensor,) = (each for each in sensors if each.topic == topic)
+    assert Reader(sensor).read(Payload(topic, payload)) is expected
 
 
 def test_a_home_learns_nothing_before_its_205th_tick() -> None:
