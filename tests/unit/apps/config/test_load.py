@@ -96,7 +96,7 @@ SOURCES = {
         " directory), got 'none.csv'"
     ),
     "[source]\nkind = 'csv'\npath = 'bad.csv'": (
-        "swarm.toml:3: source.path: bad.csv:2: kind: must be 0 or 1, got '2'"
+        "swarm.toml:3: source.path: bad.csv:2: kind: must be 0 or 1, false or true, off or on, or nothing for unknown, got '2'"
     ),
     "[source]\nkind = 'world'\nid = 'neurosnap/Pat-v0'": (
         "swarm.toml:3: source.id: must be a registered environment id or a CSV file (did"
