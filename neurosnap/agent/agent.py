@@ -331,12 +331,12 @@ class Agent:
             known,
             self.snapshot,
         )
-        answered(surprise, self._memory.history)
         state = self.snapshot.observe(observation, known)
+        answered(surprise, self._memory.history)
         self._known = sure
         self._memory.settle(state)
         action, why = decided(self._policy.decide(tick, state), self._graph().up)
-        changes = self._memory.changes(tick, self._graph())
+        changes = self._memory.changes
         self._decision = Decision(tick, action, why, **changes)
         if self._memory.follow(self._decision, self.snapshot):
             self._senses = Senses(self.body)

@@ -32,6 +32,7 @@ class AgentMemory:
     Args:
         body: What is sensed and done at first. If it has room, sensors are grown.
         imagines: Whether its policy imagines, and has to know what was met.
+        retires_covered: As for `Growth`.
 
     Attributes:
         body: What is sensed by now.
@@ -43,11 +44,15 @@ class AgentMemory:
             or do not exclude each other.
     """
 
-    def __init__(self, body: Body, imagines: bool = False) -> None:
+    def __init__(
+        self, body: Body, imagines: bool = False, *, retires_covered: bool = True
+    ) -> None:
         self.body = body
         self.experience = Experience(body) if imagines else None
         self.decision = Decision(0, -1, "the run begins")
-        self._growth = Growth(body) if body.room else None
+        self._growth = None
+        if body.room:
+            self._growth = Growth(body, retires_covered=retires_covered)
         self._begins = False  # the observation whose state is to come
         self._actions = None if self.is_empty else Actions(body)
 
@@ -99,8 +104,8 @@ class AgentMemory:
             snapshot: Weighs what is born.
 
         Returns:
-            What is to be asked of the history of the readings before `settle`; the
-            observation is in it then.
+            What is to be asked of the history of the readings once the observation is
+            learned and before `settle`; the observation is in it then.
         """
         own, told = 2 * len(self.body.own), self.experience
         foretold = np.zeros(own, np.bool_)
@@ -129,9 +134,10 @@ class AgentMemory:
         if self._growth is not None:
             told.give_up(self._growth.hopeless)
 
-    def changes(self, tick: int, graph: PocGraph) -> dict[str, Any]:
-        """Return by field what a tick's decision says of growth."""
-        return {} if self._growth is None else self._growth.changes(tick, graph)
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What a tick's decision says of growth, by field."""
+        return {} if self._growth is None else self._growth.changes
 
     def follow(self, decision: Decision, snapshot: Snapshot) -> bool:
         """Let body and snapshot go on as a decision says.

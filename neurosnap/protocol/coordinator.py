@@ -425,8 +425,7 @@ class Coordinator:
         memory = self._memory
         if memory is None:
             return wire.Decision(tick, action, why)
-        changes = memory.changes(tick, self._graph)
-        decision = wire.Decision(tick, action, why, **changes)
+        decision = wire.Decision(tick, action, why, **memory.changes)
         if memory.follow(decision, self._snapshot):
             self._policy.grow(memory.body)
             self._regrown = True

@@ -232,6 +232,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     recall: bool = True
     """Whether cells search their own histories for what to grow. In recordings from
     before, which do not say so, the coordinator did."""
+    retires_covered: bool = True
+    """Whether a grown sensor retires where several others did as much. In recordings
+    from before, which do not say so, none did."""
 
     def __post_init__(self) -> None:
         if 0 < self.split < SMALLEST:
@@ -276,7 +279,11 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             InvalidValueError: The body has room for sensors to be grown, and is not fit
                 for it.
         """
-        return AgentMemory(self.body, imagines=self.imagine > 0)
+        return AgentMemory(
+            self.body,
+            imagines=self.imagine > 0,
+            retires_covered=self.retires_covered,
+        )
 
     @property
     def sharing(self) -> int:

@@ -303,12 +303,14 @@ def test_a_run_from_before_cells_were_asked_is_derived_as_it_was(
 ) -> None:
     log, older = tmp_path / "log", tmp_path / "older"
     options = lamp_options(ticks=TICKS, cells="inline")
-    made(msgspec.structs.replace(options, recall=False), log)
+    before = {"recall": False, "retires_covered": False}
+    made(msgspec.structs.replace(options, **before), log)
     assert not list(Recording.open(log).messages(("recall", "recalled", "remind")))
     assert course(log) == course(inline)
     recording = Recording.open(log)
     said = msgspec.json.decode(recording.metadata["options"])
-    del said["recall"]
+    for name in before:
+        del said[name]
     recording.metadata["options"] = msgspec.json.encode(said).decode()
     write_again(recording, older, recording.messages())
     verdict = verify(older)

@@ -65,8 +65,8 @@ def truth(options: RunOptions) -> Truth:
         step = decision.action, source.begins, state
         believed = snapshot.poc_graph()
         surprise = memory.observe(*step, believed, observed, known, snapshot)
-        answered(surprise, memory.history)
         state = snapshot.observe(observed, known)
+        answered(surprise, memory.history)
         memory.settle(state)
         graph = snapshot.poc_graph()
         above = graph.up(selection(observed, known))
@@ -82,7 +82,7 @@ def truth(options: RunOptions) -> Truth:
 
         action, why = decided(policy.decide(tick, state), answer)
         found.edges[tick] = _pairs(graph.wiring(options.wiring))
-        changes = memory.changes(tick, graph)
+        changes = memory.changes
         decision = wire.Decision(tick, action, why, **changes)
         if memory.follow(decision, snapshot):
             senses = Senses(memory.body)

@@ -16,7 +16,7 @@ from neurosnap.agent.growth.sensor_changes import said_of
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.history import LENGTH, History
 from neurosnap.poc.learning.rings import conjunction
-from neurosnap.poc.learning.search import Question, Search
+from neurosnap.poc.learning.search import Question, Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import selection
@@ -30,6 +30,7 @@ class Growth:
     Args:
         body: What is sensed and done, with room for what is grown.
         length: Ticks of the history.
+        retires_covered: Whether a sensor retires where several others did as much.
 
     Attributes:
         history: The last readings of every sensor.
@@ -38,10 +39,13 @@ class Growth:
         InvalidValueError: As for `Grower`.
     """
 
-    def __init__(self, body: Body, length: int = LENGTH) -> None:
+    def __init__(
+        self, body: Body, length: int = LENGTH, *, retires_covered: bool = True
+    ) -> None:
         self._grower = Grower(body) if body.finds else None
         self._scripted = {context for _, context in body.scripted}
         self.history = History(len(body.sensors), length)
+        self._retires_covered = retires_covered
         self._own = len(body.own)
         self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
         self._body = body
@@ -72,6 +76,8 @@ class Growth:
     ) -> Search[None]:
         """Take in an observation before it is learned.
 
+        What is returned is to be run once it is learned.
+
         Args:
             action: That of the step that has ended; -1: none was.
             state: ``(2N,)``, recorded before it.
@@ -84,22 +90,30 @@ class Growth:
             What is to be asked of the history; the observation is in it then.
         """
         self.history.enter(observation, known)
-        self._said = {}
         if action < 0 or self._grower is None:
-            return self._bear(None, snapshot)
+            return self._change(nothing(), snapshot)
         came = selection(observation, known)[: 2 * self._own]
         surprise = self._grower.notice(action, state, foretold, came, self.history.tick)
-        return self._explain(action, surprise, snapshot)
+        return self._change(self._explain(action, surprise), snapshot)
+
+    def _change(
+        self, search: Search[Context | None], snapshot: Snapshot
+    ) -> Search[None]:
+        """Prepare what a decision says: one sensor is grown at most, or one retires."""
+        self._said = {}
+        yield from self._bear((yield from search), snapshot)
+        if "born" not in self._said:
+            yield from self._retire(snapshot)
 
     def _explain(
-        self, action: int, surprise: Search[Context | None], snapshot: Snapshot
-    ) -> Search[None]:
-        """Let a search go on; prepare what the decision says of what it finds."""
+        self, action: int, surprise: Search[Context | None]
+    ) -> Search[Context | None]:
+        """Let a search go on; prepare what the decision says of what it gave up."""
         before = self.hopeless[action]
         due = yield from surprise
         if (given_up := self.hopeless[action] & ~before).any():
             self._said["chance"] = tuple(np.flatnonzero(given_up).tolist())
-        yield from self._bear(due, snapshot)
+        return due
 
     def _bear(self, due: Context | None, snapshot: Snapshot) -> Search[None]:
         """Find out what a sensor would have read, and what its weights would be.
@@ -125,41 +139,39 @@ class Growth:
         self._said |= {"born": sensor, "context": action, "literals": literals}
         self._said |= said_of(newborn, snapshot)
 
-    def changes(self, tick: int, graph: PocGraph) -> dict[str, Any]:
-        """Return by field what a tick's decision says of growth.
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What a tick's decision says of growth, by field."""
+        return self._said
 
-        One sensor comes at a tick at most, or one goes.
+    def _retire(self, snapshot: Snapshot) -> Search[None]:
+        """Look at one grown sensor every few ticks; prepare that it retires.
 
-        Args:
-            tick: The tick.
-            graph: What is believed.
-        """
-        changes = self._said
-        if "born" not in changes:
-            place = self._needless(tick, graph)
-            if place is not None:
-                return changes | {"retires": self._body.first_grown + place}
-        return changes
+        It does if it is needless: what it guarantees of the world's own sensors, a part
+        of its context guarantees as well. Or each of these was guaranteed, whenever it
+        was on, by some other sensor that was on, too: so several wide contexts take the
+        place of a narrow one that came first. If they do not where nobody has been yet,
+        that is a surprise, and it is grown again.
 
-    def _needless(self, tick: int, graph: PocGraph) -> int | None:
-        """Return a grown sensor whose part of its context guarantees as much, if any.
-
-        One sensor is looked at every few ticks, then the next: ``O(N²/64)`` time.
-
-        Args:
-            tick: The tick.
-            graph: What is believed.
-
-        Returns:
-            Its place in `Body.grown`.
+        It costs some `PocGraph.up`, and rings of the history.
         """
         body = self._body
-        turn, rest = divmod(tick, _EVERY)
+        turn, rest = divmod(self.history.tick, _EVERY)
         if rest or not body.grown:
-            return None
+            return
         place = turn % len(body.grown)
         if place in body.retired or body.grown[place] in self._scripted:
-            return None
+            return
+        graph = snapshot.poc_graph()
+        alone = self._guarantees_alone(place, graph)
+        if alone and self._retires_covered:
+            alone = yield from self._not_covered(place, alone, graph)
+        if not alone:
+            self._said["retires"] = body.first_grown + place
+
+    def _guarantees_alone(self, place: int, graph: PocGraph) -> list[int]:
+        """Return what a grown sensor guarantees that no part of its context does."""
+        body = self._body
         action, literals = body.grown[place]
         first = 2 * body.first_grown
         part = body.members(body.grown[place])
@@ -169,7 +181,38 @@ class Growth:
                 part.append(first + 2 * other)
         closures = graph.up([first + 2 * place]), graph.up(part)
         whole, rest = guaranteed(closures)[:, : 2 * self._own]
-        return None if (whole & ~rest).any() else place
+        return np.flatnonzero(whole & ~rest).tolist()
+
+    def _not_covered(
+        self, place: int, results: list[int], graph: PocGraph
+    ) -> Search[list[int]]:
+        """Return which results others did not always guarantee when it was on.
+
+        Args:
+            place: Of a grown sensor.
+            results: Literals that it guarantees.
+            graph: What is believed.
+        """
+        body = self._body
+        mine = 2 * (body.first_grown + place)
+        others = [2 * k for k in body.sensing(body.grown[place][0]) if 2 * k != mine]
+        by: dict[int, list[int]] = {}
+        for result in results:
+            # a -> r if and only if r* -> a*
+            less, more = graph.up([result ^ 1]), graph.up([result])
+            by[result] = [a for a in others if less[a ^ 1] and not more[a ^ 1]]
+        if not all(by.values()):
+            return results
+        asked = dict.fromkeys([mine, *(a for many in by.values() for a in many)])
+        read = (yield Question(readings=tuple(asked))).readings
+        was_on = read[mine]
+        if not was_on.any():
+            return results
+        return [
+            result
+            for result, many in by.items()
+            if (was_on & ~np.bitwise_or.reduce([read[a] for a in many])).any()
+        ]
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""

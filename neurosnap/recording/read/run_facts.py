@@ -22,9 +22,11 @@ def options_of(recording: Recording) -> RunOptions:
         raise RecordingError(
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
-    if not options.body.room or "recall" in msgspec.json.decode(raw):
+    if not options.body.room:
         return options
-    return msgspec.structs.replace(options, recall=False)
+    said = msgspec.json.decode(raw)
+    older = {name: False for name in ("recall", "retires_covered") if name not in said}
+    return msgspec.structs.replace(options, **older)
 
 
 def resumed_at(recording: Recording) -> tuple[int, ...]:

@@ -23,7 +23,6 @@ from neurosnap.apps.figures.experiments.stages import (
 )
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.search import Search, nothing
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import complete
 
 Grows: TypeAlias = Literal["contexts", "nothing", "whole states"]
@@ -64,9 +63,6 @@ class WholeStates(Growth):
         context = (action, tuple(literals))
         grown = context in body.grown
         return nothing() if grown else self._bear(context, snapshot)
-
-    def _needless(self, tick: int, graph: PocGraph) -> int | None:
-        """Return that no sensor is."""
 
 
 class Explorer(Agent):
