@@ -1,0 +1,113 @@
+"""A recorded home: when each of its sensors was on."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.health.steps import Steps, steps_of
+
+Spans = NDArray[np.float64]
+"""``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
+
+
+@dataclass(frozen=True)
+class Home:
+    """A home; sensors have the numbers of their places."""
+
+    name: str
+    sensors: tuple[str, ...]
+    spans: tuple[Spans, ...]
+    begin: float
+    end: float
+
+    def steps(self, begin: float, end: float) -> Steps:
+        """Return its steps in a stretch of time."""
+        near = (
+            (float(on), float(off), sensor)
+            for sensor, spans in enumerate(self.spans)
+            for on, off in spans[(spans[:, 0] < end) & (spans[:, 1] >= begin)]
+        )
+        return steps_of(near, len(self.sensors), begin, end)
+
+    def steps_of_one(self, sensor: int, begin: float, end: float) -> Steps:
+        """Return the steps of one sensor alone, which has number 0 in them."""
+        spans = self.spans[sensor]
+        near = spans[(spans[:, 0] < end) & (spans[:, 1] >= begin)]
+        return steps_of(((float(a), float(b), 0) for a, b in near), 1, begin, end)
+
+    def events(self, begin: float, end: float) -> tuple[Spans, NDArray[np.int64]]:
+        """Return the times at which sensors came on, in order, and their numbers."""
+        times = np.concatenate([spans[:, 0] for spans in self.spans])
+        who = np.repeat(np.arange(len(self.spans)), [len(s) for s in self.spans])
+        near = (times >= begin) & (times < end)
+        times, who = times[near], who[near]
+        order = np.argsort(times, kind="stable")
+        return times[order], who[order]
+
+    def with_spans(self, changed: dict[int, Spans]) -> "Home":
+        """Return the home with other spans of some sensors."""
+        spans = tuple(changed.get(s, own) for s, own in enumerate(self.spans))
+        return Home(self.name, self.sensors, spans, self.begin, self.end)
+
+
+def homes_in(folder: Path) -> list[Home]:
+    """Return the homes in a folder: its files ``NAME.sensors``, by name.
+
+    Raises:
+        InvalidValueError: There is none, or a line of one is not right.
+    """
+    paths = sorted(folder.glob("*.sensors"))
+    if not paths:
+        raise InvalidValueError("homes", "must be a folder with NAME.sensors", folder)
+    return [read_home(path) for path in paths]
+
+
+def read_home(path: Path) -> Home:
+    """Return the home in a file.
+
+    Args:
+        path: Text; a line has the start in seconds since 1970, the seconds that the
+            sensor was on, and its number.
+
+    Raises:
+        InvalidValueError: A line is not of that form, or there is none.
+    """
+    found: dict[int, list[tuple[float, float]]] = {}
+    for number, line in enumerate(path.read_text("utf-8").splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            start, seconds, sensor = line.split()
+            begin, end = float(start), float(start) + float(seconds)
+            key = int(sensor)
+        except ValueError:
+            rule = "must be a start and a duration in seconds, and the sensor's number"
+            raise InvalidValueError(f"{path}:{number}", rule, line) from None
+        if not begin <= end < float("inf"):
+            rule = "must not end before it starts"
+            raise InvalidValueError(f"{path}:{number}", rule, line)
+        found.setdefault(key, []).append((begin, end))
+    if not found:
+        raise InvalidValueError(str(path), "must have a line", "none")
+    spans = tuple(merged(np.array(found[key])) for key in sorted(found))
+    return Home(
+        path.stem,
+        tuple(f"s{key}" for key in sorted(found)),
+        spans,
+        min(float(own[0, 0]) for own in spans),
+        max(float(own[:, 1].max()) for own in spans),
+    )
+
+
+def merged(spans: Spans) -> Spans:
+    """Return spans in order, those that overlap as one."""
+    ordered = spans[np.lexsort(spans.T[::-1])]
+    if not len(ordered):
+        return ordered.reshape(0, 2)
+    reach = np.maximum.accumulate(ordered[:, 1])
+    fresh = np.concatenate([[True], ordered[1:, 0] > reach[:-1]])
+    last = np.concatenate([np.flatnonzero(fresh)[1:] - 1, [len(ordered) - 1]])
+    return np.column_stack([ordered[fresh, 0], reach[last]])

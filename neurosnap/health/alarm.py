@@ -1,0 +1,154 @@
+"""An alarm: one line about a sensor that a person can act on."""
+
+import math
+from datetime import UTC, datetime
+
+import msgspec
+
+from neurosnap.health.steps import STEP
+
+
+class Companion(msgspec.Struct, frozen=True):
+    """A sensor that another one used to come on with, and does no longer."""
+
+    name: str
+    together: int
+    """Hours in which both came on, before."""
+    hours: int
+    """Hours in which it came on, before."""
+    since: int
+    """Hours in which it came on since, and the other did not."""
+
+
+class Alarm(msgspec.Struct, frozen=True):
+    """A sensor of which the evidence says that it is broken."""
+
+    sensor: str
+    kind: str
+    """One of `KINDS`."""
+    since: int
+    """The step in which the evidence began."""
+    step: int
+    """The step after which it was raised."""
+    evidence: float
+    """Of that kind, see `neurosnap.health.evidence`."""
+    before: float
+    """How far it went at most while the home was learned."""
+    weekly: float
+    """How often a week it would go so far in this home with nothing wrong."""
+    came_on: int
+    """How often the sensor came on since."""
+    expected: float
+    """In how many steps it was expected to come on since."""
+    companion: Companion | None
+    """Who says so most; None: nobody in particular."""
+
+    def line(self) -> str:
+        """Return the alarm in a line."""
+        return f"{self.sensor}: {self._what()}{self._who()}; {self._rare()}. {self._else()}"
+
+    def _what(self) -> str:
+        began = told(self.since)
+        if self.kind == "silent":
+            return (
+                f"silent since {began} ({lasted(self.step + 1 - self.since)}), where"
+                f" {self.expected:.1f} activations were to be expected"
+            )
+        if self.kind == "less":
+            return (
+                f"came on {self.came_on} times since {began}, where"
+                f" {self.expected:.1f} were to be expected"
+            )
+        if self.kind == "more":
+            return (
+                f"came on {self.came_on} times since {began}, where"
+                f" {self.expected:.1f} were to be expected"
+            )
+        if self.kind == "stuck":
+            return (
+                f"on for {_seconds(self.evidence)} since {began}, longest before:"
+                f" {_seconds(self.before)}"
+            )
+        return (
+            f"came on {self.came_on} times within ten minutes, most before:"
+            f" {_times(self.before)}"
+        )
+
+    def _who(self) -> str:
+        with_it = self.companion
+        if with_it is None:
+            return ""
+        return (
+            f" ({with_it.name} came on in {with_it.since} hours without it; before, in"
+            f" {with_it.together} of {with_it.hours} with it)"
+        )
+
+    def _rare(self) -> str:
+        if self.weekly <= 0:
+            return "never so in this home by chance"
+        weeks = 1 / self.weekly
+        if weeks > 520:
+            return "by chance not once in ten years"
+        return f"by chance once in {weeks:.0f} weeks"
+
+    def _else(self) -> str:
+        return f"Could also be: {_ELSE[self.kind]}."
+
+
+_ELSE = {
+    "silent": "nobody uses it any more, or the day differs from all days learned",
+    "less": "the room is used less than it was",
+    "more": "guests, a pet, or a new habit",
+    "stuck": "left open or left on",
+    "chatter": "somebody plays with it, or a loose contact",
+}
+
+
+def told(step: int) -> str:
+    """Return when a step begins, in UTC."""
+    return f"{datetime.fromtimestamp(step * STEP, UTC):%a %d %b %Y %H:%M} UTC"
+
+
+def lasted(steps: int) -> str:
+    """Return how long so many steps are."""
+    minutes = steps * STEP // 60
+    days, rest = divmod(minutes, 1440)
+    hours, minutes = divmod(rest, 60)
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
+
+
+def _seconds(evidence: float) -> str:
+    """Return the time on that evidence of kind ``stuck`` stands for."""
+
+
+    seconds = math.expm1(evidence)
+    return f"{seconds:.0f} s" if seconds < STEP else lasted(int(seconds) // STEP)
+
+
+def _times(evidence: float) -> str:
+
+
+    return f"{math.exp(evidence):.0f}"
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """How much of a home is learned."""
+
+    activations: int
+    """How often sensors came on."""
+    of_about: int
+    """How often they have to have, for all of them to be known."""
+    known: int
+    """Sensors that are known."""
+    sensors: int
+
+    def line(self) -> str:
+        """Return the progress in a line."""
+        return (
+            f"learning: {self.activations} of about {self.of_about} changes;"
+            f" {self.known} of {self.sensors} sensors known"
+        )
+
+

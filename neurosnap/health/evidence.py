@@ -1,0 +1,108 @@
+"""The five kinds of evidence against a sensor, followed from step to step.
+
+``silent``: what was expected since it last came on, by four clocks: the rates that the
+others' activity gives over ten minutes, an hour and four hours, and the time in which
+others were active at all. Their geometric mean, each in units of its usual course,
+counts: a silence is long if it is by all of them. ``less``: it comes on less than
+expected. ``more``: it comes on when nothing speaks for it. ``stuck``: it is on for long.
+``chatter``: it comes on many times in a step.
+
+``less`` and ``more`` are cumulated log likelihood ratios that restart at zero (Page's
+CUSUM): of a rate that is 70 % smaller, and of one with an activation every hundred
+minutes added.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.system.compiled import njit
+
+Floats = NDArray[np.float64]
+
+KINDS = ("silent", "less", "more", "stuck", "chatter")
+SILENT, LESS, MORE, STUCK, CHATTER = range(5)
+CLOCKS = 4
+USUAL = np.array([1.0, 1.0, 1.0, 0.7, 0.35])
+"""What evidence goes above its start on average, before anything was seen: 1 for log
+likelihood ratios whose rates are right."""
+_THINNED = 0.3
+_ADDED = 0.1
+_MOST = 3.0
+"""What one step with an activation can say for ``more``: one alone is no alarm."""
+
+
+@njit(nogil=True)
+def follow(
+    clocks: Floats,
+    sums: Floats,
+    scales: Floats,
+    least: float,
+    rates: Floats,
+    heard: NDArray[np.bool_],
+    came_on: NDArray[np.int32],
+    longest: NDArray[np.float32],
+    valid: NDArray[np.bool_],
+    trace: Floats,
+) -> None:
+    """Take steps, and change the evidence in place.
+
+    Args:
+        clocks: ``(4, sensors)``, since a sensor last came on; changed.
+        sums: ``(2, sensors)``, less and more; changed.
+        scales: ``(4, sensors)``, the usual course of the clocks.
+        least: The least rate a step that is ever expected.
+        rates: ``(4, steps, sensors)``: by which the first three clocks go on a step;
+            the last is the rate a step that ``more`` is judged by.
+        heard: ``(steps, sensors)``, whether others were active lately.
+        came_on: ``(steps, sensors)``.
+        longest: ``(steps, sensors)``, seconds.
+        valid: ``(steps, sensors)``; nothing changes where false.
+        trace: ``(steps, sensors, 5)``, the evidence of each kind; written.
+    """
+    steps, sensors = came_on.shape
+    for step in range(steps):
+        for sensor in range(sensors):
+            row = trace[step, sensor]
+            if not valid[step, sensor]:
+                row[:] = 0.0
+                continue
+            on = came_on[step, sensor] > 0
+            rate = max(rates[0, step, sensor], least)
+            calm = max(rates[3, step, sensor], least)
+            if on:
+                clocks[:, sensor] = 0.0
+                less = np.log(np.expm1(-_THINNED * rate) / np.expm1(-rate))
+                more = min(
+                    _MOST, np.log(np.expm1(-calm - _ADDED) / np.expm1(-calm))
+                )
+            else:
+                less = (1 - _THINNED) * rate
+                more = -_ADDED
+                if heard[step, sensor]:
+                    for clock in range(3):
+                        clocks[clock, sensor] += rates[clock, step, sensor]
+                    clocks[3, sensor] += 1.0
+            sums[0, sensor] = max(0.0, sums[0, sensor] + less)
+            sums[1, sensor] = max(0.0, sums[1, sensor] + more)
+            course = 1.0
+            for clock in range(4):
+                course *= clocks[clock, sensor] / scales[clock, sensor]
+            row[0] = course**0.25
+            row[1] = sums[0, sensor]
+            row[2] = sums[1, sensor]
+            row[3] = np.log1p(longest[step, sensor])
+            row[4] = np.log(came_on[step, sensor]) if on else 0.0
+
+
+def peaks(evidence: Floats) -> Floats:
+    """Return the peaks of the excursions above zero that are over.
+
+    Args:
+        evidence: ``(steps,)``, 0 or more.
+    """
+    above = np.concatenate([[False], evidence > 0, [False]])
+    bounds = np.flatnonzero(above[1:] != above[:-1]).reshape(-1, 2)
+    over = bounds[bounds[:, 1] < len(evidence)]
+    if not len(over):
+        return np.zeros(0)
+    return np.maximum.reduceat(evidence, over.ravel())[::2]

@@ -1,0 +1,224 @@
+"""Judges sensors step by step by what was learned, within a budget of alarms."""
+
+import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.health.budget import LOOKBACK, shares
+from neurosnap.health.evidence import CHATTER, CLOCKS, KINDS, LESS, SILENT, STUCK, follow
+from neurosnap.health.expectation import REACH, WINDOWS, features
+from neurosnap.health.learning import Learned, heard, per_step
+from neurosnap.health.steps import DAY, STEP, WEEK
+from neurosnap.health.tail import weekly
+from neurosnap.poc.learning.archive import Arrays
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+WELL = -1
+"""The kind of a sensor without an alarm."""
+_WELL_BELOW = 0.5
+"""Strain below which a sensor whose rate had changed is well again."""
+_CALM = DAY
+"""Steps for which it must be."""
+_ACCEPTED = 2 * WEEK
+"""Steps after which a changed rate is how the home is now."""
+
+
+_STATE = (
+    *("recent", "clocks", "sums", "evidence", "since", "strain"),
+    *("kind", "raised_at", "calm", "raised"),
+)
+
+
+class Changes(NamedTuple):
+    """Which sensors went into alarm in a step, and which came out of it."""
+
+    begun: list[int]
+    ended: list[int]
+
+
+class Judge:
+    """The evidence against the sensors of a home, and their alarms.
+
+    An alarm ends when its sensor is well again: it came on after a silence, went off
+    after it was stuck, or came on as usual for a day. All evidence against it starts
+    from zero then, so that a repair is no alarm.
+
+    Args:
+        sensors: How many.
+        alarms: The budget, alarms a week.
+    """
+
+    def __init__(self, sensors: int, alarms: float) -> None:
+        self._alarms = alarms
+        self.recent = np.zeros((REACH, sensors), np.bool_)
+        """Who came on in the last steps."""
+        self.clocks = np.zeros((CLOCKS, sensors))
+        self.sums = np.zeros((2, sensors))
+        self.evidence = np.zeros((sensors, len(KINDS)))
+        self.since = np.zeros((sensors, len(KINDS)), np.int64)
+        """The steps in which the evidence began."""
+        self.strain = np.zeros((sensors, len(KINDS)))
+        """How near to an alarm: 0 not at all, 1 is one; logarithmic in how rare it is."""
+        self.kind = np.full(sensors, WELL)
+        """The kind of alarm that each sensor is in."""
+        self.raised_at = np.zeros(sensors, np.int64)
+        self.calm = np.zeros(sensors, np.int64)
+        self.raised = np.zeros(0, np.int64)
+        """The steps in which alarms were raised lately."""
+
+    def copy(self) -> "Judge":
+        """Return one that goes on by itself from here."""
+        return copy.deepcopy(self)
+
+    def hear(self, came_on: NDArray[np.int32], valid: Flags) -> None:
+        """Take note of who came on in a step; nothing is judged.
+
+        Args:
+            came_on: ``(sensors,)``, how often each came on.
+            valid: ``(sensors,)``, which readings are known.
+        """
+        self.recent = np.concatenate([self.recent[1:], ((came_on > 0) & valid)[None]])
+
+    def arrays(self) -> Arrays:
+        """Return the state by name."""
+        return {name: getattr(self, name) for name in _STATE}
+
+    def restore(self, arrays: Arrays) -> None:
+        """Take the state that `arrays` gave.
+
+        Raises:
+            KeyError: Something is missing.
+            ValueError: It is of another number of sensors.
+        """
+        for name in _STATE:
+            mine, given = getattr(self, name), arrays[name]
+            if name != "raised" and mine.shape != given.shape:
+                raise ValueError(f"{name} must be {mine.shape}, got {given.shape}")
+            setattr(self, name, given.astype(mine.dtype))
+
+    def step(
+        self,
+        learned: Learned,
+        number: int,
+        came_on: NDArray[np.int32],
+        longest: NDArray[np.float32],
+        valid: Flags,
+    ) -> Changes:
+        """Take a step.
+
+        Args:
+            learned: What to judge by.
+            number: Of the step.
+            came_on: ``(sensors,)``, how often each came on.
+            longest: ``(sensors,)``, seconds, see `neurosnap.health.steps.Steps`.
+            valid: ``(sensors,)``, which readings are known.
+        """
+        self.hear(came_on, valid)
+        rates = self._rates(learned, number)
+        near = heard(self.recent)[-1:]
+        trace = np.zeros((1, *self.evidence.shape))
+        follow(
+            self.clocks,
+            self.sums,
+            learned.scales,
+            learned.least,
+            rates,
+            near,
+            came_on[None],
+            longest[None],
+            valid[None],
+            trace,
+        )
+        self._note(trace[0], number, came_on, longest, valid)
+        ended = self._end(number, came_on, longest)
+        self._weigh(learned, number)
+        return Changes(self._begin(learned, number), ended)
+
+    def _rates(self, learned: Learned, number: int) -> Floats:
+        """Return the rates of a step, ``(4, 1, sensors)``.
+
+        The word of a sensor counts by its health where it accuses another of silence.
+        Where it could excuse an activation, a sensor in bad health may have been on.
+        """
+        now = np.array([REACH - 1])
+        sensors = len(self.kind)
+        ill = self.strain.max(1).clip(0, 1)
+        ill[self.kind != WELL] = 1
+        both = np.concatenate([ill, ill])
+        rates = np.zeros((len(WINDOWS), 1, sensors))
+        alone = np.zeros((1, sensors))
+        for place, window in enumerate(WINDOWS):
+            row = features(self.recent, number + 1 - REACH, window, now)
+            if place == 0:
+                excuse = row.copy()
+                np.maximum(row[:, : 2 * sensors], both, out=excuse[:, : 2 * sensors])
+                alone = excuse @ learned.weights[0]
+            row[:, : 2 * sensors] *= 1 - both
+            rates[place] = row @ learned.weights[place]
+        return per_step(rates, alone)
+
+    def _note(
+        self,
+        trace: Floats,
+        number: int,
+        came_on: NDArray[np.int32],
+        longest: NDArray[np.float32],
+        valid: Flags,
+    ) -> None:
+        """Take in the evidence of a step, and when it began."""
+        fresh = (self.evidence <= 0) | (trace <= 0)
+        self.since[fresh] = number
+        on = came_on > 0
+        self.since[on, SILENT] = number + 1
+        lasted = np.ceil(longest / STEP).astype(np.int64)
+        self.since[:, STUCK] = number + 1 - np.maximum(lasted, 1)
+        self.since[:, CHATTER] = number
+        self.evidence = np.where(valid[:, None], trace, self.evidence)
+
+    def _weigh(self, learned: Learned, number: int) -> None:
+        self.raised = self.raised[self.raised > number - LOOKBACK]
+        allowed = shares(self._alarms, int(learned.known.sum()), len(self.raised))
+        often = weekly(learned.tails, self.evidence)
+        most = np.maximum(learned.tails[..., 0], 2 * allowed)
+        strain = np.log(most / np.maximum(often, 1e-300)) / np.log(most / allowed)
+        self.strain = np.where(learned.known[:, None], np.maximum(strain, 0.0), 0.0)
+
+    def _begin(self, learned: Learned, number: int) -> list[int]:
+        over = np.flatnonzero((self.strain.max(1) >= 1) & (self.kind == WELL))
+        for sensor in over:
+            self.kind[sensor] = self.strain[sensor].argmax()
+            self.raised_at[sensor] = number
+            self.calm[sensor] = 0
+        self.raised = np.concatenate([self.raised, np.full(len(over), number)])
+        return [int(sensor) for sensor in over]
+
+    def _end(
+        self, number: int, came_on: NDArray[np.int32], longest: NDArray[np.float32]
+    ) -> list[int]:
+        ended = []
+        for sensor in np.flatnonzero(self.kind != WELL):
+            kind = self.kind[sensor]
+            if kind == SILENT:
+                well = came_on[sensor] > 0
+            elif kind == STUCK:
+                well = longest[sensor] == 0
+            else:
+                below = self.strain[sensor, LESS:].max() < _WELL_BELOW
+                self.calm[sensor] = self.calm[sensor] + 1 if below else 0
+                accepted = number - self.raised_at[sensor] >= _ACCEPTED
+                well = self.calm[sensor] >= _CALM or accepted
+            if well:
+                self._reset(sensor)
+                ended.append(int(sensor))
+        return ended
+
+    def _reset(self, sensor: int) -> None:
+        self.kind[sensor] = WELL
+        self.clocks[:, sensor] = 0
+        self.sums[:, sensor] = 0
+        self.evidence[sensor] = 0
+        self.strain[sensor] = 0

@@ -1,0 +1,245 @@
+"""Follows a home, and tells which of its sensors is broken.
+
+All it says is a function of the steps it was given. What it learns comes from the last
+eight weeks of them, without what was read during alarms: the evidence that led to an
+alarm is learned, and so makes the next like it less likely; what a broken sensor reads
+is not.
+"""
+
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.health.alarm import Alarm, Progress
+from neurosnap.health.budget import parse_budget
+from neurosnap.health.evidence import CHATTER, KINDS, LESS, SILENT, STUCK
+from neurosnap.health.explanation import companion, expected_since
+from neurosnap.health.judge import WELL, Judge
+from neurosnap.health.learning import ACTIVATIONS, LEAST_STEPS, Learned, learn
+from neurosnap.health.steps import DAY, WEEK, Steps
+from neurosnap.health.tail import weekly
+from neurosnap.poc.learning.archive import Archived, Arrays
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+MEMORY = 8 * WEEK
+"""Steps that are learned from."""
+_SLACK = WEEK
+"""Steps that may be kept beyond, so that dropping old ones costs little."""
+
+
+class HealthMonitor(Archived):
+    """The health of the sensors of a home.
+
+    Args:
+        names: Of the sensors.
+        alarms: The budget, such as ``1/week``.
+        learns: Whether it learns by itself as time passes; else by `relearn` alone.
+
+    Raises:
+        InvalidValueError: The budget has another form.
+    """
+
+    def __init__(
+        self, names: Sequence[str], alarms: str = "1/week", *, learns: bool = True
+    ) -> None:
+        self._names = list(names)
+        self._budget = alarms
+        self._learns = learns
+        count = len(self._names)
+        self._first = 0
+        self._kept = 0
+        self._came_on = np.zeros((MEMORY + _SLACK, count), np.int32)
+        self._longest = np.zeros((MEMORY + _SLACK, count), np.float32)
+        self._valid = np.zeros((MEMORY + _SLACK, count), np.bool_)
+        self._seen = 0
+        self._next = LEAST_STEPS
+        self._activations = np.zeros(count, np.int64)
+        self.learned: Learned | None = None
+        """What was learned; None: too little was seen."""
+        self.judge = Judge(count, parse_budget(alarms))
+        """The evidence, and who is in alarm."""
+
+    @property
+    def now(self) -> int:
+        """The number of the step that comes next."""
+        return self._first + self._kept
+
+    @property
+    def health(self) -> Floats:
+        """The health of each sensor, from 1, well, to 0, in alarm; 1 if not known."""
+        bad = self.judge.kind != WELL
+        health = 1 - self.judge.strain.max(1).clip(0, 1)
+        return np.asarray(np.where(bad, 0.0, health))
+
+    @property
+    def known(self) -> Flags:
+        """Which sensors are known well enough to be judged."""
+        if self.learned is None:
+            return np.zeros(len(self._names), np.bool_)
+        return self.learned.known.copy()
+
+    @property
+    def progress(self) -> Progress:
+        """How much is learned."""
+        return Progress(
+            int(self._activations.sum()),
+            int(np.maximum(self._activations, ACTIVATIONS).sum()),
+            int(self.known.sum()),
+            len(self._names),
+        )
+
+    def take(
+        self, steps: Steps, valid: Flags | None = None
+    ) -> tuple[list[Alarm], list[str]]:
+        """Take the steps that come next.
+
+        Args:
+            steps: They follow on those before, if there were any.
+            valid: ``(steps, sensors)``, which readings are known; None: all.
+
+        Returns:
+            The alarms that begin, and the sensors that are well again, by name.
+
+        Raises:
+            ShapeError: Another number of sensors.
+            InvalidValueError: They do not follow on those before.
+        """
+        if steps.came_on.shape[1] != len(self._names):
+            rule = f"must have {len(self._names)} sensors"
+            raise ShapeError("steps", rule, steps.came_on.shape[1])
+        if self._seen == 0:
+            self._first = steps.first
+        if steps.first != self.now:
+            raise InvalidValueError("steps", f"must begin with {self.now}", steps.first)
+        begun: list[Alarm] = []
+        ended: list[str] = []
+        for at in range(len(steps)):
+            known = np.ones(len(self._names), np.bool_) if valid is None else valid[at]
+            number = self.now
+            self._keep(steps.came_on[at], steps.longest[at], known)
+            if self.learned is not None:
+                changes = self.judge.step(
+                    self.learned, number, steps.came_on[at], steps.longest[at], known
+                )
+                ended += [self._names[sensor] for sensor in changes.ended]
+                begun += [self._told(sensor, number) for sensor in changes.begun]
+            else:
+                self.judge.hear(steps.came_on[at], known)
+            self._seen += 1
+            if self._learns and self._seen >= self._next:
+                self.relearn()
+        return begun, ended
+
+    def relearn(self) -> None:
+        """Learn from what was kept."""
+        self.learned = learn(self.history(), self._valid[: self._kept])
+        self._next = self._seen + (DAY if self._seen < 2 * WEEK else WEEK)
+
+    def history(self) -> Steps:
+        """Return the steps that are kept."""
+        return Steps(
+            self._came_on[: self._kept], self._longest[: self._kept], self._first
+        )
+
+    def alarm(self, sensor: int) -> Alarm | None:
+        """Return the alarm that a sensor is in, with what is known now."""
+        if self.judge.kind[sensor] == WELL:
+            return None
+        return self._told(sensor, self.now - 1)
+
+    def _keep(
+        self, came_on: NDArray[np.int32], longest: NDArray[np.float32], known: Flags
+    ) -> None:
+        if self._kept == len(self._valid):
+            for kept in (self._came_on, self._longest, self._valid):
+                kept[:-_SLACK] = kept[_SLACK:].copy()
+            self._first += _SLACK
+            self._kept -= _SLACK
+        self._came_on[self._kept] = came_on
+        self._longest[self._kept] = longest
+        self._valid[self._kept] = known & (self.judge.kind == WELL)
+        self._kept += 1
+        self._activations += came_on
+
+    def _told(self, sensor: int, number: int) -> Alarm:
+        """Return the alarm of a sensor in words."""
+        learned = self.learned
+        if learned is None:
+            raise InvalidValueError("sensor", "must be in alarm", self._names[sensor])
+        kind = int(self.judge.kind[sensor])
+        since = int(self.judge.since[sensor, kind])
+        history = self.history()
+        evidence = self.judge.evidence[sensor, kind]
+        at = max(0, since - self._first)
+        return Alarm(
+            sensor=self._names[sensor],
+            kind=KINDS[kind],
+            since=since,
+            step=number,
+            evidence=float(evidence),
+            before=self._most(sensor, kind, at),
+            weekly=float(weekly(learned.tails[sensor, kind], evidence)),
+            came_on=int(history.came_on[at:, sensor].sum()),
+            expected=expected_since(learned, history, sensor, since),
+            companion=(
+                companion(
+                    self._names, history, self._valid[: self._kept], sensor, since
+                )
+                if kind in (SILENT, LESS)
+                else None
+            ),
+        )
+
+    def _most(self, sensor: int, kind: int, until: int) -> float:
+        """Return the most evidence before a row of what is kept, where one can read it."""
+        valid = self._valid[:until, sensor]
+        if kind == STUCK:
+            return float(np.log1p(self._longest[:until, sensor][valid].max(initial=0)))
+        if kind == CHATTER:
+            return float(np.log(self._came_on[:until, sensor][valid].max(initial=1)))
+        return 0.0
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        kept = slice(self._kept)
+        head = {
+            "names": np.array(self._names),
+            "budget": np.array(self._budget),
+            "counts": np.array(
+                [self._first, self._kept, self._seen, self._next, self._learns],
+                np.int64,
+            ),
+            "came_on": self._came_on[kept],
+            "longest": self._longest[kept],
+            "valid": self._valid[kept],
+            "activations": self._activations,
+        }
+        learned = {} if self.learned is None else self.learned.arrays()
+        return head | self.judge.arrays() | learned
+
+    @classmethod
+    def from_arrays(cls, arrays: Arrays) -> Self:
+        """Return what has these arrays.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        try:
+            names = [str(name) for name in arrays["names"]]
+            first, kept, seen, later, learns = map(int, arrays["counts"])
+            made = cls(names, str(arrays["budget"]), learns=bool(learns))
+            for own in ("came_on", "longest", "valid"):
+                getattr(made, f"_{own}")[:kept] = arrays[own]
+            made._first, made._kept, made._seen, made._next = first, kept, seen, later
+            made._activations[:] = arrays["activations"]
+            made.judge.restore(arrays)
+            if "weights" in arrays:
+                made.learned = Learned.of(arrays)
+        except (KeyError, TypeError, IndexError) as error:
+            raise ValueError(f"must be whole, {error!r} is missing or wrong") from error
+        return made
