@@ -8,8 +8,8 @@ expected. ``more``: it comes on when nothing speaks for it. ``stuck``: it is on 
 ``chatter``: it comes on many times in a step.
 
 ``less`` and ``more`` are cumulated log likelihood ratios that restart at zero (Page's
-CUSUM): of a rate that is 70 % smaller, and of one with an activation every hundred
-minutes added.
+CUSUM): of a rate that is 70 % smaller, and of rates to which activations are added,
+three a day or two an hour, whichever has more evidence.
 """
 
 import numpy as np
@@ -22,11 +22,15 @@ Floats = NDArray[np.float64]
 KINDS = ("silent", "less", "more", "stuck", "chatter")
 SILENT, LESS, MORE, STUCK, CHATTER = range(5)
 CLOCKS = 4
-USUAL = np.array([1.0, 1.0, 1.0, 0.7, 0.35])
-"""What evidence goes above its start on average, before anything was seen: 1 for log
-likelihood ratios whose rates are right."""
+USUAL = np.array([0.5, 1.0, 1.0, 0.7, 0.35])
+"""What evidence goes above its start on average, at least. 1 for log likelihood ratios:
+by Ville's inequality they exceed x with probability ``exp(-x)`` if the rates are right,
+and no more often. A silence is in units of its usual course, the others are logarithms
+of times and of numbers."""
+SUMS = 3
 _THINNED = 0.3
-_ADDED = 0.1
+_RARE = 0.02
+_OFTEN = 0.3
 _MOST = 3.0
 """What one step with an activation can say for ``more``: one alone is no alarm."""
 
@@ -48,7 +52,7 @@ def follow(
 
     Args:
         clocks: ``(4, sensors)``, since a sensor last came on; changed.
-        sums: ``(2, sensors)``, less and more; changed.
+        sums: ``(3, sensors)``, less, and more by few and by many; changed.
         scales: ``(4, sensors)``, the usual course of the clocks.
         least: The least rate a step that is ever expected.
         rates: ``(4, steps, sensors)``: by which the first three clocks go on a step;
@@ -72,24 +76,26 @@ def follow(
             if on:
                 clocks[:, sensor] = 0.0
                 less = np.log(np.expm1(-_THINNED * rate) / np.expm1(-rate))
-                more = min(
-                    _MOST, np.log(np.expm1(-calm - _ADDED) / np.expm1(-calm))
-                )
+                past = np.expm1(-calm)
+                rare = min(_MOST, np.log(np.expm1(-calm - _RARE) / past))
+                often = min(_MOST, np.log(np.expm1(-calm - _OFTEN) / past))
             else:
                 less = (1 - _THINNED) * rate
-                more = -_ADDED
+                rare = -_RARE
+                often = -_OFTEN
                 if heard[step, sensor]:
                     for clock in range(3):
                         clocks[clock, sensor] += rates[clock, step, sensor]
                     clocks[3, sensor] += 1.0
             sums[0, sensor] = max(0.0, sums[0, sensor] + less)
-            sums[1, sensor] = max(0.0, sums[1, sensor] + more)
+            sums[1, sensor] = max(0.0, sums[1, sensor] + rare)
+            sums[2, sensor] = max(0.0, sums[2, sensor] + often)
             course = 1.0
             for clock in range(4):
                 course *= clocks[clock, sensor] / scales[clock, sensor]
             row[0] = course**0.25
             row[1] = sums[0, sensor]
-            row[2] = sums[1, sensor]
+            row[2] = max(sums[1, sensor], sums[2, sensor])
             row[3] = np.log1p(longest[step, sensor])
             row[4] = np.log(came_on[step, sensor]) if on else 0.0
 

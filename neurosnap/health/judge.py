@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.health.budget import LOOKBACK, shares
-from neurosnap.health.evidence import CHATTER, CLOCKS, KINDS, LESS, SILENT, STUCK, follow
+from neurosnap.health.evidence import CHATTER, CLOCKS, KINDS, SUMS, LESS, MORE, SILENT, STUCK, follow
 from neurosnap.health.expectation import REACH, WINDOWS, features
 from neurosnap.health.learning import Learned, heard, per_step
 from neurosnap.health.steps import DAY, STEP, WEEK
@@ -57,7 +57,7 @@ class Judge:
         self.recent = np.zeros((REACH, sensors), np.bool_)
         """Who came on in the last steps."""
         self.clocks = np.zeros((CLOCKS, sensors))
-        self.sums = np.zeros((2, sensors))
+        self.sums = np.zeros((SUMS, sensors))
         self.evidence = np.zeros((sensors, len(KINDS)))
         self.since = np.zeros((sensors, len(KINDS)), np.int64)
         """The steps in which the evidence began."""
@@ -142,24 +142,41 @@ class Judge:
         """Return the rates of a step, ``(4, 1, sensors)``.
 
         The word of a sensor counts by its health where it accuses another of silence.
-        Where it could excuse an activation, a sensor in bad health may have been on.
+        Where it could excuse an activation, a sensor that seems too silent may have
+        been on, as likely as the others say, and one that seems too loud is not
+        believed.
         """
         now = np.array([REACH - 1])
         sensors = len(self.kind)
-        ill = self.strain.max(1).clip(0, 1)
-        ill[self.kind != WELL] = 1
-        both = np.concatenate([ill, ill])
+        quiet, loud = self._ill()
+        sound = 1 - np.maximum(quiet, loud)
         rates = np.zeros((len(WINDOWS), 1, sensors))
         alone = np.zeros((1, sensors))
         for place, window in enumerate(WINDOWS):
             row = features(self.recent, number + 1 - REACH, window, now)
+            others = row[:, : 2 * sensors]
             if place == 0:
                 excuse = row.copy()
-                np.maximum(row[:, : 2 * sensors], both, out=excuse[:, : 2 * sensors])
+                excuse[:, : 2 * sensors] *= 1 - np.tile(loud, 2)
+                likely = -np.expm1(-(excuse @ learned.weights[0])) * quiet
+                said = np.maximum(excuse[:, : 2 * sensors], np.tile(likely, 2))
+                excuse[:, : 2 * sensors] = said
                 alone = excuse @ learned.weights[0]
-            row[:, : 2 * sensors] *= 1 - both
+            others *= np.tile(sound, 2)
             rates[place] = row @ learned.weights[place]
         return per_step(rates, alone)
+
+    def _ill(self) -> tuple[Floats, Floats]:
+        """Return how far each sensor seems too silent, and how far too loud, 0 to 1.
+
+        Half the way to an alarm is nothing yet: evidence often goes as far.
+        """
+        doubt = (2 * self.strain - 1).clip(0, 1)
+        quiet = doubt[:, :MORE].max(1)
+        loud = doubt[:, MORE:].max(1)
+        quiet[(self.kind == SILENT) | (self.kind == LESS)] = 1
+        loud[self.kind >= MORE] = 1
+        return quiet, loud
 
     def _note(
         self,

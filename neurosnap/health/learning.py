@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.health import expectation
-from neurosnap.health.evidence import CLOCKS, KINDS, USUAL, follow, peaks
+from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, USUAL, follow, peaks
 from neurosnap.health.expectation import WINDOWS
 from neurosnap.health.steps import DAY, WEEK, Steps
 from neurosnap.health.tail import tail_of
@@ -74,7 +74,7 @@ def learn(steps: Steps, valid: Flags) -> Learned:
     trace = np.zeros((count, sensors, len(KINDS)))
     follow(
         np.zeros((CLOCKS, sensors)),
-        np.zeros((2, sensors)),
+        np.zeros((SUMS, sensors)),
         scales,
         least,
         rates,

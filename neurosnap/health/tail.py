@@ -26,7 +26,8 @@ def tail_of(peaks: Floats, weeks: float, mean: float) -> Floats:
         peaks: ``(n,)``, in any order, above zero.
         weeks: In how much time.
         mean: What to expect above the start if there were no peaks; has the weight of
-            one peak.
+            one peak, and what is found is never below it: a tail lighter than theory
+            gives is not believed.
 
     Returns:
         ``(4,)``: rate, start, mean, shape.
@@ -36,7 +37,8 @@ def tail_of(peaks: Floats, weeks: float, mean: float) -> Floats:
     high = np.sort(peaks)
     start = high[count - upper - 1] if upper < count else 0.0
     total = float((high[count - upper :] - start).sum()) + mean
-    return np.array([(upper + 0.5) / weeks, start, total / (upper + 1), upper + 1.0])
+    found = max(mean, total / (upper + 1))
+    return np.array([(upper + 0.5) / weeks, start, found, upper + 1.0])
 
 
 def weekly(tails: Floats, evidence: Floats) -> Floats:

@@ -1,0 +1,107 @@
+"""All methods on one home, each learned anew every week from what was before."""
+
+import functools
+import math
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from neurosnap.apps.figures.experiments.homes.home import Home, read_home
+from neurosnap.apps.figures.experiments.homes.mention import Mention, Method
+from neurosnap.apps.figures.experiments.homes.ours import SEGMENT, Ours, Watched
+from neurosnap.apps.figures.experiments.homes.rivals import (
+    Groups,
+    Logistic,
+    Rules,
+    Silence,
+    known,
+)
+
+LEARNED = 300 * 3600.0
+"""Seconds at the beginning of a home that are only learned from."""
+WEEK = 7 * 86400.0
+HORIZON = 4 * WEEK
+"""How long a long fault is waited for."""
+
+_RIVALS: dict[str, Callable[[Home, float], Method]] = {
+    "silence rule": Silence,
+    "unseen groups": Groups,
+    "association rules": Rules,
+    "logistic": Logistic,
+}
+METHODS = ("health", *_RIVALS)
+_lock = threading.Lock()
+
+
+class Bench:
+    """A home and what every method learned of it.
+
+    Args:
+        home: The home.
+        alarms: The budget of the health monitor.
+    """
+
+    def __init__(self, home: Home, alarms: str) -> None:
+        self.home = home
+        self.start = math.ceil((home.begin + LEARNED) / SEGMENT) * float(SEGMENT)
+        """The first segment begins then."""
+        count = int((home.end - self.start) // SEGMENT)
+        self.segments = self.start + SEGMENT * np.arange(max(0, count))
+        """When segments begin."""
+        self.known = np.flatnonzero(known(home, self.start))
+        """The sensors that faults are put into."""
+        self._watched = Watched(home, alarms, self.start)
+        self._ours = Ours(self._watched)
+        self._weeks = np.arange(self.start, home.end, WEEK)
+        self._rivals: dict[str, list[Method]] = {
+            name: [make(home, float(week)) for week in self._weeks]
+            for name, make in _RIVALS.items()
+        }
+
+    def method(self, name: str, begin: float) -> Method:
+        """Return a method as it is at the beginning of a segment."""
+        if name == METHODS[0]:
+            return self._ours
+        week = int(np.searchsorted(self._weeks, begin, side="right")) - 1
+        return self._rivals[name][max(0, week)]
+
+    def clean(self, name: str) -> list[Mention]:
+        """Return what a method says of the home without faults, after it learned."""
+        if name == METHODS[0]:
+            return [m for m in self._watched.mentions if m.begin >= self.start]
+        found: list[Mention] = []
+        for week in self._weeks:
+            end = min(week + WEEK, self.home.end)
+            for mention in self.method(name, week).mentions(self.home, week, end):
+                if mention.begin > week or week == self.start:
+                    found.append(mention)
+        return found
+
+
+@functools.cache
+def _bench(path: str, alarms: str) -> Bench:
+    return Bench(read_home(Path(path)), alarms)
+
+
+def bench(path: str, alarms: str) -> Bench:
+    """Return the bench of a home in a file; it is made once in a process."""
+    with _lock:
+        return _bench(path, alarms)
+
+
+def credited(
+    found: list[Mention], twin: list[Mention], onset: float
+) -> list[Mention]:
+    """Return the mentions after an onset that the twin without the fault has not."""
+    return [
+        m
+        for m in found
+        if m.begin > onset
+        and not any(
+            t.sensor == m.sensor and t.begin <= m.begin <= t.end for t in twin
+        )
+    ]
+
+
