@@ -121,15 +121,11 @@ def lasted(steps: int) -> str:
 
 def _seconds(evidence: float) -> str:
     """Return the time on that evidence of kind ``stuck`` stands for."""
-
-
     seconds = math.expm1(evidence)
     return f"{seconds:.0f} s" if seconds < STEP else lasted(int(seconds) // STEP)
 
 
 def _times(evidence: float) -> str:
-
-
     return f"{math.exp(evidence):.0f}"
 
 
@@ -150,5 +146,3 @@ class Progress(msgspec.Struct, frozen=True):
             f"learning: {self.activations} of about {self.of_about} changes;"
             f" {self.known} of {self.sensors} sensors known"
         )
-
-

@@ -1,9 +1,10 @@
 """A budget of alarms: how many a home may raise while nothing is wrong.
 
-It is shared among the sensors that are known and the kinds of evidence. When a home has
-raised more alarms lately than its budget, each share shrinks in proportion: a home whose
-habits change more than it did while it was learned would otherwise exceed it for ever
-(after Gibbs and Candès, "Adaptive conformal inference under distribution shift", 2021).
+It is shared among the sensors that are known and the kinds of evidence. When a home
+has raised more alarms lately than its budget, each share shrinks in proportion: a home
+whose habits change more than they did while they were learned would otherwise exceed it
+for ever (after Gibbs and Candès, "Adaptive conformal inference under distribution
+shift", 2021).
 """
 
 import re
@@ -53,5 +54,3 @@ def shares(weekly: float, known: int, raised: int) -> NDArray[np.float64]:
     """
     excess = max(1.0, raised / (weekly * LOOKBACK / WEEK))
     return np.asarray(_SHARES * weekly / max(1, known) / excess)
-
-

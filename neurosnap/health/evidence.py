@@ -1,15 +1,17 @@
 """The five kinds of evidence against a sensor, followed from step to step.
 
-``silent``: what was expected since it last came on, by four clocks: the rates that the
-others' activity gives over ten minutes, an hour and four hours, and the time in which
-others were active at all. Their geometric mean, each in units of its usual course,
-counts: a silence is long if it is by all of them. ``less``: it comes on less than
-expected. ``more``: it comes on when nothing speaks for it. ``stuck``: it is on for long.
-``chatter``: it comes on many times in a step.
+``silent``: what was expected since it last came on, by four clocks: the rates that
+the others' activity gives over ten minutes, an hour and four hours, and the time in
+which others were active at all. Their geometric mean, each in units of its usual
+course, counts: a silence is long if it is by all of them.
+
+``less``: it comes on less than expected. ``more``: it comes on when nothing speaks for
+it. ``stuck``: it is on for long. ``chatter``: it comes on many times in a step.
 
 ``less`` and ``more`` are cumulated log likelihood ratios that restart at zero (Page's
 CUSUM): of a rate that is 70 % smaller, and of rates to which activations are added,
-three a day or two an hour, whichever has more evidence.
+three a day or two an hour, whichever has more evidence. They are e-detectors in the
+sense of Shin, Ramdas and Rinaldo (2022) as far as the rates are right.
 """
 
 import numpy as np

@@ -66,9 +66,7 @@ def width(sensors: int) -> int:
     return 2 * sensors + _HOURS + 1
 
 
-def fitted(
-    inputs: Floats, on: NDArray[np.bool_], counted: NDArray[np.bool_]
-) -> Floats:
+def fitted(inputs: Floats, on: NDArray[np.bool_], counted: NDArray[np.bool_]) -> Floats:
     """Return the weights of a sensor.
 
     Args:

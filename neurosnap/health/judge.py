@@ -7,7 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.health.budget import LOOKBACK, shares
-from neurosnap.health.evidence import CHATTER, CLOCKS, KINDS, SUMS, LESS, MORE, SILENT, STUCK, follow
+from neurosnap.health.evidence import (
+    CHATTER,
+    CLOCKS,
+    KINDS,
+    LESS,
+    MORE,
+    SILENT,
+    STUCK,
+    SUMS,
+    follow,
+)
 from neurosnap.health.expectation import REACH, WINDOWS, features
 from neurosnap.health.learning import Learned, heard, per_step
 from neurosnap.health.steps import DAY, STEP, WEEK
@@ -62,7 +72,7 @@ class Judge:
         self.since = np.zeros((sensors, len(KINDS)), np.int64)
         """The steps in which the evidence began."""
         self.strain = np.zeros((sensors, len(KINDS)))
-        """How near to an alarm: 0 not at all, 1 is one; logarithmic in how rare it is."""
+        """How near to an alarm: 0 is not at all, 1 is one; a logarithm of how rare."""
         self.kind = np.full(sensors, WELL)
         """The kind of alarm that each sensor is in."""
         self.raised_at = np.zeros(sensors, np.int64)
@@ -229,7 +239,7 @@ class Judge:
                 accepted = number - self.raised_at[sensor] >= _ACCEPTED
                 well = self.calm[sensor] >= _CALM or accepted
             if well:
-                self._reset(sensor)
+                self._reset(int(sensor))
                 ended.append(int(sensor))
         return ended
 

@@ -54,7 +54,8 @@ class Learned:
         Raises:
             KeyError: One is missing.
         """
-        return cls(*(arrays[name] for name in _ARRAYS), float(arrays["least"]))
+        named = {name: arrays[name] for name in _ARRAYS}
+        return cls(**named, least=float(arrays["least"]))
 
 
 def learn(steps: Steps, valid: Flags) -> Learned:

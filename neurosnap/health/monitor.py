@@ -196,7 +196,7 @@ class HealthMonitor(Archived):
         )
 
     def _most(self, sensor: int, kind: int, until: int) -> float:
-        """Return the most evidence before a row of what is kept, where one can read it."""
+        """Return the most evidence before a row of what is kept; 0 where it is long."""
         valid = self._valid[:until, sensor]
         if kind == STUCK:
             return float(np.log1p(self._longest[:until, sensor][valid].max(initial=0)))

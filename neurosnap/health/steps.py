@@ -37,7 +37,10 @@ class Steps:
 
 
 def steps_of(
-    intervals: Iterable[tuple[float, float, int]], sensors: int, begin: float, end: float
+    intervals: Iterable[tuple[float, float, int]],
+    sensors: int,
+    begin: float,
+    end: float,
 ) -> Steps:
     """Return the steps from the one of `begin` to the last that is over at `end`.
 
@@ -62,5 +65,7 @@ def steps_of(
         low = max(low, 0)
         ends = (np.arange(low, high + 1) + first + 1) * float(STEP)
         lasted = np.minimum(ends, stop) - start
-        np.maximum(longest[low : high + 1, sensor], lasted, out=longest[low : high + 1, sensor])
+        np.maximum(
+            longest[low : high + 1, sensor], lasted, out=longest[low : high + 1, sensor]
+        )
     return Steps(came_on, longest, first)

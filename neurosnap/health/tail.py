@@ -1,9 +1,9 @@
 """How often evidence goes as far as this while nothing is wrong.
 
-Evidence rises from zero, reaches a peak and falls back: an excursion. The larger half of
-the peaks of the past is taken to be exponential above the median, with unknown mean. The
-predictive distribution of the next peak is then a Lomax distribution, whose tail is the
-heavier the fewer peaks were seen: nothing is alarming before enough was seen.
+Evidence rises from zero, reaches a peak and falls back: an excursion. The larger half
+of the peaks of the past is taken to be exponential above the median, with unknown mean.
+The predictive distribution of the next peak is then a Lomax distribution, whose tail is
+the heavier the fewer peaks were seen: nothing is alarming before enough was seen.
 """
 
 import numpy as np

@@ -165,6 +165,19 @@ def figures(
             metavar=FLAG, help="Let a snapshot learn that two sensors are the same."
         ),
     ] = False,
+    homes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Recorded homes, NAME.sensors; a line has the start and the duration in"
+            " seconds, and the sensor's number.",
+            show_default="none: leave their figure out",
+        ),
+    ] = None,
+    alarms: Annotated[
+        str,
+        typer.Option(metavar="N/TIME", help="The budget of alarms in these homes."),
+    ] = "1/week",
     workers: Annotated[
         int | None,
         typer.Option(
@@ -192,6 +205,8 @@ def figures(
             seed=seed,
             truth=truth,
             equivalences=equivalences,
+            homes=homes,
+            alarms=alarms,
             workers=(os.cpu_count() or 1) if workers is None else workers,
         )
         with output.progress(screen, "runs", None) as on_progress:

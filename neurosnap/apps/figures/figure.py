@@ -43,6 +43,10 @@ class FigureOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Whether learned graphs have their equivalences."""
     workers: Annotated[int, msgspec.Meta(ge=1)] = 2
     """Threads that compute; they change no result."""
+    homes: Path | None = None
+    """A folder of recorded homes, ``NAME.sensors``; None: that figure is left out."""
+    alarms: str = "1/week"
+    """The budget of alarms in those homes."""
     out: Path = Path("figures")
     """Where all of it goes; finished cells into the folder ``cells`` of it."""
 

@@ -23,6 +23,7 @@ from neurosnap.apps.figures import (
     fig5_obstructions,
     fig6_anomalies,
     fig7_growth,
+    fig8_homes,
 )
 from neurosnap.apps.figures.figure import (
     Claim,
@@ -53,6 +54,7 @@ FIGURES: dict[str, Figure] = {
         fig5_obstructions.FIGURE,
         fig6_anomalies.FIGURE,
         fig7_growth.FIGURE,
+        fig8_homes.FIGURE,
     )
 }
 """All figures by name; their order gives them their numbers, from 1."""
@@ -111,6 +113,8 @@ def run_figures(
     _check(options)
     _canvas()  # hours of computing must not end in a missing package
     chosen = chosen_figures(options.only)
+    if options.homes is None and not options.only:
+        chosen = [figure for figure in chosen if figure is not fig8_homes.FIGURE]
     wanted: dict[str, Entry] = {}
     for figure in chosen:
         wanted.update((cell.key, cell) for cell in figure.cells(options))

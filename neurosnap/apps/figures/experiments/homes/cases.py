@@ -71,16 +71,14 @@ def segments(bench: Bench, seed: int) -> Rows:
     return made
 
 
-def _broken(
-    bench: Bench, kind: str, onset: float, end: float, rng: Generator
-) -> Home:
+def _broken(bench: Bench, kind: str, onset: float, end: float, rng: Generator) -> Home:
     if kind in SINGLE:
         sensor = int(rng.choice(bench.known))
         return faulty(bench.home, kind, sensor, onset, end, rng)
     count = min(int(kind.split()[0]), len(bench.known))
     home = bench.home
-    for sensor in rng.choice(bench.known, count, replace=False):
-        home = faulty(home, str(rng.choice(SEVERAL)), int(sensor), onset, end, rng)
+    for each in rng.choice(bench.known, count, replace=False):
+        home = faulty(home, str(rng.choice(SEVERAL)), int(each), onset, end, rng)
     return home
 
 
@@ -147,8 +145,8 @@ def clean_days(bench: Bench) -> Rows:
             if day < days:
                 made[place, day] += 1
     times, _ = bench.home.events(bench.start, bench.start + days * 86400.0)
-    day = ((times - bench.start) // 86400).astype(int)
-    made[-1] = np.bincount(day, minlength=days)[:days]
+    at = ((times - bench.start) // 86400).astype(int)
+    made[-1] = np.bincount(at, minlength=days)[:days]
     return made
 
 
@@ -214,7 +212,12 @@ def hourly(bench: Bench, seed: int) -> Rows:
             sensor = int(rng.choice(bench.known))
             end = begin + SEGMENT
             cases.append(
-                (faulty(bench.home, kind, sensor, onset, end, rng), sensor, begin, onset)
+                (
+                    faulty(bench.home, kind, sensor, onset, end, rng),
+                    sensor,
+                    begin,
+                    onset,
+                )
             )
     for at, name in enumerate(METHODS):
         scores, labels = [], []
@@ -267,7 +270,9 @@ def outages(bench: Bench, listed: list[tuple[int, float, float]]) -> Rows:
         mentions = bench.clean(name)
         inside: set[Mention] = set()
         for row, (sensor, begin, end) in enumerate(listed):
-            mine = [m for m in mentions if m.sensor == sensor and begin <= m.begin < end]
+            mine = [
+                m for m in mentions if m.sensor == sensor and begin <= m.begin < end
+            ]
             inside.update(mine)
             if mine:
                 made[row, at] = (mine[0].begin - begin) / HOUR

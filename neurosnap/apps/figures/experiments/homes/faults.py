@@ -1,4 +1,4 @@
-"""Faults of sensors in recorded homes: the log as the faulty sensor would have had it."""
+"""Faults of sensors, put into recorded homes: the log as it would have been."""
 
 import numpy as np
 from numpy.random import Generator
@@ -45,7 +45,9 @@ def _damaged(own: Spans, kind: str, onset: float, end: float, rng: Generator) ->
         gone = inside & (rng.random(len(own)) < _LOST[kind])
         left = own[~gone].copy()
         if kind == "fail-stop":
-            left[:, 1] = np.where(left[:, 0] < onset, left[:, 1].clip(max=onset), left[:, 1])
+            left[:, 1] = np.where(
+                left[:, 0] < onset, left[:, 1].clip(max=onset), left[:, 1]
+            )
         return left
     if kind == "stuck on":
         return merged(np.vstack([own, [[onset, end]]]))
@@ -59,7 +61,9 @@ def _damaged(own: Spans, kind: str, onset: float, end: float, rng: Generator) ->
     return with_false(own, int(rng.integers(1, 4)), onset, end, rng)
 
 
-def with_false(own: Spans, count: int, begin: float, end: float, rng: Generator) -> Spans:
+def with_false(
+    own: Spans, count: int, begin: float, end: float, rng: Generator
+) -> Spans:
     """Return the spans of a sensor with false ones, each as long as a true one was.
 
     Args:
@@ -81,7 +85,7 @@ def differing(one: Spans, other: Spans) -> Spans:
     bounds, times = np.unique(
         np.concatenate([one.ravel(), other.ravel()]), return_counts=True
     )
-    return bounds[times % 2 == 1].reshape(-1, 2)
+    return np.asarray(bounds[times % 2 == 1].reshape(-1, 2))
 
 
 def _spliced(own: Spans, other: Spans, onset: float, end: float) -> Spans:

@@ -102,6 +102,33 @@ def read_home(path: Path) -> Home:
     )
 
 
+def read_outages(path: Path, home: Home) -> list[tuple[int, float, float]]:
+    """Return the natural outages of a home: sensor, begin, end, seconds since 1970.
+
+    Args:
+        path: Text; a line has the sensor's number as in the home's file, when it failed
+            and when it was well again. There is no such file: there are none.
+        home: The home.
+
+    Raises:
+        InvalidValueError: A line is not of that form, or there is no such sensor.
+    """
+    found = []
+    lines = path.read_text("utf-8").splitlines() if path.exists() else []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            sensor, begin, end = line.split()
+            found.append(
+                (home.sensors.index(f"s{int(sensor)}"), float(begin), float(end))
+            )
+        except ValueError:
+            rule = "must be a sensor's number, and its failure and repair in seconds"
+            raise InvalidValueError(f"{path}:{number}", rule, line) from None
+    return found
+
+
 def merged(spans: Spans) -> Spans:
     """Return spans in order, those that overlap as one."""
     ordered = spans[np.lexsort(spans.T[::-1])]

@@ -74,9 +74,9 @@ class Bench:
         found: list[Mention] = []
         for week in self._weeks:
             end = min(week + WEEK, self.home.end)
-            for mention in self.method(name, week).mentions(self.home, week, end):
-                if mention.begin > week or week == self.start:
-                    found.append(mention)
+            said = self.method(name, week).mentions(self.home, week, end)
+            # What goes on from the week before began there.
+            found += [m for m in said if m.begin > week or week == self.start]
         return found
 
 
@@ -91,17 +91,11 @@ def bench(path: str, alarms: str) -> Bench:
         return _bench(path, alarms)
 
 
-def credited(
-    found: list[Mention], twin: list[Mention], onset: float
-) -> list[Mention]:
+def credited(found: list[Mention], twin: list[Mention], onset: float) -> list[Mention]:
     """Return the mentions after an onset that the twin without the fault has not."""
     return [
         m
         for m in found
         if m.begin > onset
-        and not any(
-            t.sensor == m.sensor and t.begin <= m.begin <= t.end for t in twin
-        )
+        and not any(t.sensor == m.sensor and t.begin <= m.begin <= t.end for t in twin)
     ]
-
-

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.figures.experiments.homes.home import Home
 from neurosnap.apps.figures.experiments.homes.mention import HOUR, Mention
+from neurosnap.health.budget import parse_budget, shares
 from neurosnap.health.evidence import follow
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learning import Learned, heard, per_step
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import STEP, Steps
-from neurosnap.health.budget import parse_budget, shares
 from neurosnap.health.tail import weekly
 
 SEGMENT = 6 * 3600
@@ -58,9 +58,7 @@ class Watched:
 
 def part(steps: Steps, low: int, high: int) -> Steps:
     """Return some of the steps."""
-    return Steps(
-        steps.came_on[low:high], steps.longest[low:high], steps.first + low
-    )
+    return Steps(steps.came_on[low:high], steps.longest[low:high], steps.first + low)
 
 
 class Ours:
@@ -97,7 +95,9 @@ class Ours:
         steps = home.steps(begin, end)
         known = np.ones(len(home.sensors), np.bool_)
         mentions: list[Mention] = []
-        open_: dict[int, float] = {int(s): begin for s in np.flatnonzero(judge.kind != WELL)}
+        open_: dict[int, float] = {
+            int(s): begin for s in np.flatnonzero(judge.kind != WELL)
+        }
         hours = np.zeros((-(-len(steps) * STEP // int(HOUR)), len(home.sensors)))
         for at in range(len(steps)):
             number = steps.first + at
@@ -153,7 +153,9 @@ class Ours:
             trace,
         )
         allowed = shares(
-            parse_budget(self._watched.alarms), int(learned.known.sum()), len(judge.raised)
+            parse_budget(self._watched.alarms),
+            int(learned.known.sum()),
+            len(judge.raised),
         )
         often = weekly(learned.tails[sensor][None], trace[:, 0])
         return np.asarray((often <= allowed).any(1) & bool(learned.known[sensor]))
@@ -183,7 +185,7 @@ def _note(
 ) -> None:
     """Take note of alarms that begin and end."""
     bad = set(np.flatnonzero(judge.kind != WELL).tolist())
-    for sensor in [s for s in open_ if s not in bad]:
-        mentions.append(Mention(sensor, open_.pop(sensor), now))
+    well = [sensor for sensor in open_ if sensor not in bad]
+    mentions += [Mention(sensor, open_.pop(sensor), now) for sensor in well]
     for sensor in bad:
         open_.setdefault(sensor, now)

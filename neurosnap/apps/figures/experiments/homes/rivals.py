@@ -1,5 +1,7 @@
 """Baselines: simple ways to find broken sensors, learned from the same past."""
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +48,9 @@ class _Rival:
 
 def known(home: Home, until: float) -> Flags:
     """Return which sensors came on often enough before a time to be judged."""
-    return np.array([(spans[:, 0] < until).sum() >= ACTIVATIONS for spans in home.spans])
+    return np.array(
+        [(spans[:, 0] < until).sum() >= ACTIVATIONS for spans in home.spans]
+    )
 
 
 class Silence(_Rival):
@@ -108,7 +112,7 @@ class Silence(_Rival):
         found = []
         own = np.flatnonzero(who == sensor)
         edges = [-1, *own.tolist(), len(times)]
-        for left, right in zip(edges, edges[1:], strict=False):
+        for left, right in pairwise(edges):
             start = passed if left < 0 else 0.0
             need = int(np.floor(most - start)) + 1
             at = left + max(need, 0)
@@ -129,7 +133,7 @@ class Groups(_Rival):
         keys = [row.tobytes() for row in sets]
         self._groups = np.unique(sets, axis=0)
         self._seen = set(keys)
-        self._went = set(zip(keys, keys[1:], strict=False))
+        self._went = set(pairwise(keys))
 
     def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
         """Return the sensors that are in the way."""
@@ -143,10 +147,13 @@ class Groups(_Rival):
                 far = (self._groups != row).sum(1)
                 near = self._groups[far.argmin()]
                 points += [(time, int(s)) for s in np.flatnonzero(near != row)]
-            elif before is not None and before[0] in self._seen:
-                if (before[0], key) not in self._went:
-                    moved = np.flatnonzero(before[1] != row)
-                    points += [(time, int(s)) for s in moved]
+            elif (
+                before is not None
+                and before[0] in self._seen
+                and (before[0], key) not in self._went
+            ):
+                moved = np.flatnonzero(before[1] != row)
+                points += [(time, int(s)) for s in moved]
             before = key, row
         return joined(points, _MINUTE)
 

@@ -1,0 +1,121 @@
+"""Table entries of the figure of homes: one of each table, home and budget."""
+
+import hashlib
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import msgspec
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from neurosnap.apps.figures.experiments.entry import key_of
+from neurosnap.apps.figures.experiments.homes import cases
+from neurosnap.apps.figures.experiments.homes.faults import LONG
+from neurosnap.apps.figures.experiments.homes.home import read_home, read_outages
+from neurosnap.apps.figures.experiments.homes.methods import METHODS, bench
+
+_VERSION = 1
+"""Raised whenever the same options come to give other figures."""
+
+TableKind: TypeAlias = Literal["segments", "long", "week", "hourly", "clean", "outages"]
+TABLES: tuple[TableKind, ...] = (
+    *("segments", "long", "week", "hourly", "clean", "outages"),
+)
+MOST = (64, 512)
+"""Known sensors, and days, that there is room for in a table."""
+
+
+class HomeEntry(msgspec.Struct, frozen=True, kw_only=True):
+    """What every method says of one home, as `cases` describes."""
+
+    table: TableKind
+    home: str
+    """The name of its file."""
+    digest: str
+    """SHA-256 of the file."""
+    alarms: str
+    """The budget of the health monitor."""
+    runs: int
+    seed: int
+    path: str
+    """Where the file is; no part of the key."""
+
+    @property
+    def name(self) -> str:
+        """What people see of it in a listing of files."""
+        return f"home-{self.home}-{self.table}"
+
+    @property
+    def key(self) -> str:
+        """All that its rows depend on, as JSON."""
+        return key_of(msgspec.structs.replace(self, path=""), "home", _VERSION)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of a row; there is room to spare."""
+        methods, (sensors, days) = len(METHODS), MOST
+        shapes: dict[TableKind, tuple[int, ...]] = {
+            "segments": (
+                len(cases.KINDS),
+                cases.CASES,
+                methods,
+                len(cases.SEGMENT_FIELDS),
+            ),
+            "long": (len(LONG), sensors, cases.ONSETS, methods),
+            "week": (2, sensors, methods, len(cases.WEEK_FIELDS)),
+            "hourly": (methods, 3),
+            "clean": (methods + 1, days),
+            "outages": (sensors, methods),
+        }
+        return shapes[self.table]
+
+    @property
+    def dtype(self) -> DTypeLike:
+        """The type of a row."""
+        return np.float64
+
+    def row(self, run: int) -> NDArray[np.float64]:
+        """Return what came of one seed; what there is no case for is not a number."""
+        ready = bench(self.path, self.alarms)
+        seed = self.seed + run
+        made = {
+            "segments": lambda: cases.segments(ready, seed),
+            "long": lambda: cases.long_faults(ready, seed),
+            "week": lambda: cases.last_week(ready, seed),
+            "hourly": lambda: cases.hourly(ready, seed),
+            "clean": lambda: cases.clean_days(ready),
+            "outages": lambda: cases.outages(
+                ready, read_outages(Path(self.path).with_suffix(".outages"), ready.home)
+            ),
+        }[self.table]()
+        row = np.full(self.shape, np.nan)
+        fits = tuple(
+            slice(min(have, room))
+            for have, room in zip(made.shape, self.shape, strict=True)
+        )
+        row[fits] = made[fits]
+        return row
+
+
+def entries(folder: Path, alarms: str, runs: int, seed: int) -> list[HomeEntry]:
+    """Return the entries of all homes in a folder, by home and table."""
+    made = []
+    for path in sorted(folder.glob("*.sensors")):
+        listed = path.with_suffix(".outages")
+        has = bool(read_outages(listed, read_home(path)))
+        content = path.read_bytes() + (listed.read_bytes() if has else b"")
+        digest = hashlib.sha256(content).hexdigest()
+        made += [
+            HomeEntry(
+                table=table,
+                home=path.stem,
+                digest=digest,
+                alarms=alarms,
+                runs=1 if table in ("clean", "outages") else runs,
+                seed=seed,
+                path=str(path),
+            )
+            for table in TABLES
+            if has or table != "outages"
+        ]
+    return made
