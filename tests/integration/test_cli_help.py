@@ -10,6 +10,7 @@ pytestmark = pytest.mark.slow
 VERBS = (
     "run",
     "learn",
+    "health",
     "replay",
     "depth",
     "figures",

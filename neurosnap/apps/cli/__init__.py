@@ -6,6 +6,7 @@ Exit codes: 0 all well, 1 failed, 2 wrong usage, 3 finished but something was lo
 # Each module adds its verbs to the app; the order is that of the help.
 from neurosnap.apps.cli import run as run  # isort: skip
 from neurosnap.apps.cli import learn as learn  # isort: skip
+from neurosnap.apps.cli import health as health  # isort: skip
 from neurosnap.apps.cli import replay as replay  # isort: skip
 from neurosnap.apps.cli import measure as measure  # isort: skip
 from neurosnap.apps.cli import look as look  # isort: skip

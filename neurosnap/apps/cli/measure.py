@@ -169,8 +169,7 @@ def figures(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Recorded homes, NAME.sensors; a line has the start and the duration in"
-            " seconds, and the sensor's number.",
+            help="A folder of recorded homes, in any form that `learn` reads.",
             show_default="none: leave their figure out",
         ),
     ] = None,

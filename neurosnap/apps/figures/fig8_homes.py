@@ -21,6 +21,7 @@ from neurosnap.apps.figures.experiments.homes.home_entry import HomeEntry, entri
 from neurosnap.apps.figures.experiments.homes.methods import METHODS
 from neurosnap.apps.figures.figure import Figure, FigureOptions, Report
 from neurosnap.errors import InvalidValueError
+from neurosnap.health.budget import parse_budget
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,11 +40,11 @@ def cells(options: FigureOptions) -> list[HomeEntry]:
     """Return the cells of all homes.
 
     Raises:
-        InvalidValueError: There is no folder of homes.
+        InvalidValueError: There is no folder of homes, or the budget is none.
     """
-    if options.homes is None or not any(options.homes.glob("*.sensors")):
-        rule = "must be a folder with NAME.sensors"
-        raise InvalidValueError("homes", rule, options.homes)
+    if options.homes is None:
+        raise InvalidValueError("homes", "must be a folder of homes", "none")
+    parse_budget(options.alarms)
     runs = min(options.runs, _MOST_RUNS)
     return entries(options.homes, options.alarms, runs, options.seed)
 

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.steps import Steps, steps_of
+from neurosnap.sources.tables.open_readings import open_readings
+from neurosnap.sources.tables.spans import Spans, spans_of
 
-Spans = NDArray[np.float64]
-"""``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
+__all__ = ["Home", "Spans", "homes_in", "merged", "read_home", "read_outages"]
 
 
 @dataclass(frozen=True)
@@ -53,52 +54,40 @@ class Home:
         return Home(self.name, self.sensors, spans, self.begin, self.end)
 
 
-def homes_in(folder: Path) -> list[Home]:
-    """Return the homes in a folder: its files ``NAME.sensors``, by name.
+SUFFIXES = (".sensors", ".csv", ".parquet", ".db")
+"""What the names of files with homes end with."""
+
+
+def homes_in(folder: Path) -> list[Path]:
+    """Return the files of the homes in a folder, by name.
 
     Raises:
-        InvalidValueError: There is none, or a line of one is not right.
+        InvalidValueError: There is none.
     """
-    paths = sorted(folder.glob("*.sensors"))
+    paths = sorted(path for path in folder.glob("*") if path.suffix in SUFFIXES)
     if not paths:
-        raise InvalidValueError("homes", "must be a folder with NAME.sensors", folder)
-    return [read_home(path) for path in paths]
+        rule = f"must be a folder with files NAME{', NAME'.join(SUFFIXES)}"
+        raise InvalidValueError("homes", rule, folder)
+    return paths
 
 
 def read_home(path: Path) -> Home:
-    """Return the home in a file.
-
-    Args:
-        path: Text; a line has the start in seconds since 1970, the seconds that the
-            sensor was on, and its number.
+    """Return the home in a file, in any form that `open_readings` reads.
 
     Raises:
-        InvalidValueError: A line is not of that form, or there is none.
+        InvalidValueError: It cannot be read, or breaks a rule.
     """
-    found: dict[int, list[tuple[float, float]]] = {}
-    for number, line in enumerate(path.read_text("utf-8").splitlines(), start=1):
-        if not line.strip():
-            continue
-        try:
-            start, seconds, sensor = line.split()
-            begin, end = float(start), float(start) + float(seconds)
-            key = int(sensor)
-        except ValueError:
-            rule = "must be a start and a duration in seconds, and the sensor's number"
-            raise InvalidValueError(f"{path}:{number}", rule, line) from None
-        if not begin <= end < float("inf"):
-            rule = "must not end before it starts"
-            raise InvalidValueError(f"{path}:{number}", rule, line)
-        found.setdefault(key, []).append((begin, end))
-    if not found:
-        raise InvalidValueError(str(path), "must have a line", "none")
-    spans = tuple(merged(np.array(found[key])) for key in sorted(found))
+    readings = open_readings(str(path))
+    spans = spans_of(readings)
+    used = [own for own in spans if len(own)]
+    if not used:
+        raise InvalidValueError(str(path), "must have a sensor that was on", "none")
     return Home(
         path.stem,
-        tuple(f"s{key}" for key in sorted(found)),
-        spans,
-        min(float(own[0, 0]) for own in spans),
-        max(float(own[:, 1].max()) for own in spans),
+        tuple(readings.columns.sensorium.names),
+        tuple(spans),
+        min(float(own[0, 0]) for own in used),
+        max(float(own[:, 1].max()) for own in used),
     )
 
 
@@ -106,8 +95,8 @@ def read_outages(path: Path, home: Home) -> list[tuple[int, float, float]]:
     """Return the natural outages of a home: sensor, begin, end, seconds since 1970.
 
     Args:
-        path: Text; a line has the sensor's number as in the home's file, when it failed
-            and when it was well again. There is no such file: there are none.
+        path: Text; a line has the sensor's name, when it failed and when it was well
+            again. There is no such file: there are none.
         home: The home.
 
     Raises:
@@ -120,11 +109,9 @@ def read_outages(path: Path, home: Home) -> list[tuple[int, float, float]]:
             continue
         try:
             sensor, begin, end = line.split()
-            found.append(
-                (home.sensors.index(f"s{int(sensor)}"), float(begin), float(end))
-            )
+            found.append((home.sensors.index(sensor), float(begin), float(end)))
         except ValueError:
-            rule = "must be a sensor's number, and its failure and repair in seconds"
+            rule = "must be a sensor's name, and its failure and repair in seconds"
             raise InvalidValueError(f"{path}:{number}", rule, line) from None
     return found
 

@@ -11,7 +11,11 @@ from numpy.typing import DTypeLike, NDArray
 from neurosnap.apps.figures.experiments.entry import key_of
 from neurosnap.apps.figures.experiments.homes import cases
 from neurosnap.apps.figures.experiments.homes.faults import LONG
-from neurosnap.apps.figures.experiments.homes.home import read_home, read_outages
+from neurosnap.apps.figures.experiments.homes.home import (
+    homes_in,
+    read_home,
+    read_outages,
+)
 from neurosnap.apps.figures.experiments.homes.methods import METHODS, bench
 
 _VERSION = 1
@@ -100,7 +104,7 @@ class HomeEntry(msgspec.Struct, frozen=True, kw_only=True):
 def entries(folder: Path, alarms: str, runs: int, seed: int) -> list[HomeEntry]:
     """Return the entries of all homes in a folder, by home and table."""
     made = []
-    for path in sorted(folder.glob("*.sensors")):
+    for path in homes_in(folder):
         listed = path.with_suffix(".outages")
         has = bool(read_outages(listed, read_home(path)))
         content = path.read_bytes() + (listed.read_bytes() if has else b"")
