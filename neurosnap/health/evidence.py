@@ -29,6 +29,8 @@ USUAL = np.array([0.5, 1.0, 1.0, 0.7, 0.35])
 by Ville's inequality they exceed x with probability ``exp(-x)`` if the rates are right,
 and no more often. A silence is in units of its usual course, the others are logarithms
 of times and of numbers."""
+WORTH = np.array([1.0, 4.0, 4.0, 4.0, 4.0])
+"""How many peaks that is worth: silences differ most from sensor to sensor."""
 SUMS = 3
 _THINNED = 0.3
 _RARE = 0.02

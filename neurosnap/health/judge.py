@@ -95,7 +95,7 @@ class Judge:
 
     def arrays(self) -> Arrays:
         """Return the state by name."""
-        return {name: getattr(self, name) for name in _STATE}
+        return {f"judge_{name}": getattr(self, name) for name in _STATE}
 
     def restore(self, arrays: Arrays) -> None:
         """Take the state that `arrays` gave.
@@ -105,7 +105,7 @@ class Judge:
             ValueError: It is of another number of sensors.
         """
         for name in _STATE:
-            mine, given = getattr(self, name), arrays[name]
+            mine, given = getattr(self, name), arrays[f"judge_{name}"]
             if name != "raised" and mine.shape != given.shape:
                 raise ValueError(f"{name} must be {mine.shape}, got {given.shape}")
             setattr(self, name, given.astype(mine.dtype))
@@ -151,15 +151,14 @@ class Judge:
     def _rates(self, learned: Learned, number: int) -> Floats:
         """Return the rates of a step, ``(4, 1, sensors)``.
 
-        The word of a sensor counts by its health where it accuses another of silence.
-        Where it could excuse an activation, a sensor that seems too silent may have
-        been on, as likely as the others say, and one that seems too loud is not
-        believed.
+        A sensor in alarm accuses no other of silence. Where it could excuse an
+        activation, the word of a sensor in bad health is replaced by how likely the
+        others say it would have come on.
         """
         now = np.array([REACH - 1])
         sensors = len(self.kind)
-        quiet, loud = self._ill()
-        sound = 1 - np.maximum(quiet, loud)
+        ill = np.tile(self._ill(), 2)
+        heeded = np.tile(self.kind == WELL, 2)
         rates = np.zeros((len(WINDOWS), 1, sensors))
         alone = np.zeros((1, sensors))
         for place, window in enumerate(WINDOWS):
@@ -167,26 +166,22 @@ class Judge:
             others = row[:, : 2 * sensors]
             if place == 0:
                 excuse = row.copy()
-                excuse[:, : 2 * sensors] *= 1 - np.tile(loud, 2)
-                likely = -np.expm1(-(excuse @ learned.weights[0])) * quiet
-                said = np.maximum(excuse[:, : 2 * sensors], np.tile(likely, 2))
-                excuse[:, : 2 * sensors] = said
+                excuse[:, : 2 * sensors] *= 1 - ill
+                likely = -np.expm1(-(excuse @ learned.weights[0]))
+                excuse[:, : 2 * sensors] += ill * np.tile(likely, 2)
                 alone = excuse @ learned.weights[0]
-            others *= np.tile(sound, 2)
+            others *= heeded
             rates[place] = row @ learned.weights[place]
         return per_step(rates, alone)
 
-    def _ill(self) -> tuple[Floats, Floats]:
-        """Return how far each sensor seems too silent, and how far too loud, 0 to 1.
+    def _ill(self) -> Floats:
+        """Return how ill each sensor is, from 0 to 1, in alarm.
 
         Half the way to an alarm is nothing yet: evidence often goes as far.
         """
-        doubt = (2 * self.strain - 1).clip(0, 1)
-        quiet = doubt[:, :MORE].max(1)
-        loud = doubt[:, MORE:].max(1)
-        quiet[(self.kind == SILENT) | (self.kind == LESS)] = 1
-        loud[self.kind >= MORE] = 1
-        return quiet, loud
+        ill = (2 * self.strain.max(1) - 1).clip(0, 1)
+        ill[self.kind != WELL] = 1
+        return np.asarray(ill)
 
     def _note(
         self,
@@ -215,13 +210,19 @@ class Judge:
         self.strain = np.where(learned.known[:, None], np.maximum(strain, 0.0), 0.0)
 
     def _begin(self, learned: Learned, number: int) -> list[int]:
-        over = np.flatnonzero((self.strain.max(1) >= 1) & (self.kind == WELL))
-        for sensor in over:
-            self.kind[sensor] = self.strain[sensor].argmax()
+        over = self.strain.max(1) >= 1
+        # One that was too loud and falls silent is another alarm.
+        silent = (self.strain[:, :MORE].max(1) >= 1) & (self.kind >= MORE)
+        begun = np.flatnonzero(over & (self.kind == WELL) | silent)
+        for sensor in begun:
+            kinds = (
+                self.strain[sensor, :MORE] if silent[sensor] else self.strain[sensor]
+            )
+            self.kind[sensor] = kinds.argmax()
             self.raised_at[sensor] = number
             self.calm[sensor] = 0
-        self.raised = np.concatenate([self.raised, np.full(len(over), number)])
-        return [int(sensor) for sensor in over]
+        self.raised = np.concatenate([self.raised, np.full(len(begun), number)])
+        return [int(sensor) for sensor in begun]
 
     def _end(
         self, number: int, came_on: NDArray[np.int32], longest: NDArray[np.float32]

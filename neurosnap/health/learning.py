@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.health import expectation
-from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, USUAL, follow, peaks
+from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, USUAL, WORTH, follow, peaks
 from neurosnap.health.expectation import WINDOWS
 from neurosnap.health.steps import DAY, WEEK, Steps
 from neurosnap.health.tail import tail_of
@@ -89,8 +89,8 @@ def learn(steps: Steps, valid: Flags) -> Learned:
     tails = np.array(
         [
             [
-                tail_of(peaks(trace[:, sensor, kind]), float(weeks[sensor]), usual)
-                for kind, usual in enumerate(USUAL)
+                tail_of(peaks(trace[:, sensor, kind]), weeks[sensor], usual, worth)
+                for kind, (usual, worth) in enumerate(zip(USUAL, WORTH, strict=True))
             ]
             for sensor in range(sensors)
         ]

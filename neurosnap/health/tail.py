@@ -19,15 +19,15 @@ _WHOLE = 5
 """With fewer peaks all of them are used."""
 
 
-def tail_of(peaks: Floats, weeks: float, mean: float) -> Floats:
+def tail_of(peaks: Floats, weeks: float, mean: float, weight: float = 1) -> Floats:
     """Return the tail of peaks that were seen.
 
     Args:
         peaks: ``(n,)``, in any order, above zero.
         weeks: In how much time.
-        mean: What to expect above the start if there were no peaks; has the weight of
-            one peak, and what is found is never below it: a tail lighter than theory
-            gives is not believed.
+        mean: What to expect above the start if there were no peaks. What is found is
+            never below it: a tail lighter than theory gives is not believed.
+        weight: How many peaks that is worth.
 
     Returns:
         ``(4,)``: rate, start, mean, shape.
@@ -36,9 +36,9 @@ def tail_of(peaks: Floats, weeks: float, mean: float) -> Floats:
     upper = min(count, max(_WHOLE, (count + 1) // 2))
     high = np.sort(peaks)
     start = high[count - upper - 1] if upper < count else 0.0
-    total = float((high[count - upper :] - start).sum()) + mean
-    found = max(mean, total / (upper + 1))
-    return np.array([(upper + 0.5) / weeks, start, found, upper + 1.0])
+    total = float((high[count - upper :] - start).sum()) + weight * mean
+    shape = upper + weight
+    return np.array([(upper + 0.5) / weeks, start, max(mean, total / shape), shape])
 
 
 def weekly(tails: Floats, evidence: Floats) -> Floats:

@@ -1,0 +1,143 @@
+"""Evidence is followed as its definition has it, and its tails are distributions."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.health.budget import parse_budget, shares
+from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, follow, peaks
+from neurosnap.health.expectation import features, fitted, learned
+from neurosnap.health.steps import steps_of
+from neurosnap.health.tail import level, tail_of, weekly
+
+
+def by_hand(
+    rates: np.ndarray, heard: np.ndarray, came_on: np.ndarray, scales: np.ndarray
+) -> list[tuple[float, float, float]]:
+    """Return silent, less and more of one sensor, from the definitions."""
+    clocks, less, rare, often = [0.0] * 4, 0.0, 0.0, 0.0
+    made = []
+    for step, count in enumerate(came_on):
+        rate, calm = max(rates[0, step], 1e-3), max(rates[3, step], 1e-3)
+
+        def chance(of: float, on: bool = count > 0) -> float:
+            return 1 - math.exp(-of) if on else math.exp(-of)
+
+        less = max(0.0, less + math.log(chance(0.3 * rate) / chance(rate)))
+        rare = max(0.0, rare + min(3.0, math.log(chance(calm + 0.02) / chance(calm))))
+        often = max(0.0, often + min(3.0, math.log(chance(calm + 0.3) / chance(calm))))
+        for clock in range(4):
+            went = rates[clock, step] if clock < 3 else 1.0
+            clocks[clock] = 0 if count else clocks[clock] + went * heard[step]
+        course = [c / s for c, s in zip(clocks, scales, strict=True)]
+        made.append((math.prod(course) ** 0.25, less, max(rare, often)))
+    return made
+
+
+@given(
+    arrays(np.float64, (4, 12, 1), elements=st.floats(0, 3)),
+    arrays(np.bool_, (12, 1)),
+    arrays(np.int32, (12, 1), elements=st.integers(0, 3)),
+)
+def test_evidence_is_its_definition(
+    rates: np.ndarray, heard: np.ndarray, came_on: np.ndarray
+) -> None:
+    trace = np.zeros((12, 1, len(KINDS)))
+    scales = np.array([[1.0], [2.0], [0.5], [3.0]])
+    longest = np.linspace(0, 900, 12, dtype=np.float32)[:, None]
+    follow(
+        np.zeros((CLOCKS, 1)),
+        np.zeros((SUMS, 1)),
+        scales,
+        1e-3,
+        rates,
+        heard,
+        came_on,
+        longest,
+        np.ones((12, 1), np.bool_),
+        trace,
+    )
+    expected = by_hand(rates[:, :, 0], heard[:, 0], came_on[:, 0], scales[:, 0])
+    np.testing.assert_allclose(trace[:, 0, :3], expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(trace[:, 0, 3], np.log1p(longest[:, 0]), rtol=1e-6)
+
+
+@given(st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.5]), max_size=30))
+def test_peaks_are_the_largest_of_each_excursion_that_is_over(
+    values: list[float],
+) -> None:
+    runs, run = [], 0.0
+    for value in values:
+        if value == 0 and run > 0:
+            runs.append(run)
+        run = max(run, value) if value > 0 else 0.0
+    assert peaks(np.array(values)).tolist() == runs
+
+
+@given(
+    st.lists(st.floats(0.1, 50), max_size=40),
+    st.floats(0.5, 8),
+    st.floats(1e-4, 1e-1),
+)
+def test_a_level_is_reached_as_often_as_it_says(
+    seen: list[float], weeks: float, times: float
+) -> None:
+    tail = tail_of(np.array(seen), weeks, 1.0)
+    bar = level(tail, times)
+    assert weekly(tail, bar) == pytest.approx(min(times, tail[0]), rel=1e-6)
+    assert weekly(tail, bar + 1) < weekly(tail, bar)
+
+
+def test_a_tail_holds_what_it_says_on_exponential_peaks() -> None:
+    rng = np.random.default_rng(0)
+    wanted, trials, over = 0.05, 2000, 0
+    for _ in range(trials):
+        tail = tail_of(rng.exponential(2.0, 40), 4.0, 0.5)
+        # Ten peaks a week: above the bar come `wanted` of them on average.
+        over += int(rng.poisson(10 * math.exp(-float(level(tail, wanted)) / 2.0)))
+    assert over / trials < 1.3 * wanted
+
+
+def test_weights_are_of_largest_likelihood() -> None:
+    rng = np.random.default_rng(1)
+    inputs = (rng.random((4000, 3)) < 0.3).astype(float)
+    inputs[:, 2] = 1
+    truth = np.array([0.8, 0.0, 0.05])
+    on = rng.random(4000) < 1 - np.exp(-inputs @ truth)
+    found = fitted(inputs, on, np.ones(4000, np.bool_))
+    np.testing.assert_allclose(found, truth, atol=0.08)
+
+
+def test_a_sensor_says_nothing_of_itself_and_the_past_nothing_of_the_future() -> None:
+    rng = np.random.default_rng(2)
+    active = rng.random((288, 3)) < 0.2
+    weights, _ = learned(active, np.ones_like(active), 0)
+    for sensor in range(3):
+        assert (weights[:, [sensor, 3 + sensor], sensor] == 0).all()
+    changed = active.copy()
+    changed[100:] = ~changed[100:]
+    rows = np.arange(100)
+    before = features(active, 0, 6, rows)
+    assert np.array_equal(before, features(changed, 0, 6, rows))
+
+
+def test_steps_count_beginnings_and_know_how_long() -> None:
+    steps = steps_of([(30, 40, 0), (50, 1900, 0), (700, 700, 1)], 2, 0, 2400)
+    assert steps.came_on[:, 0].tolist() == [2, 0, 0, 0]
+    assert steps.came_on[:, 1].tolist() == [0, 1, 0, 0]
+    assert steps.longest[:, 0].tolist() == [550, 1150, 1750, 1850]
+
+
+def test_a_budget_is_shared_and_shrinks_when_it_is_exceeded() -> None:
+    assert shares(1.0, 10, 0).sum() == pytest.approx(0.1)
+    assert shares(1.0, 10, 8).sum() == pytest.approx(0.05)
+    assert parse_budget("1/week") == 1
+    assert parse_budget("2/day") == pytest.approx(14)
+    for text in ("0/week", "1", "1/year", "x/day", "-1/week"):
+        with pytest.raises(InvalidValueError, match=r"^alarms: must be a number"):
+            parse_budget(text)

@@ -1,0 +1,146 @@
+"""The monitor finds planted faults, is quiet without, and goes on from its bytes."""
+
+import numpy as np
+import pytest
+
+from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.health.alarm import Alarm
+from neurosnap.health.monitor import HealthMonitor
+from neurosnap.health.steps import DAY, Steps
+from tests.support.lived_in import SENSORS, START, in_steps, lived_in
+
+DAYS = 28
+ONSET = START + 21 * 86400.0
+BATH, FLUSH, FRIDGE = (SENSORS.index(name) for name in ("bath", "flush", "fridge"))
+
+pytestmark = pytest.mark.slow
+
+
+def part(steps: Steps, low: int, high: int) -> Steps:
+    return Steps(steps.came_on[low:high], steps.longest[low:high], steps.first + low)
+
+
+def watched(
+    intervals: list[tuple[float, float, int]],
+) -> tuple[HealthMonitor, list[Alarm]]:
+    monitor = HealthMonitor(SENSORS)
+    begun, _ = monitor.take(in_steps(sorted(intervals), DAYS))
+    return monitor, begun
+
+
+def after(alarms: list[Alarm]) -> list[Alarm]:
+    return [alarm for alarm in alarms if alarm.step * 600 >= ONSET]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_home_with_nothing_wrong_keeps_to_its_budget(seed: int) -> None:
+    _, begun = watched(lived_in(DAYS, seed))
+    # Four weeks at one a week; of a Poisson number with that mean 2 % are above 8.
+    assert len(begun) <= 8
+
+
+def test_a_sensor_that_stops_is_named_with_its_companion() -> None:
+    stopped = [i for i in lived_in(DAYS, 1) if not (i[2] == FLUSH and i[0] >= ONSET)]
+    monitor, begun = watched(stopped)
+    (alarm,) = after(begun)
+    assert (alarm.sensor, alarm.kind) == ("flush", "silent")
+    assert alarm.companion is not None
+    assert alarm.companion.name == "bath"
+    assert (alarm.step - ONSET / 600) / DAY < 3
+    assert monitor.health[FLUSH] == 0
+    line = alarm.line()
+    assert line.startswith("flush: silent since ")
+    assert "bath came on in" in line
+    assert "Could also be: nobody uses it any more" in line
+
+
+def test_a_sensor_that_is_stuck_is_named_within_a_day() -> None:
+    stuck = [*lived_in(DAYS, 2), (ONSET, ONSET + 3 * 86400.0, FRIDGE)]
+    monitor, begun = watched(stuck)
+    alarm = after(begun)[0]
+    assert (alarm.sensor, alarm.kind) == ("fridge", "stuck")
+    assert (alarm.step - ONSET / 600) < DAY
+    assert monitor.health[FRIDGE] > 0.5  # it went off again
+
+
+def test_a_sensor_that_comes_on_at_night_is_named() -> None:
+    rng = np.random.default_rng(3)
+    false = ONSET + rng.uniform(0, 7 * 86400, 50)
+    noisy = [*lived_in(DAYS, 3), *((t, t + 5, BATH) for t in false)]
+    _, begun = watched(noisy)
+    assert [(a.sensor, a.kind) for a in after(begun)] == [("bath", "more")]
+
+
+def test_chatter_is_named_at_once() -> None:
+    burst = [(ONSET + 10 * n, ONSET + 10 * n + 1, FRIDGE) for n in range(60)]
+    _, begun = watched([*lived_in(DAYS, 4), *burst])
+    assert ("fridge", "chatter") in [(a.sensor, a.kind) for a in after(begun)]
+    (first, *_) = after(begun)
+    assert first.step - ONSET / 600 < 3
+
+
+def test_a_repaired_sensor_is_well_and_the_repair_is_no_alarm() -> None:
+    back = ONSET + 4 * 86400.0
+    broken = [
+        i for i in lived_in(DAYS, 1) if not (i[2] == FLUSH and ONSET <= i[0] < back)
+    ]
+    monitor = HealthMonitor(SENSORS)
+    begun, ended = monitor.take(in_steps(broken, DAYS))
+    assert [alarm.sensor for alarm in after(begun)] == ["flush"]
+    assert ended[-1] == "flush"
+    assert monitor.alarm(FLUSH) is None
+
+
+def test_nothing_is_said_before_enough_is_known() -> None:
+    monitor = HealthMonitor(SENSORS)
+    begun, _ = monitor.take(in_steps(lived_in(2, 0), 2))
+    assert begun == []
+    assert not monitor.known.any()
+    assert (monitor.health == 1).all()
+    line = monitor.progress.line()
+    assert line.startswith("learning: ")
+    assert line.endswith("0 of 8 sensors known")
+
+
+def test_it_goes_on_from_its_bytes_bit_for_bit() -> None:
+    steps = in_steps(lived_in(9, 5), 9)
+    whole, first = HealthMonitor(SENSORS), HealthMonitor(SENSORS)
+    told = whole.take(steps)
+    half = len(steps) // 2 + 7
+    early = first.take(part(steps, 0, half))
+    second = HealthMonitor.from_bytes(first.to_bytes())
+    late = second.take(part(steps, half, len(steps)))
+    assert (early[0] + late[0], early[1] + late[1]) == told
+    assert second.to_bytes() == whole.to_bytes()
+
+
+def test_one_step_at_a_time_is_the_same() -> None:
+    steps = in_steps(lived_in(6, 6), 6)
+    whole, single = HealthMonitor(SENSORS), HealthMonitor(SENSORS)
+    whole.take(steps)
+    for at in range(len(steps)):
+        single.take(part(steps, at, at + 1))
+    assert single.to_bytes() == whole.to_bytes()
+
+
+def test_unknown_readings_are_no_silence() -> None:
+    stopped = [i for i in lived_in(DAYS, 1) if not (i[2] == FLUSH and i[0] >= ONSET)]
+    steps = in_steps(stopped, DAYS)
+    valid = np.ones(steps.came_on.shape, np.bool_)
+    valid[21 * DAY :, FLUSH] = False
+    begun, _ = HealthMonitor(SENSORS).take(steps, valid)
+    assert "flush" not in [alarm.sensor for alarm in after(begun)]
+
+
+def test_what_cannot_be_is_refused() -> None:
+    monitor = HealthMonitor(SENSORS)
+    steps = in_steps(lived_in(1, 0), 1)
+    with pytest.raises(InvalidValueError, match=r"^alarms: must be a number a hour"):
+        HealthMonitor(SENSORS, "often")
+    with pytest.raises(ShapeError, match=r"^steps: must have 2 sensors"):
+        HealthMonitor(["a", "b"]).take(steps)
+    monitor.take(steps)
+    with pytest.raises(InvalidValueError, match=r"^steps: must begin with"):
+        monitor.take(steps)
+    with pytest.raises(InvalidValueError, match=r"^data: must be a HealthMonitor"):
+        HealthMonitor.from_bytes(b"nothing")
