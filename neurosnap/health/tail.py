@@ -54,17 +54,3 @@ def weekly(tails: Floats, evidence: Floats) -> Floats:
         return np.asarray(
             tails[..., RATE] * (1.0 + above / scale) ** -tails[..., SHAPE]
         )
-
-
-def level(tails: Floats, times: Floats | float) -> Floats:
-    """Return the evidence that is reached so many times a week, or more rarely.
-
-    Args:
-        tails: ``(..., 4)``.
-        times: A week; above zero.
-    """
-    often = np.maximum(tails[..., RATE] / times, 1.0)
-    scale = tails[..., SHAPE] * tails[..., MEAN]
-    return np.asarray(
-        tails[..., START] + scale * (often ** (1 / tails[..., SHAPE]) - 1)
-    )

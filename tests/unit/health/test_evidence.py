@@ -13,7 +13,14 @@ from neurosnap.health.budget import parse_budget, shares
 from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, follow, peaks
 from neurosnap.health.expectation import features, fitted, learned
 from neurosnap.health.steps import steps_of
-from neurosnap.health.tail import level, tail_of, weekly
+from neurosnap.health.tail import MEAN, RATE, SHAPE, START, tail_of, weekly
+
+
+def level(tail: np.ndarray, times: float) -> float:
+    """Return the evidence that is reached so many times a week."""
+    often = max(tail[RATE] / times, 1.0)
+    scale = tail[SHAPE] * tail[MEAN]
+    return float(tail[START] + scale * (often ** (1 / tail[SHAPE]) - 1))
 
 
 def by_hand(
@@ -89,8 +96,8 @@ def test_a_level_is_reached_as_often_as_it_says(
 ) -> None:
     tail = tail_of(np.array(seen), weeks, 1.0)
     bar = level(tail, times)
-    assert weekly(tail, bar) == pytest.approx(min(times, tail[0]), rel=1e-6)
-    assert weekly(tail, bar + 1) < weekly(tail, bar)
+    assert weekly(tail, np.array(bar)) == pytest.approx(min(times, tail[0]), rel=1e-6)
+    assert weekly(tail, np.array(bar + 1)) < weekly(tail, np.array(bar))
 
 
 def test_a_tail_holds_what_it_says_on_exponential_peaks() -> None:
@@ -99,7 +106,7 @@ def test_a_tail_holds_what_it_says_on_exponential_peaks() -> None:
     for _ in range(trials):
         tail = tail_of(rng.exponential(2.0, 40), 4.0, 0.5)
         # Ten peaks a week: above the bar come `wanted` of them on average.
-        over += int(rng.poisson(10 * math.exp(-float(level(tail, wanted)) / 2.0)))
+        over += int(rng.poisson(10 * math.exp(-level(tail, wanted) / 2.0)))
     assert over / trials < 1.3 * wanted
 
 

@@ -82,13 +82,6 @@ class Ours:
         judge, learned = self._watched.at(begin)
         return self._followed(judge, learned, home, begin, end)[1]
 
-    def both(
-        self, home: Home, begin: float, end: float
-    ) -> tuple[list[Mention], NDArray[np.float64]]:
-        """Return mentions and scores."""
-        judge, learned = self._watched.at(begin)
-        return self._followed(judge, learned, home, begin, end)
-
     def _followed(
         self, judge: Judge, learned: Learned, home: Home, begin: float, end: float
     ) -> tuple[list[Mention], NDArray[np.float64]]:

@@ -1,0 +1,52 @@
+"""``neurosnap health``, as a user has it."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.command_line import call, happy, refused
+from tests.support.lived_in import SENSORS, START, lived_in
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a home whose flush stops after three weeks."""
+    path = tmp_path_factory.mktemp("home") / "one.sensors"
+    flush, onset = SENSORS.index("flush"), START + 21 * 86400
+    path.write_text(
+        "".join(
+            f"{on:.0f} {off - on:.0f} {sensor}\n"
+            for on, off, sensor in lived_in(26, 1)
+            if not (sensor == flush and on >= onset)
+        )
+    )
+    return path
+
+
+def test_a_broken_sensor_is_named_in_a_line(home: Path) -> None:
+    result = call("health", home)
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert any(" s2: silent since " in line and "(s1 came on" in line for line in lines)
+    assert lines[-2].startswith("learning: ")
+    assert lines[-2].endswith(" 8 of 8 sensors known")
+    assert lines[-1].endswith("in force (budget 1/week)")
+
+
+def test_the_same_as_json(home: Path) -> None:
+    facts = happy("health", home, "--alarms", "1/month")
+    health = {each["sensor"]: each["health"] for each in facts["sensors"]}
+    assert health["s2"] == 0
+    last = [each for each in facts["alarms"] if each["alarm"]["sensor"] == "s2"][-1]
+    assert (last["alarm"]["kind"], last["ended"]) == ("silent", None)
+    assert facts["budget"] == "1/month"
+
+
+def test_what_cannot_be_is_refused(home: Path, tmp_path: Path) -> None:
+    said = refused("health", home, "--alarms", "often")
+    assert "alarms: must be a number a hour, day, week or month" in said
+    table = tmp_path / "table.csv"
+    table.write_text("a,b\n0,1\n1,0\n")
+    assert "data: must say when each reading was" in refused("health", table)
