@@ -40,6 +40,8 @@ class Alarm(msgspec.Struct, frozen=True):
     """How often the sensor came on since."""
     expected: float
     """In how many steps it was expected to come on since."""
+    unexpected: int
+    """In how many steps it came on since although hardly anything spoke for it."""
     companion: Companion | None
     """Who says so most; None: nobody in particular."""
 
@@ -61,8 +63,8 @@ class Alarm(msgspec.Struct, frozen=True):
             )
         if self.kind == "more":
             return (
-                f"came on {self.came_on} times since {began}, where"
-                f" {self.expected:.1f} were to be expected"
+                f"came on by itself {self.unexpected} times since {began}, with none of"
+                " what it goes with"
             )
         if self.kind == "stuck":
             return (
@@ -85,11 +87,11 @@ class Alarm(msgspec.Struct, frozen=True):
 
     def _rare(self) -> str:
         if self.weekly <= 0:
-            return "never so in this home by chance"
+            return "this sensor never does so by chance"
         weeks = 1 / self.weekly
         if weeks > 520:
-            return "by chance not once in ten years"
-        return f"by chance once in {weeks:.0f} weeks"
+            return "this sensor does so by chance not once in ten years"
+        return f"this sensor does so by chance once in {weeks:.0f} weeks"
 
     def _else(self) -> str:
         return f"Could also be: {_ELSE[self.kind]}."

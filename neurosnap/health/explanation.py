@@ -13,7 +13,13 @@ _LEAST = 5
 """Hours that a companion must have been seen in."""
 
 
-def expected_since(learned: Learned, history: Steps, sensor: int, since: int) -> float:
+HARDLY = 0.05
+"""The probability of coming on in a step below which hardly anything speaks for it."""
+
+
+def expected_since(
+    learned: Learned, history: Steps, sensor: int, since: int
+) -> tuple[float, int]:
     """Return in how many steps a sensor was expected to come on.
 
     Args:
@@ -21,11 +27,16 @@ def expected_since(learned: Learned, history: Steps, sensor: int, since: int) ->
         history: Up to now.
         sensor: Its number.
         since: A step of the history; steps before it are left out.
+
+    Returns:
+        How many, and in how many it came on although hardly anything spoke for it.
     """
     rows = np.arange(max(0, since - history.first), len(history))
     inputs = features(history.came_on > 0, history.first, WINDOWS[0], rows)
     rates = inputs @ learned.weights[0][:, sensor]
-    return float(-np.expm1(-rates).sum())
+    likely = -np.expm1(-rates)
+    came_on = history.came_on[rows, sensor] > 0
+    return float(likely.sum()), int((came_on & (likely < HARDLY)).sum())
 
 
 def companion(

@@ -176,6 +176,7 @@ class HealthMonitor(Archived):
         history = self.history()
         evidence = self.judge.evidence[sensor, kind]
         at = max(0, since - self._first)
+        expected, unexpected = expected_since(learned, history, sensor, since)
         return Alarm(
             sensor=self._names[sensor],
             kind=KINDS[kind],
@@ -185,7 +186,8 @@ class HealthMonitor(Archived):
             before=self._most(sensor, kind, at),
             weekly=float(weekly(learned.tails[sensor, kind], evidence)),
             came_on=int(history.came_on[at:, sensor].sum()),
-            expected=expected_since(learned, history, sensor, since),
+            expected=expected,
+            unexpected=unexpected,
             companion=(
                 companion(
                     self._names, history, self._valid[: self._kept], sensor, since
