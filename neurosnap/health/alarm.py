@@ -56,15 +56,12 @@ class Alarm(msgspec.Struct, frozen=True):
                 f"silent since {began} ({lasted(self.step + 1 - self.since)}), where"
                 f" {self.expected:.1f} activations were to be expected"
             )
-        if self.kind == "less":
+        if self.kind in ("less", "more"):
+            alone = f", {self.unexpected} of them with nothing that it goes with"
             return (
-                f"came on {self.came_on} times since {began}, where"
+                f"came on {_often(self.came_on)} since {began}, where"
                 f" {self.expected:.1f} were to be expected"
-            )
-        if self.kind == "more":
-            return (
-                f"came on by itself {self.unexpected} times since {began}, with none of"
-                " what it goes with"
+                f"{alone if self.kind == 'more' and self.unexpected else ''}"
             )
         if self.kind == "stuck":
             return (
@@ -125,6 +122,10 @@ def _seconds(evidence: float) -> str:
     """Return the time on that evidence of kind ``stuck`` stands for."""
     seconds = math.expm1(evidence)
     return f"{seconds:.0f} s" if seconds < STEP else lasted(int(seconds) // STEP)
+
+
+def _often(times: int) -> str:
+    return "once" if times == 1 else f"{times} times"
 
 
 def _times(evidence: float) -> str:

@@ -131,7 +131,12 @@ def heard(active: Flags) -> Flags:
 
 
 def _scales(rates: Floats, near: Flags, active: Flags, valid: Flags) -> Floats:
-    """Return the mean of the longer half of the silences, by each clock."""
+    """Return the mean of the longer half of the silences, by each clock.
+
+    By the clocks of rates it is one activation that was expected, at least: where a
+    sensor comes on again and again, its silences are over before any was, and one that
+    is a little longer says nothing.
+    """
     sensors = active.shape[1]
     goes = near & valid & ~active
     scales = np.ones((CLOCKS, sensors))
@@ -143,5 +148,6 @@ def _scales(rates: Floats, near: Flags, active: Flags, valid: Flags) -> Floats:
             lasted = np.sort(np.diff(at))
             long = lasted[len(lasted) // 2 :]
             if len(long) and long.mean() > 0:
-                scales[clock, sensor] = long.mean()
+                least = 1.0 if clock < CLOCKS - 1 else 0.0
+                scales[clock, sensor] = max(least, long.mean())
     return scales

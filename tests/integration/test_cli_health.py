@@ -7,6 +7,8 @@ import pytest
 from tests.support.command_line import call, happy, refused
 from tests.support.lived_in import SENSORS, START, lived_in
 
+DATABASE = Path(__file__).parent.parent / "golden" / "home-assistant_v2.db"
+
 pytestmark = pytest.mark.slow
 
 
@@ -42,6 +44,11 @@ def test_the_same_as_json(home: Path) -> None:
     last = [each for each in facts["alarms"] if each["alarm"]["sensor"] == "s2"][-1]
     assert (last["alarm"]["kind"], last["ended"]) == ("silent", None)
     assert facts["budget"] == "1/month"
+
+
+def test_a_window_that_opens_again_and_again_is_not_silent_in_between() -> None:
+    """Nothing was expected of it meanwhile, however short its silences are mostly."""
+    assert happy("health", DATABASE)["alarms"] == []
 
 
 def test_what_cannot_be_is_refused(home: Path, tmp_path: Path) -> None:
