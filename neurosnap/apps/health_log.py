@@ -45,7 +45,9 @@ class HealthLog(msgspec.Struct, frozen=True):
             yield f"{told(raised.alarm.step + 1)}  {raised.line}{end}"
         yield self.progress.line()
         bad = sum(raised.ended is None for raised in self.alarms)
-        yield f"{len(self.alarms)} alarms, {bad} in force (budget {self.budget})"
+        count = len(self.alarms)
+        alarms = "1 alarm" if count == 1 else f"{count} alarms"
+        yield f"{alarms}, {bad} in force (budget {self.budget})"
 
 
 def follow(readings: Readings, budget: str) -> HealthLog:

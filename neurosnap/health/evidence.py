@@ -51,6 +51,7 @@ def follow(
     longest: NDArray[np.float32],
     valid: NDArray[np.bool_],
     trace: Floats,
+    expected: Floats,
 ) -> None:
     """Take steps, and change the evidence in place.
 
@@ -66,6 +67,8 @@ def follow(
         longest: ``(steps, sensors)``, seconds.
         valid: ``(steps, sensors)``; nothing changes where false.
         trace: ``(steps, sensors, 5)``, the evidence of each kind; written.
+        expected: ``(steps, sensors)``, how many activations were to be expected since
+            the last, by the first clock; written.
     """
     steps, sensors = came_on.shape
     for step in range(steps):
@@ -73,6 +76,7 @@ def follow(
             row = trace[step, sensor]
             if not valid[step, sensor]:
                 row[:] = 0.0
+                expected[step, sensor] = 0.0
                 continue
             on = came_on[step, sensor] > 0
             rate = max(rates[0, step, sensor], least)
@@ -98,10 +102,26 @@ def follow(
             for clock in range(4):
                 course *= clocks[clock, sensor] / scales[clock, sensor]
             row[0] = course**0.25
+            expected[step, sensor] = clocks[0, sensor]
             row[1] = sums[0, sensor]
             row[2] = max(sums[1, sensor], sums[2, sensor])
             row[3] = np.log1p(longest[step, sensor])
             row[4] = np.log(came_on[step, sensor]) if on else 0.0
+
+
+def speaks(evidence: Floats, expected: Floats) -> NDArray[np.bool_]:
+    """Return where evidence says anything at all, however rare it may be.
+
+    A silence does not before one activation was to be expected: those of a sensor that
+    comes on again and again are mostly over in minutes.
+
+    Args:
+        evidence: ``(..., 5)``, 0 or more.
+        expected: ``(...)``, how many activations were to be expected since the last.
+    """
+    does: NDArray[np.bool_] = evidence > 0
+    does[..., SILENT] &= expected >= 1
+    return does
 
 
 def peaks(evidence: Floats) -> Floats:

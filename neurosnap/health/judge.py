@@ -17,6 +17,7 @@ from neurosnap.health.evidence import (
     STUCK,
     SUMS,
     follow,
+    speaks,
 )
 from neurosnap.health.expectation import REACH, WINDOWS, features
 from neurosnap.health.learning import Learned, heard, per_step
@@ -131,6 +132,7 @@ class Judge:
         rates = self._rates(learned, number)
         near = heard(self.recent)[-1:]
         trace = np.zeros((1, *self.evidence.shape))
+        expected = np.zeros((1, len(self.kind)))
         follow(
             self.clocks,
             self.sums,
@@ -142,10 +144,11 @@ class Judge:
             longest[None],
             valid[None],
             trace,
+            expected,
         )
         self._note(trace[0], number, came_on, longest, valid)
         ended = self._end(number, came_on, longest)
-        self._weigh(learned, number)
+        self._weigh(learned, number, expected[0])
         return Changes(self._begin(learned, number), ended)
 
     def _rates(self, learned: Learned, number: int) -> Floats:
@@ -201,13 +204,14 @@ class Judge:
         self.since[:, CHATTER] = number
         self.evidence = np.where(valid[:, None], trace, self.evidence)
 
-    def _weigh(self, learned: Learned, number: int) -> None:
+    def _weigh(self, learned: Learned, number: int, expected: Floats) -> None:
         self.raised = self.raised[self.raised > number - LOOKBACK]
         allowed = shares(self._alarms, int(learned.known.sum()), len(self.raised))
         often = weekly(learned.tails, self.evidence)
         most = np.maximum(learned.tails[..., 0], 2 * allowed)
         strain = np.log(most / np.maximum(often, 1e-300)) / np.log(most / allowed)
-        self.strain = np.where(learned.known[:, None], np.maximum(strain, 0.0), 0.0)
+        judged = learned.known[:, None] & speaks(self.evidence, expected)
+        self.strain = np.where(judged, np.maximum(strain, 0.0), 0.0)
 
     def _begin(self, learned: Learned, number: int) -> list[int]:
         over = self.strain.max(1) >= 1

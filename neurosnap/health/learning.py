@@ -84,6 +84,7 @@ def learn(steps: Steps, valid: Flags) -> Learned:
         steps.longest,
         valid,
         trace,
+        np.zeros((count, sensors)),
     )
     weeks = np.maximum(valid.sum(0), 1) / WEEK
     tails = np.array(
@@ -131,12 +132,7 @@ def heard(active: Flags) -> Flags:
 
 
 def _scales(rates: Floats, near: Flags, active: Flags, valid: Flags) -> Floats:
-    """Return the mean of the longer half of the silences, by each clock.
-
-    By the clocks of rates it is one activation that was expected, at least: where a
-    sensor comes on again and again, its silences are over before any was, and one that
-    is a little longer says nothing.
-    """
+    """Return the mean of the longer half of the silences, by each clock."""
     sensors = active.shape[1]
     goes = near & valid & ~active
     scales = np.ones((CLOCKS, sensors))
@@ -148,6 +144,5 @@ def _scales(rates: Floats, near: Flags, active: Flags, valid: Flags) -> Floats:
             lasted = np.sort(np.diff(at))
             long = lasted[len(lasted) // 2 :]
             if len(long) and long.mean() > 0:
-                least = 1.0 if clock < CLOCKS - 1 else 0.0
-                scales[clock, sensor] = max(least, long.mean())
+                scales[clock, sensor] = long.mean()
     return scales

@@ -25,8 +25,8 @@ def level(tail: np.ndarray, times: float) -> float:
 
 def by_hand(
     rates: np.ndarray, heard: np.ndarray, came_on: np.ndarray, scales: np.ndarray
-) -> list[tuple[float, float, float]]:
-    """Return silent, less and more of one sensor, from the definitions."""
+) -> list[tuple[float, float, float, float]]:
+    """Return silent, less, more and what was expected, from the definitions."""
     clocks, less, rare, often = [0.0] * 4, 0.0, 0.0, 0.0
     made = []
     for step, count in enumerate(came_on):
@@ -42,7 +42,7 @@ def by_hand(
             went = rates[clock, step] if clock < 3 else 1.0
             clocks[clock] = 0 if count else clocks[clock] + went * heard[step]
         course = [c / s for c, s in zip(clocks, scales, strict=True)]
-        made.append((math.prod(course) ** 0.25, less, max(rare, often)))
+        made.append((math.prod(course) ** 0.25, less, max(rare, often), clocks[0]))
     return made
 
 
@@ -54,7 +54,7 @@ def by_hand(
 def test_evidence_is_its_definition(
     rates: np.ndarray, heard: np.ndarray, came_on: np.ndarray
 ) -> None:
-    trace = np.zeros((12, 1, len(KINDS)))
+    trace, due = np.zeros((12, 1, len(KINDS))), np.zeros((12, 1))
     scales = np.array([[1.0], [2.0], [0.5], [3.0]])
     longest = np.linspace(0, 900, 12, dtype=np.float32)[:, None]
     follow(
@@ -68,9 +68,11 @@ def test_evidence_is_its_definition(
         longest,
         np.ones((12, 1), np.bool_),
         trace,
+        due,
     )
     expected = by_hand(rates[:, :, 0], heard[:, 0], came_on[:, 0], scales[:, 0])
-    np.testing.assert_allclose(trace[:, 0, :3], expected, rtol=1e-6, atol=1e-9)
+    found = np.column_stack([trace[:, 0, :3], due])
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(trace[:, 0, 3], np.log1p(longest[:, 0]), rtol=1e-6)
 
 

@@ -58,6 +58,15 @@ def test_a_home_with_nothing_wrong_keeps_to_its_budget(seed: int) -> None:
     assert len(begun) <= 8
 
 
+def test_a_large_budget_tells_nothing_of_what_did_not_happen() -> None:
+    steps = in_steps(lived_in(10, 1), 10)
+    begun, _ = HealthMonitor(SENSORS, "20/day").take(steps)
+    assert {alarm.kind for alarm in begun} >= {"silent", "more"}
+    for alarm in begun:
+        assert alarm.evidence > 0
+        assert alarm.came_on or alarm.kind in ("silent", "less")
+
+
 def test_a_sensor_that_stops_is_named_with_its_companion() -> None:
     monitor, begun, _ = watched(without(FLUSH))
     (alarm,) = begun

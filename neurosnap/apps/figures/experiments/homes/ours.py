@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from neurosnap.apps.figures.experiments.homes.home import Home
 from neurosnap.apps.figures.experiments.homes.mention import HOUR, Mention
 from neurosnap.health.budget import parse_budget, shares
-from neurosnap.health.evidence import follow
+from neurosnap.health.evidence import follow, speaks
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learning import Learned, heard, per_step
@@ -133,6 +133,7 @@ class Ours:
         one = slice(sensor, sensor + 1)
         count = high - low
         trace = np.zeros((count, 1, judge.evidence.shape[1]))
+        due = np.zeros((count, 1))
         follow(
             np.ascontiguousarray(judge.clocks[:, one]),
             np.ascontiguousarray(judge.sums[:, one]),
@@ -144,6 +145,7 @@ class Ours:
             own.longest[:count],
             np.ones((count, 1), np.bool_),
             trace,
+            due,
         )
         allowed = shares(
             parse_budget(self._watched.alarms),
@@ -151,7 +153,8 @@ class Ours:
             len(judge.raised),
         )
         often = weekly(learned.tails[sensor][None], trace[:, 0])
-        return np.asarray((often <= allowed).any(1) & bool(learned.known[sensor]))
+        over = (often <= allowed) & speaks(trace[:, 0], due[:, 0])
+        return np.asarray(over.any(1) & bool(learned.known[sensor]))
 
     def _expected(
         self, learned: Learned, low: int, high: int
