@@ -11,7 +11,7 @@ from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.pair_codes import excluded, rows_of
 from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.thresholds import saved_threshold
+from neurosnap.poc.learning.thresholds import is_auto, saved_threshold
 from neurosnap.poc.learning.update_kernels_partial import discount_squares
 from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.poc.order.literals import Words
@@ -60,6 +60,9 @@ class DiscountedSnapshot(Snapshot):
         threshold: ArrayLike = THRESHOLD,
         decay: float = DECAY,
     ) -> None:
+        if is_auto(threshold):
+            rule = "must be a number for a discounted snapshot"
+            raise InvalidValueError("threshold", rule, threshold)
         super().__init__(sensors, threshold)
         if isinstance(decay, bool) or not isinstance(decay, float | int | np.number):
             raise InvalidValueError("decay", "must be a number", decay)

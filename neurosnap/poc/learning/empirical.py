@@ -1,23 +1,36 @@
 """Empirical snapshots: learning by counting, without forgetting."""
 
+import math
+from bisect import bisect_left
 from collections.abc import Iterable
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
-from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.pair_codes import rows_of
 from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
+from neurosnap.poc.learning.persistence import Persistence
 from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.thresholds import saved_threshold
+from neurosnap.poc.learning.thresholds import AUTO, is_auto, saved_threshold
+from neurosnap.poc.learning.update_kernels_auto import (
+    SHARE,
+    START,
+    is_tolerated,
+    share_of_changes,
+)
 from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium, complete
+
+_BATCH = 64
+"""Rows that are observed between two reports of progress."""
 
 
 class EmpiricalSnapshot(Snapshot):
@@ -30,9 +43,14 @@ class EmpiricalSnapshot(Snapshot):
     together in less than half of all observations is judged once it was so ``1 / tau``
     times: of fewer, not one could speak against an implication without undoing it.
 
+    With the threshold ``"auto"`` each pair chooses its own, from what was observed of
+    it: `neurosnap.poc.learning.update_kernels_auto` says how, and why the graph is
+    acyclic as with any other.
+
     Args:
         sensors: A sensorium, or how many sensors there are.
-        threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4].
+        threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4]. Or
+            ``"auto"``.
 
     Raises:
         ShapeError: `threshold` has another shape.
@@ -54,10 +72,24 @@ class EmpiricalSnapshot(Snapshot):
     def __init__(
         self, sensors: int | Sensorium, threshold: ArrayLike = THRESHOLD
     ) -> None:
-        super().__init__(sensors, threshold)
-        self._weights = Weights.starting(
-            len(self.sensorium), np.uint32(0), np.uint32(0)
-        )
+        auto = is_auto(threshold)
+        super().__init__(sensors, SHARE if auto else threshold)
+        count = len(self.sensorium)
+        self._weights = Weights.starting(count, np.uint32(0), np.uint32(0))
+        self._persistence = Persistence(count) if auto else None
+
+    @property
+    def threshold(self) -> float | NDArray[np.float64] | Literal["auto"]:
+        """The threshold as it was given: a number, a new array, or ``"auto"``."""
+        return super().threshold if self._persistence is None else AUTO
+
+    def arrays(self) -> Arrays:
+        """Return all there is to know, by name."""
+        if self._persistence is None:
+            return super().arrays()
+        # What was broken stands from one test to the next: that is in the codes.
+        codes = {"threshold": np.array(AUTO), "codes": self._codes}
+        return super().arrays() | codes | self._persistence.arrays()
 
     @classmethod
     def fit(
@@ -69,7 +101,8 @@ class EmpiricalSnapshot(Snapshot):
     ) -> Self:
         """Return what a snapshot is after observing all rows of a table, in order.
 
-        Pairs are counted a column at a time, 64 ticks a step.
+        Pairs are counted a column at a time, 64 ticks a step; but row by row where
+        thresholds choose themselves, as what is tolerated depends on the order.
 
         Args:
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; a
@@ -80,7 +113,7 @@ class EmpiricalSnapshot(Snapshot):
             on_progress: Told how many pairs are done, twice for each.
 
         Returns:
-            A new snapshot. O(N² T / 64) time.
+            A new snapshot. O(N² T / 64) time; O(N² T) for ``"auto"``.
 
         Raises:
             ShapeError: `data` has not two axes, or there is not one name a column.
@@ -94,8 +127,22 @@ class EmpiricalSnapshot(Snapshot):
         """
         columns = data if isinstance(data, Columns) else Columns.of(data, names)
         snapshot = cls(columns.sensorium, threshold)
-        snapshot._take(columns, on_progress)
+        if snapshot._persistence is None:
+            snapshot._take(columns, on_progress)
+        else:
+            snapshot._follow(columns, on_progress)
         return snapshot
+
+    def _follow(self, columns: Columns, on_progress: OnProgress | None) -> None:
+        """Observe all rows."""
+        pairs = self._codes.size
+        for tick in range(columns.ticks):
+            self.learn(*columns.row(tick))
+            if on_progress is not None and tick % _BATCH == 0:
+                on_progress(pairs * tick // columns.ticks, pairs)
+        self._adopt_last()
+        if on_progress is not None:
+            on_progress(pairs, pairs)
 
     def _take(self, columns: Columns, on_progress: OnProgress | None) -> None:
         """Become what all rows make of a snapshot that has seen nothing."""
@@ -119,17 +166,23 @@ class EmpiricalSnapshot(Snapshot):
         self._since[:] = last_changes(
             columns, ticks, self._by_pair, self._codes, on_progress
         )
-        bits, known = columns.row(columns.ticks - 1)
-        self._bits[:], self._known[:] = bits, known
-        read_last = complete(bits) & known.repeat(2)
+        self._bits[:], self._known[:] = columns.row(columns.ticks - 1)
+        self._adopt_last()
+
+    def _adopt_last(self) -> None:
+        """Adopt the state of the readings at hand."""
+        read_last = complete(self._bits.view(np.bool_)) & (self._known > 0).repeat(2)
         self.adopt(self.poc_graph().coherent_projection(read_last))
 
     def _update(self) -> bool:
+        if self._persistence is not None:
+            self._persistence.note(self._bits, self._known)
         return self._count(self._clock + 1)
 
     def _count(self, clock: int) -> bool:
         """Count what is known of the bits at hand and derive the graph for `clock`."""
-        weights = self._weights
+        weights, kept = self._weights, self._persistence
+        choosing = () if kept is None else (kept.spells, kept.turns)
         if weights.squares is not None:
             return bool(
                 count_squares(
@@ -141,6 +194,7 @@ class EmpiricalSnapshot(Snapshot):
                     self._by_pair,
                     self._codes,
                     self._rows,
+                    *choosing,
                 )
             )
         return bool(
@@ -152,8 +206,24 @@ class EmpiricalSnapshot(Snapshot):
                 self._by_pair,
                 self._codes,
                 self._rows,
+                *choosing,
             )
         )
+
+    def _limit(self, a: int, b: int, square: tuple[float, ...]) -> float:
+        if self._persistence is None:
+            return super()._limit(a, b, square)
+        both, against, _, neither = square
+        total, spells = float(sum(square)), self._persistence.spells
+        from_a, from_b = float(both + against), float(neither + against)
+        changes = share_of_changes(spells, a, b ^ 1)
+
+        def is_too_many(exceptions: int) -> bool:
+            of = float(exceptions)
+            return not is_tolerated(of, from_a, from_b, total, changes)
+
+        rare = range(1, max(1, math.ceil(SHARE * total - START)))
+        return 1 + bisect_left(rare, True, key=is_too_many)
 
     def _newborn(
         self, sensor: int, ticks: int, on: Words, off: Words
@@ -165,7 +235,8 @@ class EmpiricalSnapshot(Snapshot):
             counts.reshape(2, sensor, 2).swapaxes(1, 2).reshape(4, sensor)
         )
         codes = np.zeros(sensor, np.uint8)
-        count_newborn(squares, ticks, self._by_pair[0], codes)
+        spells = None if self._persistence is None else self._persistence.spells
+        count_newborn(squares, ticks, self._by_pair[0], codes, spells)
         return squares, codes
 
     def _total(self) -> int:
@@ -176,13 +247,24 @@ class EmpiricalSnapshot(Snapshot):
 
     @classmethod
     def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
-        return cls(sensorium, saved_threshold(arrays, len(sensorium)))
+        if not is_auto(arrays.get("threshold")):
+            return cls(sensorium, saved_threshold(arrays, len(sensorium)))
+        snapshot = cls(sensorium, AUTO)
+        if snapshot._persistence is not None:
+            snapshot._persistence.restore(arrays)
+        return snapshot
 
     def _derive(self, arrays: Arrays) -> None:
         squares = self._weights.all(self._clock)
         inside = (squares >= 0).all() and (squares.sum(axis=0) <= self._clock).all()
         if not inside or (self._weights.marginals > self._clock).any():
             raise ValueError("weights: must be consistent with the clock")
+        if self._persistence is not None:
+            self._codes[:] = entry(arrays, "codes", self._codes.shape, np.uint8)
+            self._rows[:] = rows_of(self._codes, len(self.sensorium))
+        before = self._codes.copy()
         # Neither bit nor reading at hand: nothing is counted.
         if self._clock:
             self._count(self._clock)
+        if self._persistence is not None and (self._codes != before).any():
+            raise ValueError("codes: must go with the weights")

@@ -6,7 +6,7 @@ last adopted. How observations are weighed is up to each kind.
 
 import abc
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,7 +92,7 @@ class Snapshot(Archived):
         return self._clock
 
     @property
-    def threshold(self) -> float | NDArray[np.float64]:
+    def threshold(self) -> float | NDArray[np.float64] | Literal["auto"]:
         """The threshold as it was given: a number, or a new ``(N, N)`` array."""
         if self._threshold.ndim == 0:
             return self._threshold.item()
@@ -143,14 +143,13 @@ class Snapshot(Archived):
         other = self._weights.of(a ^ 1, b, total)
         neither = self._weights.of(a ^ 1, b ^ 1, total)
         total = self._whole(both, against, other, neither)
-        share = self._by_pair[pair if self._threshold.ndim else 0].item()
         return Evidence(
             total=total,
             both=both,
             neither=neither,
             other=other,
             against=against,
-            limit=share * total,
+            limit=self._limit(a, b, (both, against, other, neither)),
             holds=bool(self._rows[a, b >> 6] >> np.uint64(b & 63) & np.uint64(1)),
             since=self._since[pair].item(),
         )
@@ -384,6 +383,17 @@ class Snapshot(Archived):
     @abc.abstractmethod
     def _whole(self, *square: float) -> float:
         """Return what four weights add up to, without the errors of rounding."""
+
+    def _limit(self, a: int, b: int, square: tuple[float, ...]) -> float:
+        """Return what the weight against ``a -> b`` must be less than.
+
+        Args:
+            a: A literal.
+            b: One of another sensor.
+            square: The weights ``w_ab, w_ab*, w_a*b, w_a*b*``.
+        """
+        share = self._by_pair[pair_of(a, b) if self._threshold.ndim else 0].item()
+        return float(share * self._whole(*square))
 
     @classmethod
     @abc.abstractmethod

@@ -1,10 +1,23 @@
 """Rules for learning thresholds: at most a quarter, and symmetric."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import Arrays, entry
+
+AUTO: Final = "auto"
+"""Instead of a threshold: each pair chooses its own."""
+
+
+def is_auto(threshold: ArrayLike | None) -> bool:
+    """Return whether thresholds are to choose themselves."""
+    text = isinstance(threshold, str) or (
+        isinstance(threshold, np.ndarray) and threshold.dtype.kind == "U"
+    )
+    return text and str(threshold) == AUTO
 
 
 def checked_threshold(threshold: ArrayLike, count: int) -> NDArray[np.float64]:
@@ -21,7 +34,7 @@ def checked_threshold(threshold: ArrayLike, count: int) -> NDArray[np.float64]:
     try:
         array = np.array(threshold, np.float64)
     except (TypeError, ValueError) as error:
-        rule = "must be a number or an array of numbers"
+        rule = 'must be a number, an array of numbers, or "auto"'
         raise InvalidValueError("threshold", rule, threshold) from error
     if array.ndim and array.shape != (count, count):
         raise ShapeError("threshold", f"must be ({count}, {count})", array.shape)

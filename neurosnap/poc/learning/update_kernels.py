@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.one_pair import SLACK
+from neurosnap.poc.learning.update_kernels_auto import MARK, START, withstand
 from neurosnap.poc.order.kernels import spread
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
@@ -31,6 +32,8 @@ def learn_counts(
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
+    spells: NDArray[np.uint32] | None = None,
+    turns: NDArray[np.uint8] | None = None,
 ) -> bool:
     """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
 
@@ -46,45 +49,100 @@ def learn_counts(
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
+        spells: ``(2, 2N)``, where thresholds choose themselves: as
+            `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
+            threshold then is.
+        turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
 
     Returns:
         Whether any code changed. O(N²/2) time.
     """
     count = bits.shape[0]
     ticks = np.uint32(clock)
+    bound = threshold[0] * clock
+    if spells is not None:
+        bound = max(bound - START, 1.0)
     # For a whole w, w < x iff w < ceil(x): the product is rounded once, as a double,
     # and the comparison is then exact.
-    limit = np.full(count, np.uint32(math.ceil(threshold[0] * clock)))
+    limit = np.full(count, np.uint32(math.ceil(bound)))
     fresh = np.empty(count, np.uint8)
+    squares = np.empty((4, 0 if spells is None else count), np.uint32)
     for j in range(count):
         marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))
     changed = False
     for i in range(1, count):
         start = i * (i - 1) // 2
-        joint = joints[start : start + i]
+        joint, now = joints[start : start + i], codes[start : start + i]
         if bits[i]:
             for j in range(i):
                 joint[j] = np.uint32(joint[j] + np.uint32(bits[j]))
         if threshold.shape[0] > 1:
             for j in range(i):
                 limit[j] = np.uint32(math.ceil(threshold[start + j] * clock))
-        mine = marginals[i]
-        rest = np.uint32(ticks - mine)
-        for j in range(i):
-            w11 = joint[j]
-            w10 = np.uint32(mine - w11)
-            w01 = np.uint32(marginals[j] - w11)
-            w00 = np.uint32(rest - w01)
-            mixed, like = min(w10, w01), min(w11, w00)
-            up = mixed < min(min(max(w10, w01), like), limit[j])
-            down = like < min(min(max(w11, w00), mixed), limit[j])
-            code = np.uint8(0)
-            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
-            code = np.uint8(3) if (w10 | w01) == 0 else code
-            fresh[j] = np.uint8(12) if (w11 | w00) == 0 else code
-        changed |= rewire(i, fresh, codes[start : start + i], rows)
+        _judge(joint, marginals, marginals[i], ticks, limit, spells, fresh)
+        if spells is not None and turns is not None:
+            if turns[i]:
+                _fill(joint, marginals, marginals[i], ticks, squares)
+            withstand(i, turns[i], squares, spells, now, fresh)
+        changed |= rewire(i, fresh, now, rows)
     return changed
+
+
+@njit()
+def _judge(
+    joint: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    mine: np.uint32,
+    ticks: np.uint32,
+    limit: NDArray[np.uint32],
+    spells: NDArray[np.uint32] | None,
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Write what one row's counts say of its pairs.
+
+    Args:
+        joint: ``(i,)``, of the pairs of sensor `i` with those before it.
+        marginals: ``(N,)``.
+        mine: That of `i`.
+        ticks: The clock.
+        limit: ``(i,)`` or longer: what the weight against must be less than.
+        spells: None: no code is marked.
+        fresh: ``(i,)`` or longer, overwritten with the codes.
+    """
+    rest = np.uint32(ticks - mine)
+    for j in range(joint.shape[0]):
+        w11 = joint[j]
+        w10 = np.uint32(mine - w11)
+        w01 = np.uint32(marginals[j] - w11)
+        w00 = np.uint32(rest - w01)
+        mixed, like = min(w10, w01), min(w11, w00)
+        up = mixed < min(min(max(w10, w01), like), limit[j])
+        down = like < min(min(max(w11, w00), mixed), limit[j])
+        code = np.uint8(0)
+        code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+        code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+        if spells is not None:
+            # What is smallest is against what is implied.
+            broken = (up | down) & (min(mixed, like) > 0)
+            code = np.uint8(code | MARK) if broken else code
+        code = np.uint8(3) if (w10 | w01) == 0 else code
+        fresh[j] = np.uint8(12) if (w11 | w00) == 0 else code
+
+
+@njit()
+def _fill(
+    joint: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    mine: np.uint32,
+    ticks: np.uint32,
+    squares: NDArray[np.uint32],
+) -> None:
+    """Write the four weights of one row's pairs: ``(4, i)`` or longer."""
+    for j in range(joint.shape[0]):
+        w11, yours = joint[j], marginals[j]
+        squares[0, j], squares[1, j] = w11, np.uint32(mine - w11)
+        squares[2, j] = np.uint32(yours - w11)
+        squares[3, j] = np.uint32(np.uint32(ticks - mine) - squares[2, j])
 
 
 @njit()

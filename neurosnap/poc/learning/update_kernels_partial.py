@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.one_pair import SLACK, TINY
 from neurosnap.poc.learning.update_kernels import rewire
+from neurosnap.poc.learning.update_kernels_auto import MARK, START, withstand
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -28,6 +29,8 @@ def count_squares(
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
+    spells: NDArray[np.uint32] | None = None,
+    turns: NDArray[np.uint8] | None = None,
 ) -> bool:
     """Count what is known of one observation and derive the graph anew.
 
@@ -51,6 +54,10 @@ def count_squares(
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
+        spells: ``(2, 2N)``, where thresholds choose themselves: as
+            `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
+            threshold then is.
+        turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
 
     Returns:
         Whether any code changed. O(N²/2) time.
@@ -63,6 +70,7 @@ def count_squares(
     for i in range(1, count):
         start = i * (i - 1) // 2
         stop = start + i
+        now = codes[start:stop]
         # Of a sensor that is not read nothing new follows, but what grew too old.
         if reads and not known[i] and _implies_nothing(rows, i):
             continue
@@ -76,8 +84,10 @@ def count_squares(
         if threshold.shape[0] > 1:
             share[:i] = threshold[start:stop]
         age = float(clock - int(born[i]))
-        _judge(both, only_i, only_j, neither, age, share, fresh)
-        changed |= rewire(i, fresh, codes[start:stop], rows)
+        _judge(both, only_i, only_j, neither, age, share, spells, fresh)
+        if spells is not None and turns is not None:
+            withstand(i, turns[i], squares[:, start:stop], spells, now, fresh)
+        changed |= rewire(i, fresh, now, rows)
     return changed
 
 
@@ -98,6 +108,7 @@ def _judge(
     neither: NDArray[np.uint32],
     age: float,
     share: NDArray[np.float64],
+    spells: NDArray[np.uint32] | None,
     fresh: NDArray[np.uint8],
 ) -> None:
     """Write what one row's counts say of its pairs.
@@ -112,6 +123,7 @@ def _judge(
         neither: ``(i,)``.
         age: Observations since it began.
         share: ``(i,)`` or longer, the threshold of each pair.
+        spells: None: no code is marked.
         fresh: ``(i,)`` or longer, overwritten with their codes.
     """
     for j in range(both.shape[0]):
@@ -122,11 +134,18 @@ def _judge(
         # The product is rounded once; a whole number is compared exactly with it.
         whole = float(total)
         limit = share[j] * whole
-        up = (mixed < min(more, like)) & (float(mixed) < limit)
-        down = (like < min(most, mixed)) & (float(like) < limit)
+        if spells is not None:
+            limit -= START
+        bound = limit if spells is None else max(limit, 1.0)
+        up = (mixed < min(more, like)) & (float(mixed) < bound)
+        down = (like < min(most, mixed)) & (float(like) < bound)
         code = np.uint8(0)
         code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
         code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+        if spells is not None:
+            # What is smallest is against what is implied.
+            broken = (up | down) & (min(mixed, like) > 0)
+            code = np.uint8(code | MARK) if broken else code
         code = np.uint8(3) if more == 0 else code
         code = np.uint8(12) if most == 0 else code
         judged = (2.0 * whole >= age) | (limit >= 1.0)
@@ -139,6 +158,7 @@ def count_newborn(
     age: int,
     share: float,
     codes: NDArray[np.uint8],
+    spells: NDArray[np.uint32] | None = None,
 ) -> None:
     """Write what the counts of a newborn sensor say of its pairs.
 
@@ -147,9 +167,14 @@ def count_newborn(
         age: Observations in them.
         share: The threshold.
         codes: ``(N,)``, overwritten.
+        spells: As of `count_squares`: nothing that was broken stands before it is the
+            sensor's turn to be tested.
     """
     shares = np.full(codes.shape[0], share)
-    _judge(squares[0], squares[1], squares[2], squares[3], float(age), shares, codes)
+    one, two, three, four = squares[0], squares[1], squares[2], squares[3]
+    _judge(one, two, three, four, float(age), shares, spells, codes)
+    for j in range(codes.shape[0]):
+        codes[j] = codes[j] if codes[j] < MARK else np.uint8(0)
 
 
 @njit()

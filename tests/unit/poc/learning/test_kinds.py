@@ -114,7 +114,7 @@ def test_thresholds_are_one_a_pair() -> None:
     rule = r"^threshold: must be symmetric \(at 0, 1\), got \(0.2, 0.1\)$"
     with pytest.raises(InvalidValueError, match=rule):
         EmpiricalSnapshot(2, lopsided)
-    with pytest.raises(InvalidValueError, match=r"^threshold: must be a number or an"):
+    with pytest.raises(InvalidValueError, match=r"^threshold: must be a number, an a"):
         EmpiricalSnapshot(2, "much")
 
 
