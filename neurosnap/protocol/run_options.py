@@ -1,7 +1,7 @@
 """The options of a run: enough to repeat it; stored in its recording."""
 
 import math
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
@@ -12,6 +12,7 @@ from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.thresholds import AUTO
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )
@@ -94,14 +95,15 @@ SnapshotOption: TypeAlias = Annotated[
     ),
 ]
 Threshold: TypeAlias = Annotated[
-    float,
+    Annotated[float, msgspec.Meta(gt=0, le=0.25)] | Literal["auto"],
     option(
         "How rare the exceptions to an implication must be, as a share of all ticks:"
-        " above 0, up to 0.25. Greater: more implications, and more wrong ones.",
+        " above 0, up to 0.25. Greater: more implications, and more wrong ones. Or the"
+        " word auto: each pair of sensors chooses its own, from how surely its exceptions"
+        " are rare. Not for a discounted snapshot.",
+        unit="SHARE",
         default=f"{EmpiricalSnapshot.THRESHOLD:g}; {EXACT:.5f} for a planner or an excited"
         f" agent in a discrete world; discounted, {DiscountedSnapshot.THRESHOLD:g}",
-        gt=0,
-        le=0.25,
     ),
 ]
 Decay: TypeAlias = Annotated[
@@ -308,7 +310,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             InvalidValueError: There are too many sensors.
         """
-        count, pair = len(self.sensors), _BYTES_A_PAIR[self.snapshot]
+        count = len(self.sensors)
+        # What is tolerated is a byte more.
+        pair = _BYTES_A_PAIR[self.snapshot] + (self.threshold == AUTO)
         # Base64 takes four bytes for three.
         room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
         if count * count * pair > 2 * room:
@@ -333,7 +337,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         return EmpiricalSnapshot(sensorium, **self.in_force)
 
     @property
-    def in_force(self) -> dict[str, float]:
+    def in_force(self) -> dict[str, Any]:
         """The threshold, and of a discounted snapshot the decay, given or not."""
         threshold, decay = self.threshold, self.decay
         if self.snapshot == "empirical":

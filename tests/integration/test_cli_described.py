@@ -62,7 +62,7 @@ def test_a_wrong_file_is_refused_before_anything_is_written(file: Path) -> None:
     file.write_text(FILE.replace("0.1", "0.7"), encoding="utf-8")
     result = call("run", file)
     assert result.exit_code == 2
-    rule = "snapshot.threshold: must be in (0, 0.25], got 0.7"
+    rule = "snapshot.threshold: must be a number in (0, 0.25] or 'auto', got 0.7"
     assert result.stderr == f"error: {file}:9: {rule}\n"
     assert not (file.parent / "recordings").exists()
     assert call("run", file, "--threshold", 0.1).exit_code == 0

@@ -123,6 +123,7 @@ def test_little_data_is_said_to_be_little(tmp_path: Path) -> None:
     facts = happy("learn", data, "--threshold", 0.25)
     assert [row["b"] for row in facts["relations"]] == ["b"]
     assert facts["learned"] == "threshold 0.25"
+    assert happy("learn", data, "--threshold", "auto")["learned"] == "threshold auto"
 
 
 def test_wrong_use_is_refused(tmp_path: Path, log: Path) -> None:

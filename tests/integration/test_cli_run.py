@@ -114,13 +114,23 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     ),
     "threshold": (
         ("CSV", "--threshold", 0.7),
-        "threshold: must be in (0, 0.25], got 0.7",
+        "threshold: must be a number in (0, 0.25] or 'auto', got 0.7",
     ),
-    "threshold 0": (("CSV", "--threshold", 0), "threshold: must be in (0, 0.25], got"),
-    "threshold NaN": (("CSV", "--threshold", "nan"), "threshold: must be in (0, 0.25]"),
+    "threshold 0": (
+        ("CSV", "--threshold", 0),
+        "threshold: must be a number in (0, 0.25] or 'auto', got",
+    ),
+    "threshold NaN": (
+        ("CSV", "--threshold", "nan"),
+        "threshold: must be a number in (0, 0.25] or 'auto'",
+    ),
     "threshold text": (
         ("CSV", "--threshold", "low"),
-        "Invalid value for '--threshold'",
+        "threshold: must be a number in (0, 0.25] or 'auto', got 'low'",
+    ),
+    "threshold auto": (
+        ("CSV", "--snapshot", "discounted", "--threshold", "auto"),
+        "threshold: must be a number for a discounted snapshot, got 'auto'",
     ),
     "decay 1": (
         ("CSV", "--snapshot", "discounted", "--decay", 1),

@@ -9,6 +9,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
@@ -73,6 +74,27 @@ def test_a_finished_run_goes_on_twice(
     resumed_run(start, once, 21)
     resumed_run(once, twice, TICKS)
     assert_went_on(twice, runs.of(name, wiring, snapshot), [12, 21])
+
+
+def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> None:
+    chance = random.Random(8)
+    levels = [chance.random() for _ in range(1620)]
+    rows = [[level < 0.3, level < 0.6, level < 0.1] for level in levels]
+    rows[400] = [True, False, False]
+    rows[1604] = [True, False, False]
+    path, start, on = (tmp_path / part for part in ("readings.csv", "start", "on"))
+    lines = ["a,b,c", *(",".join(str(int(bit)) for bit in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    changes = {"threshold": "auto", "keyframe_every": 500}
+    options = options_for(str(path), ticks=1602)
+    recorded_run(msgspec.structs.replace(options, **changes), start)
+    resumed_run(start, on, 1620)
+    verdict = verify(on)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, 1620)
+    _, learned = snapshot_at(Recording.open(on))
+    assert learned.threshold == "auto"
+    found = learned.evidence(0, 2)
+    assert (found.against, found.holds) == (2, True)  # broken, and tolerated
 
 
 @pytest.mark.parametrize("name", ["path", "csv"])

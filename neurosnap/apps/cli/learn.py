@@ -43,9 +43,11 @@ def learn(
     out: Out = None,
     every: Every = False,
     threshold: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            help="Show what a run with this threshold learns, instead of what is sure."
+            metavar="SHARE",
+            help="Show what a run with this threshold learns, instead of what is sure:"
+            " a number, or the word auto.",
         ),
     ] = None,
     sensors: Annotated[
@@ -79,6 +81,7 @@ def learn(
 ) -> None:
     """Tell which sensors imply which, in readings that are there already."""
     from neurosnap.apps.cli import output
+    from neurosnap.apps.cli.options import as_share
     from neurosnap.apps.cli.relations import check_out, show, write
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.empirical import EmpiricalSnapshot
@@ -97,10 +100,10 @@ def learn(
             fitted = None
             if threshold is not None:
                 fitted = EmpiricalSnapshot.fit(
-                    readings.columns, threshold, on_progress=on_progress
+                    readings.columns, as_share(threshold), on_progress=on_progress
                 )
             rows = tabulate(readings.columns, fitted, every, on_progress)
-        learned = _RULE if threshold is None else f"threshold {threshold:g}"
+        learned = _RULE if threshold is None else f"threshold {threshold}"
         answered = Answered(str(data), readings, rows, learned)
         if out is not None:
             with unwinding():

@@ -205,11 +205,14 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
     )
 
 
-def _threshold(config: Config, fitted: _Fitted) -> float | None:
+def _threshold(config: Config, fitted: _Fitted) -> float | str | None:
     """Return the threshold; None: the snapshot's own default."""
-    if config.snapshot.threshold is not None or config.snapshot.kind != "empirical":
-        return config.snapshot.threshold
-    return default_threshold(fitted.body, fitted.discrete)
+    given = config.snapshot.threshold
+    if given not in (None, "auto") or config.snapshot.kind != "empirical":
+        return given
+    # Where one exception disproves a belief there is nothing to choose by evidence.
+    fits = default_threshold(fitted.body, fitted.discrete)
+    return given if fits is None else fits
 
 
 def _names(target: object) -> tuple[str, ...]:

@@ -222,7 +222,7 @@ class Weighed(msgspec.Struct, frozen=True, kw_only=True):
     weights: tuple[float, float, float, float]
     """Of ``ab``, ``ab*``, ``a*b``, ``a*b*``; the second speaks against."""
     threshold: float
-    """What the second has to be below: the learning threshold times `total`."""
+    """What the second has to be below: of a number, the threshold times `total`."""
     total: float
     """What the four add up to."""
     holds: bool

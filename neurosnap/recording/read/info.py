@@ -80,7 +80,7 @@ class Info(msgspec.Struct, frozen=True):
     """The files there are of the run, where there may be several."""
     places: dict[str, str] = {}
     """Where parts are, as in `Place.text`, of a swarm on several machines."""
-    in_force: dict[str, float] = {}
+    in_force: dict[str, float | str] = {}
     """The threshold, and of a discounted snapshot the decay, given or not."""
     damage: tuple[str, ...] = ()
     """What cannot be read; see `Recording.damage`."""
@@ -170,7 +170,7 @@ def _run(info: Info) -> dict[str, str]:
     for name in ("threshold", "decay"):
         if texts.get(name) == "null":
             value = info.in_force.get(name)
-            texts[name] = "none" if value is None else f"{value:g} (the default)"
+            texts[name] = "none" if value is None else f"{value} (the default)"
     return texts
 
 

@@ -186,7 +186,7 @@ def test_a_flag_is_called_what_it_is_on_the_command_line(file: Path) -> None:
         made(file, "--threshold", 0.7, "--ticks", 0)
     assert str(caught.value).splitlines() == [
         "ticks: must be 1 or more, got 0",
-        "threshold: must be in (0, 0.25], got 0.7",
+        "threshold: must be a number in (0, 0.25] or 'auto', got 0.7",
     ]
 
 

@@ -35,9 +35,9 @@ def write(file: Path, text: str) -> Path:
 
 VALUES = {
     "[snapshot]\n\nthreshold = 0.7": (
-        "7: snapshot.threshold: must be in (0, 0.25], got 0.7"
+        "7: snapshot.threshold: must be a number in (0, 0.25] or 'auto', got 0.7"
     ),
-    "[snapshot]\nthreshold = 0": "6: snapshot.threshold: must be in (0, 0.25], got 0",
+    "[snapshot]\nthreshold = 0": "6: snapshot.threshold: must be a number in (0, 0.25] or 'auto', got 0",
     "[snapshot]\ndecay = 1.0": "6: snapshot.decay: must be in [0, 1), got 1.0",
     "[snapshot]\ntreshold = 0.1": (
         "6: snapshot.treshold: must be a known key (did you mean threshold?)"

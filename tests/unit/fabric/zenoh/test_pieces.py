@@ -1,7 +1,7 @@
 """A large key-frame comes whole, or not at all; nothing else comes in pieces."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
@@ -86,22 +86,37 @@ def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:
         assert sum(map(len, assembly._parts)) == 0
 
 
-def options(count: int, snapshot: SnapshotKind) -> RunOptions:
+def options(
+    count: int, snapshot: SnapshotKind, threshold: Literal["auto"] | None = None
+) -> RunOptions:
     names = tuple(f"a-sensor-of-some-name-{number}" for number in range(count))
     body = Body(own=names, actions=())
-    return RunOptions(source="readings.csv", body=body, ticks=1, snapshot=snapshot)
+    return RunOptions(
+        source="readings.csv",
+        body=body,
+        ticks=1,
+        snapshot=snapshot,
+        threshold=threshold,
+    )
 
 
-@pytest.mark.parametrize(("kind", "most"), [("empirical", 4910), ("discounted", 3852)])
+@pytest.mark.parametrize(
+    ("kind", "threshold", "most"),
+    [
+        ("empirical", None, 4910),
+        ("empirical", "auto", 4630),
+        ("discounted", None, 3852),
+    ],
+)
 def test_a_run_whose_key_frames_could_not_be_sent_is_refused(
-    kind: SnapshotKind, most: int
+    kind: SnapshotKind, threshold: Literal["auto"] | None, most: int
 ) -> None:
-    options(most, kind).check_frame()
+    options(most, kind, threshold).check_frame()
     match = rf"^sensors: must be at most {most:,}, for a key-frame of 128 MiB, got 9000"
     with pytest.raises(InvalidValueError, match=match):
-        options(9000, kind).check_frame()
+        options(9000, kind, threshold).check_frame()
     with pytest.raises(InvalidValueError, match=r"^sensors: must be at most"):
-        options(most + 1, kind).check_frame()
+        options(most + 1, kind, threshold).check_frame()
 
 
 @pytest.mark.parametrize(("kind", "most"), [("empirical", 4910), ("discounted", 3852)])
