@@ -38,7 +38,7 @@ def test_a_markdown_table_has_a_line_a_measure(
     bench.main(["--quick", "--only", "observe", "--markdown"])
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "| what | measured | against | reach |  |"
-    assert len(lines) == 2 + 4
+    assert len(lines) == 2 + 6
     assert len({line.count("|") for line in lines}) == 1
 
 

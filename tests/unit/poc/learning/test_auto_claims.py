@@ -1,0 +1,88 @@
+"""What thresholds that choose themselves are good for, measured on a small scale."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from neurosnap import EmpiricalSnapshot
+from neurosnap.apps.figures.experiments import kernels
+from neurosnap.apps.figures.experiments.walks import Walk, walks
+from neurosnap.apps.figures.learners import THRESHOLDS
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.pair_codes import strict
+from neurosnap.poc.learning.relation_table import tabulate
+from tests.support.planted import planted
+
+pytestmark = pytest.mark.slow
+
+RUNS, STEPS = 6, 3000
+CHECKED = [199, 399, 799, 1199, 1599, 1999, 2499, 2999]
+ONE = 2 / RUNS
+"""An implication that is wrong in one of the runs, with its contrapositive."""
+
+Errors = NDArray[np.float64]
+
+
+def auto_errors(walk: Walk, readings: NDArray[np.uint8]) -> list[int]:
+    snapshot, errors = EmpiricalSnapshot(readings.shape[1], "auto"), []
+    for bits in readings:
+        snapshot.learn(bits)
+        wrong = strict(snapshot.codes) ^ walk.contained
+        errors.append(2 * int(np.bitwise_count(wrong).sum()))
+    return errors
+
+
+def mean_errors(setting: str, noise: float) -> tuple[Errors, Errors]:
+    """The mean Err of auto, and of each fixed threshold, at every step.
+
+    Bits flip with a chance of `noise` from step 1,000 to 2,000.
+    """
+    auto, fixed = [], []
+    for run, walk in enumerate(walks(setting, 3, RUNS, STEPS)):
+        readings = walk.views[walk.places]
+        flips = np.random.default_rng(run).random(readings.shape) < noise
+        readings[1000:2000] ^= flips[1000:2000].astype(np.uint8)
+        auto.append(auto_errors(walk, readings))
+        seen = readings, np.arange(STEPS)
+        fixed.append(
+            [
+                kernels.empirical_errors(*seen, tau, walk.contained, False)
+                for tau in THRESHOLDS
+            ]
+        )
+    return np.mean(auto, axis=0), np.mean(fixed, axis=0)
+
+
+@pytest.mark.parametrize("setting", ["path", "cycle", "grid", "random"])
+def test_it_is_as_good_as_the_best_of_ten_fixed_ones(setting: str) -> None:
+    auto, fixed = mean_errors(setting, 0)
+    best = fixed.min(axis=0)
+    assert (auto[CHECKED] <= np.maximum(1.5 * best, ONE)[CHECKED]).all()
+    assert best[199] > 0  # there is something to be wrong about
+
+
+def test_it_follows_noise_where_no_fixed_one_can() -> None:
+    auto, fixed = mean_errors("grid", 0.005)
+    later = slice(1600, STEPS)
+    assert auto[later].mean() < fixed[:, later].mean(axis=1).min() / 2
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.01])
+def test_what_is_planted_is_found_whole_and_nothing_else(noise: float) -> None:
+    wanted = planted(1, noise)
+    columns = Columns.of(wanted.table)
+    rows = tabulate(columns, EmpiricalSnapshot.fit(columns, "auto"), every=True)
+    found = Counter(
+        (row.relation, frozenset((int(row.a[1:]), int(row.b[1:])))) for row in rows
+    )
+    implied = {(int(r.a[1:]), int(r.b[1:])) for r in rows if r.relation == "implies"}
+    assert implied == wanted.implied
+    told = {pair for kind, pair in found if kind == "never together"}
+    assert told == wanted.exclusions
+    copies = {pair for kind, pair in found if kind in ("the same", "nearly the same")}
+    assert copies == wanted.copies
+    assert len(rows) == len(implied) + len(told) + len(copies)
+    usual = EmpiricalSnapshot.fit(columns).codes
+    assert np.count_nonzero(usual) > 2 * len(rows)  # most of them by chance
