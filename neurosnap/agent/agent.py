@@ -141,8 +141,8 @@ class Agent:
             said.sensors, actions, said.orders, exclusive=said.exclusive, room=room
         )
         body = with_births(body, tuple(births))
-        threshold = default_threshold(body, said.discrete)
-        if snapshot is None and threshold is not None:
+        if snapshot is None:
+            threshold = default_threshold(body, said.discrete)
             snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
         memory = AgentMemory(body, imagines=bool(imagine or room))
         states = STATES if imagine is True else int(imagine)

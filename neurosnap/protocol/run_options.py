@@ -100,10 +100,10 @@ Threshold: TypeAlias = Annotated[
         "How rare the exceptions to an implication must be, as a share of all ticks:"
         " above 0, up to 0.25. Greater: more implications, and more wrong ones. Or the"
         " word auto: each pair of sensors chooses its own, from how surely its exceptions"
-        " are rare. Not for a discounted snapshot.",
+        f" are rare; but {EXACT:.5f} for a planner or an excited agent in a discrete"
+        " world. Not for a discounted snapshot.",
         unit="SHARE",
-        default=f"{EmpiricalSnapshot.THRESHOLD:g}; {EXACT:.5f} for a planner or an excited"
-        f" agent in a discrete world; discounted, {DiscountedSnapshot.THRESHOLD:g}",
+        default=f"auto; discounted, {DiscountedSnapshot.THRESHOLD:g}",
     ),
 ]
 Decay: TypeAlias = Annotated[
@@ -218,7 +218,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     seed: Seed = 0
     snapshot: SnapshotOption = "empirical"
     threshold: Threshold | None = None
-    """None: the snapshot's own default."""
+    """None, in earlier recordings and for a discounted snapshot: its own default."""
     decay: Decay | None = None
     """None: the snapshot's own default."""
     wiring: Wiring = "hasse"

@@ -46,9 +46,9 @@ def test_the_rule() -> None:
     growing = Body.full(["a"], ["x"], room=1)
     walker = Body(own=("a",), actions=("x",))
     assert default_threshold(FULL, discrete=True) == EXACT
-    assert default_threshold(FULL, discrete=False) is None
+    assert default_threshold(FULL, discrete=False) == "auto"
     assert default_threshold(growing, discrete=False) == EXACT
-    assert default_threshold(walker, discrete=True) is None
+    assert default_threshold(walker, discrete=True) == "auto"
 
 
 @pytest.mark.parametrize(
@@ -74,13 +74,14 @@ def test_what_is_discrete(space: gymnasium.Space[Any], discrete: bool) -> None:
     [
         ({"agent.kind": "planner", "agent.target": "below_2"}, EXACT),
         ({"agent.kind": "excited"}, EXACT),
-        ({"agent.kind": "walker"}, None),
+        ({"agent.kind": "excited", "snapshot.threshold": "auto"}, EXACT),
+        ({"agent.kind": "walker"}, "auto"),
         ({"agent.kind": "excited", "snapshot.threshold": 0.02}, 0.02),
         ({"agent.kind": "excited", "snapshot.kind": "discounted"}, None),
     ],
 )
 def test_what_a_run_uses_is_in_its_options(
-    more: dict[str, object], recorded: float | None
+    more: dict[str, object], recorded: float | str | None
 ) -> None:
     source = {"kind": "world", "id": "neurosnap/Path-v0"}
     given = {"source": source, "recording.record": False, **more}
@@ -98,7 +99,7 @@ def test_in_python_it_is_the_same() -> None:
     discrete = Agent.of(cliff_walking(), "planner", target=["tile=goal"])
     assert discrete.snapshot.threshold == EXACT
     binned = Agent.of(cart_pole(), "planner", target=["angle<0"])
-    assert binned.snapshot.threshold == USUAL
+    assert binned.snapshot.threshold == "auto"
     growing = Agent.of(cart_pole(), "planner", target=["angle<0"], grow=True)
     assert growing.snapshot.threshold == EXACT
     assert describe("pole", cart_pole()).discrete is False

@@ -26,6 +26,7 @@ from neurosnap.apps.config.sources import MqttTable
 from neurosnap.apps.config.tables import Config, RecordingTable
 from neurosnap.apps.config.validate import Problem, known_keys
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.thresholds import AUTO
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.network import Network
@@ -206,13 +207,11 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
 
 
 def _threshold(config: Config, fitted: _Fitted) -> float | str | None:
-    """Return the threshold; None: the snapshot's own default."""
+    """Return the threshold; None: the discounted snapshot's own default."""
     given = config.snapshot.threshold
-    if given not in (None, "auto") or config.snapshot.kind != "empirical":
+    if given not in (None, AUTO) or config.snapshot.kind != "empirical":
         return given
-    # Where one exception disproves a belief there is nothing to choose by evidence.
-    fits = default_threshold(fitted.body, fitted.discrete)
-    return given if fits is None else fits
+    return default_threshold(fitted.body, fitted.discrete)
 
 
 def _names(target: object) -> tuple[str, ...]:

@@ -76,11 +76,7 @@ def test_names_of_options_are_whole_on_a_narrow_terminal(columns: int) -> None:
 @pytest.mark.parametrize(
     ("flag", "default"),
     [
-        (
-            "--threshold",
-            "0.01; 0.00001 for a planner or an excited agent in a discrete world;"
-            " discounted, 0.000125",
-        ),
+        ("--threshold", "auto; discounted, 0.000125"),
         ("--decay", "0.984375"),
         ("--ticks", "300; of a CSV file, all; from outside, until Ctrl-C"),
     ],

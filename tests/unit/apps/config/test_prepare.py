@@ -46,6 +46,7 @@ def test_what_is_left_out_is_as_without_a_file(file: Path) -> None:
         source="neurosnap/Path-v0",
         arguments={"places": 6},
         body=made.options.body,
+        threshold="auto",
         watch=True,
     )
     assert made == Prepared(options, None, Supervision(), Network())
