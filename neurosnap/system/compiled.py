@@ -2,15 +2,25 @@
 
 Beside the source, where Numba puts it by itself, it would outlive an uninstall, and an
 installation that the user cannot write to would have no place for it.
+
+Numba looks at a function's own file to tell whether what it kept is still right. But
+the functions that it calls are compiled into it, and so are numbers that it imports. So
+it is kept in a folder that is named by all of these: after a change to one of them,
+what was made of the former is not found.
 """
 
 import functools
 import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from hashlib import sha256
+from numbers import Number
 from pathlib import Path
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, cast
+
+if TYPE_CHECKING:
+    from types import FunctionType
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -41,7 +51,7 @@ class _Kernel(Generic[P, R]):
 
     def __init__(self, function: Callable[P, R], nogil: bool) -> None:
         functools.update_wrapper(self, function)
-        self._function = function
+        self.function = function
         self._nogil = nogil
         self._dispatcher: Callable[P, R] | None = None
 
@@ -55,10 +65,12 @@ class _Kernel(Generic[P, R]):
                 numba = _numba()
                 before = numba.config.CACHE_DIR
                 # Not for others in this process: only while Numba chooses the place.
-                numba.config.CACHE_DIR = before or _folder()
+                if folder := before or _folder():
+                    made_of = sha256(b"".join(_made_of(self, set())))
+                    numba.config.CACHE_DIR = f"{folder}/{made_of.hexdigest()[:16]}"
                 try:
                     make = numba.njit(cache=True, nogil=self._nogil)
-                    self._dispatcher = made = make(self._function)
+                    self._dispatcher = made = make(self.function)
                 finally:
                     numba.config.CACHE_DIR = before
                 # From now on a call goes there without a frame of Python in between,
@@ -81,6 +93,30 @@ def kept_in(kernel: Callable[..., object]) -> Path | None:
         raise TypeError(f"kernel must be made by njit, got {kernel!r}")
     statistics = getattr(kernel.dispatcher(), "stats", None)
     return None if statistics is None else Path(statistics.cache_path)
+
+
+def _made_of(kernel: "_Kernel[Any, Any]", seen: set[object]) -> Iterator[bytes]:
+    """Yield all that a compiled function depends on: sources, and numbers by name."""
+    if kernel in seen:
+        return
+    seen.add(kernel)
+    function = cast("FunctionType", kernel.function)
+    yield _read(function.__code__.co_filename)
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, _Kernel):
+            yield from _made_of(value, seen)
+        elif isinstance(value, Number):
+            yield f"{name}={value!r};".encode()
+
+
+@functools.cache
+def _read(path: str) -> bytes:
+    """Return a source, or nothing if it is in no file."""
+    try:
+        return Path(path).read_bytes()
+    except OSError:
+        return b""
 
 
 @functools.cache

@@ -73,6 +73,34 @@ def test_without_a_cache_folder_numba_chooses(tmp_path: Path, program: Path) -> 
 
 
 @pytest.mark.slow
+def test_what_is_called_and_what_is_counted_with_may_change(tmp_path: Path) -> None:
+    program, helper = tmp_path / "program.py", tmp_path / "helper.py"
+    program.write_text(
+        "from helper import START, step\n"
+        "from neurosnap.system.compiled import njit\n"
+        "walk = njit()(lambda number: START + step(step(number)))\n"
+        "print(walk(1))\n"
+    )
+    form = (
+        "from neurosnap.system.compiled import njit\n"
+        "from numbers_of_ours import START\n"
+        "step = njit()(lambda number: number + {})\n"
+    )
+    numbers = tmp_path / "numbers_of_ours.py"
+    cache = {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    (tmp_path / "cache" / "neurosnap").mkdir(parents=True)
+    found = []
+    for start_at, step in ((10, 1), (10, 5), (20, 5), (10, 1)):
+        numbers.write_text(f"START = {start_at}\n")
+        helper.write_text(form.format(step))
+        found.append(start(program, **cache))
+    assert found == ["13\n", "21\n", "31\n", "13\n"]
+
+
+@pytest.mark.slow
 def test_a_compiler_that_is_not_needed_is_not_loaded(tmp_path: Path) -> None:
     path = tmp_path / "lazy.py"
     path.write_text(

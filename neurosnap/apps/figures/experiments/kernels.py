@@ -1,8 +1,7 @@
 """Compiled loops: learn a whole walk and measure the error at every step.
 
-Each drives a kernel of `neurosnap.poc.learning.update_kernels`, of which it holds a
-compiled copy: a change there reaches a cached one only when this file's time stamp
-changes too. They give up the interpreter's lock, so threads run them side by side.
+Each drives a kernel of `neurosnap.poc.learning.update_kernels`. They give up the
+interpreter's lock, so threads run them side by side.
 """
 
 import numpy as np
