@@ -326,11 +326,11 @@ class Reached(_Message, frozen=True, tag="reached"):
     """Pulses the wave took, as reported."""
 
 
-class Anomaly(_Message, frozen=True, tag="anomaly"):
+class Anomaly(_Message, frozen=True, tag="anomaly", omit_defaults=True):
     """An observation contradicts what was believed before it was learned from.
 
     Of each broken implication the links it follows from are listed: one, wherever every
-    sensor was read. The last five fields have an entry a link.
+    sensor was read. The fields from `number` on have an entry a link.
     """
 
     _key: ClassVar[str] = "anomaly"
@@ -360,6 +360,9 @@ class Anomaly(_Message, frozen=True, tag="anomaly"):
     """What was learned of the source without the target, in the same units."""
     learned: Naturals
     """The tick since which it is believed."""
+    occasions: Naturals = ()
+    """On how many occasions, among the last 8,192 ticks, it was put to the test and
+    held; empty: they were not counted."""
 
 
 class Decision(_Message, frozen=True, tag="decision", omit_defaults=True):
@@ -428,6 +431,11 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     """Those that contradicted what was believed before they were learned."""
     agent: bytes = b""
     """What an agent that grows sensors or imagines knows besides, as arrays."""
+    told: Natural = 0
+    """The anomalies that have the support that the run asks for."""
+    history: bytes = b""
+    """The last readings of all sensors, as arrays, where occasions are counted and
+    `agent` does not hold them."""
 
 
 class Recall(_Message, frozen=True, tag="recall", omit_defaults=True):

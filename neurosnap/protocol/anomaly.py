@@ -13,6 +13,7 @@ for a while. What lasts longer than that is learned like anything else: a sensor
 for good becomes a fact about the world, and its repair an anomaly.
 """
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 import msgspec
@@ -21,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.evidence import Evidence
+from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.contradiction import Contradiction, contradiction
 from neurosnap.poc.order.graph import PocGraph
@@ -30,6 +32,7 @@ MOST = 64
 """Broken implications that one anomaly lists; a thousand sensors may break as many as
 there are pairs of them."""
 
+_CHUNK = 4096  # links whose occasions are counted at a time; 8 MB or so
 _FADING = 0.02
 _STILL = 0.001
 
@@ -42,6 +45,9 @@ class Link(msgspec.Struct, frozen=True):
     evidence: Evidence | None
     """For and against it, before the observation. None: there is no snapshot to ask, or
     it is of one sensor, which none weighs."""
+    occasions: int | None = None
+    """On how many occasions it was put to the test before, and held, as
+    `History.occasions_held` counts them. None: there is no history to ask."""
 
 
 class Broken(msgspec.Struct, frozen=True):
@@ -62,7 +68,8 @@ class Anomaly(msgspec.Struct, frozen=True):
     order held on to, belong to the same anomaly."""
     broken: tuple[Broken, ...]
     """The implications that were broken, without those that follow from others: the
-    first `MOST` of them."""
+    first `MOST` of them. Where occasions are counted, those come first that rest on
+    most."""
     more: int
     """How many more were broken and are not listed."""
     culprits: tuple[str, ...]
@@ -123,6 +130,7 @@ class AnomalyDetector:
         bits: ArrayLike,
         known: NDArray[np.bool_] | None = None,
         snapshot: Snapshot | None = None,
+        history: History | None = None,
     ) -> Anomaly | None:
         """Return what is wrong with an observation, if anything is.
 
@@ -132,6 +140,7 @@ class AnomalyDetector:
             bits: ``(N,)``, one bit a sensor.
             known: ``(N,)`` bool, which of them are known; None: all.
             snapshot: Who believes, for evidence; it did not learn the observation yet.
+            history: The readings before it, for occasions; None: none are counted.
 
         Raises:
             ShapeError: Something has another number of sensors.
@@ -160,7 +169,7 @@ class AnomalyDetector:
         if self._hold and self._held is None:
             self._held, self._until = order, tick + self._hold
         self._blame[list(found.candidates)] += 1 / len(found.candidates)
-        return self._told(found, snapshot, self._since)
+        return self._told(found, snapshot, history, self._since)
 
     def _observed(
         self, graph: PocGraph, bits: ArrayLike, known: NDArray[np.bool_] | None
@@ -177,15 +186,28 @@ class AnomalyDetector:
         return self._blame + _STILL * still
 
     def _told(
-        self, found: Contradiction, snapshot: Snapshot | None, since: int
+        self,
+        found: Contradiction,
+        snapshot: Snapshot | None,
+        history: History | None,
+        since: int,
     ) -> Anomaly:
         """Return an anomaly in words."""
         name, names = self._sensorium.name, self._sensorium.names
+        chains = found.chains
+        held: dict[tuple[int, int], int] = {}
+        if history is not None:
+            held = _held(
+                {link for chain in chains for link in pairwise(chain)}, history
+            )
+            weakest = [min(held[link] for link in pairwise(chain)) for chain in chains]
+            order = sorted(range(len(chains)), key=lambda k: -weakest[k])
+            chains = tuple(chains[k] for k in order)
 
         def link(a: int, b: int) -> Link:
-            if snapshot is None or a >> 1 == b >> 1:
-                return Link(name(a), name(b), None)
-            return Link(name(a), name(b), snapshot.evidence(a, b))
+            asked = None if a >> 1 == b >> 1 else snapshot
+            evidence = None if asked is None else asked.evidence(a, b)
+            return Link(name(a), name(b), evidence, held.get((a, b)))
 
         return Anomaly(
             tick=self._tick,
@@ -196,10 +218,24 @@ class AnomalyDetector:
                     name(chain[-1]),
                     tuple(link(*pair) for pair in pairwise(chain)),
                 )
-                for chain in found.chains[:MOST]
+                for chain in chains[:MOST]
             ),
-            more=max(0, len(found.chains) - MOST),
+            more=max(0, len(chains) - MOST),
             culprits=tuple(names[s] for s in found.culprits),
             candidates=tuple(names[s] for s in found.candidates),
             exact=found.exact,
         )
+
+
+def _held(
+    links: Iterable[tuple[int, int]], history: History
+) -> dict[tuple[int, int], int]:
+    """Return on how many occasions each link was tested and held."""
+    held: dict[tuple[int, int], int] = {}
+    every = sorted(links)
+    for start in range(0, len(every), _CHUNK):
+        some = every[start : start + _CHUNK]
+        sources, targets = np.array(some, np.int64).T
+        counted = history.occasions_held(sources, targets)
+        held.update(zip(some, counted.tolist(), strict=True))
+    return held

@@ -9,6 +9,12 @@ from neurosnap.errors import MessageError
 from neurosnap.protocol.anomaly import Anomaly
 from neurosnap.sensorium import Sensorium
 
+_COLUMNS = (
+    *("number", "sources", "targets", "support", "against", "learned"),
+    "occasions",
+)
+"""The fields of an anomaly that have an entry a link; the last may be empty."""
+
 
 def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
     """Return `anomaly` as it goes on the wire: by numbers.
@@ -36,6 +42,51 @@ def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
         support=tuple(0.0 if each is None else float(each.both) for each in weighed),
         against=tuple(0.0 if each is None else float(each.against) for each in weighed),
         learned=tuple(0 if each is None else each.since for each in weighed),
+        occasions=tuple(
+            link.occasions for _, link in links if link.occasions is not None
+        ),
+    )
+
+
+def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
+    """Return an anomaly without what rests on too little.
+
+    A broken implication rests on the occasions of the least of its links.
+
+    Args:
+        anomaly: As it came. One whose occasions were not counted stays as it is.
+        support: The fewest occasions.
+
+    Returns:
+        None if nothing is left. Else only sensors that are in what is left may be
+        wrong: they suffice to explain it, though fewer might.
+
+    Raises:
+        MessageError: It has not one entry a link.
+    """
+    _check_columns(anomaly)
+    if not support or not anomaly.occasions:
+        return anomaly
+    least: dict[int, int] = {}
+    for number, held in zip(anomaly.number, anomaly.occasions, strict=True):
+        least[number] = min(held, least.get(number, held))
+    left = {number for number, held in least.items() if held >= support}
+    if not left:
+        return None
+    if len(left) == len(least):
+        return anomaly
+    rows = [place for place, number in enumerate(anomaly.number) if number in left]
+    columns = {
+        name: tuple(getattr(anomaly, name)[place] for place in rows)
+        for name in _COLUMNS
+    }
+    about = {literal >> 1 for literal in (*columns["sources"], *columns["targets"])}
+    return msgspec.structs.replace(
+        anomaly,
+        culprits=tuple(each for each in anomaly.culprits if each in about),
+        candidates=tuple(each for each in anomaly.candidates if each in about),
+        implications=len(left),  # those behind the ones listed rest on even less
+        **columns,
     )
 
 
@@ -50,6 +101,9 @@ class Link(msgspec.Struct, frozen=True):
     """What was learned of the first without the second, in the same units."""
     since: int
     """The tick since which it is believed."""
+    occasions: int | None = None
+    """On how many occasions it was put to the test before, and held; None: that was not
+    counted."""
 
 
 class Told(msgspec.Struct, frozen=True):
@@ -75,16 +129,7 @@ def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
     Raises:
         MessageError: It is no anomaly of such sensors.
     """
-    columns = (
-        anomaly.number,
-        anomaly.sources,
-        anomaly.targets,
-        anomaly.support,
-        anomaly.against,
-        anomaly.learned,
-    )
-    if len({len(column) for column in columns}) > 1:
-        raise MessageError("anomaly: must have an entry a link in its last six fields")
+    _check_columns(anomaly)
     literals = 2 * len(sensors)
     named = (*anomaly.culprits, *anomaly.candidates)
     if max((*anomaly.sources, *anomaly.targets), default=0) >= literals or (
@@ -95,7 +140,16 @@ def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
     def name(literal: int) -> str:
         return sensors[literal >> 1] + "*" * (literal & 1)
 
-    rows = zip(*columns[1:], strict=True)
+    held = anomaly.occasions or (None,) * len(anomaly.number)
+    rows = zip(
+        anomaly.sources,
+        anomaly.targets,
+        anomaly.support,
+        anomaly.against,
+        anomaly.learned,
+        held,
+        strict=True,
+    )
     return Told(
         tick=anomaly.tick,
         since=anomaly.since,
@@ -103,11 +157,17 @@ def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
         candidates=tuple(sensors[each] for each in anomaly.candidates),
         exact=anomaly.exact,
         broken=tuple(
-            Link(f"{name(source)} -> {name(target)}", support, against, since)
-            for source, target, support, against, since in rows
+            Link(f"{name(source)} -> {name(target)}", *evidence)
+            for source, target, *evidence in rows
         ),
         more=max(0, anomaly.implications - len(set(anomaly.number))),
     )
+
+
+def _check_columns(anomaly: wire.Anomaly) -> None:
+    counted = _COLUMNS if anomaly.occasions else _COLUMNS[:-1]
+    if len({len(getattr(anomaly, name)) for name in counted}) > 1:
+        raise MessageError("anomaly: must have an entry a link in its last fields")
 
 
 def _sensors(names: tuple[str, ...], sensorium: Sensorium) -> tuple[int, ...]:

@@ -24,8 +24,7 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.search import answered
-from neurosnap.protocol.anomaly import AnomalyDetector
-from neurosnap.protocol.anomaly_messages import announcement
+from neurosnap.protocol.judge import Judge
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
@@ -62,6 +61,8 @@ class Coordinator:
         workers: How many workers share the cells; 0: every cell is a part of its own.
         hold: How long to go on judging observations by the order that the first of them
             broke, in ticks; None: not to judge them.
+        support: The occasions an anomaly must rest on to be told; 0: all are, and none
+            are counted.
         recall: Whether cells are asked for what they have read; else it is looked up
             here, as runs did before.
     """
@@ -78,6 +79,7 @@ class Coordinator:
         repeats: int = 2,
         workers: int = 0,
         hold: int | None = None,
+        support: int = 0,
         recall: bool = True,
     ) -> None:
         self.totals = Totals()
@@ -96,8 +98,10 @@ class Coordinator:
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
         self._regrown = False  # the graph changed behind the last observation
         self._known = b""  # which readings of the last observation were known
-        self._hold = hold
-        self._watcher = self._new_watcher()
+        self._judge: Judge | None = None
+        if hold is not None:
+            grows = memory is not None and memory.body.room > 0
+            self._judge = Judge(snapshot.sensorium, hold, support, not grows)
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
         self._deliberation: Deliberation  # of the tick under way
@@ -129,6 +133,7 @@ class Coordinator:
             keyframe_every=options.keyframe_every,
             workers=options.sharing,
             hold=options.hold if options.watch else None,
+            support=options.support,
             recall=options.recall,
         )
         if frame is not None:
@@ -152,7 +157,10 @@ class Coordinator:
             edges=(self._graph.wire_count() + 1) // 2,
             incoherent=frame.incoherent,
             anomalies=frame.anomalies,
+            told=frame.told,
         )
+        if self._judge is not None:
+            self._judge.restore(frame.history)
         self._count_grown()
 
     @property
@@ -279,7 +287,12 @@ class Coordinator:
             return [_fault(str(error))]
         except ShapeError as error:
             return [_fault(f"observe: {error}")]
-        messages = self._judge(observation.tick, bits, known)
+        messages: list[wire.Message] = []
+        if self._judge is not None:
+            history = None if self._memory is None else self._memory.history
+            messages = self._judge.judge(
+                observation.tick, self._snapshot, bits, known, history, self.totals
+            )
         self._known = observation.known
         if self._memory is not None:
             # Nobody saw what the action would have led to.
@@ -298,24 +311,6 @@ class Coordinator:
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
         start = self._control.start("state", observation.tick, seeds=len(self._signal))
         return [*messages, *start]
-
-    def _new_watcher(self) -> AnomalyDetector | None:
-        if self._hold is None:
-            return None
-        return AnomalyDetector(self._snapshot.sensorium, self._hold)
-
-    def _judge(
-        self, tick: int, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
-    ) -> list[wire.Message]:
-        """Hold an observation against what is believed, before it is learned."""
-        if self._watcher is None:
-            return []
-        believed = self._snapshot.poc_graph()
-        found = self._watcher.watch(tick, believed, bits, known, self._snapshot)
-        if found is None:
-            return []
-        self.totals.anomalies += 1
-        return [announcement(found, self._snapshot.sensorium)]
 
     def _settle(
         self, report: wire.CellReport | wire.WorkerReport
@@ -430,8 +425,8 @@ class Coordinator:
             self._policy.grow(memory.body)
             self._regrown = True
             self._count_grown()
-            if self._watcher is not None:
-                self._watcher.rename(self._snapshot.sensorium)
+            if self._judge is not None:
+                self._judge.rename(self._snapshot.sensorium)
         return decision
 
     def _longest(self, signal: tuple[int, ...]) -> int:
@@ -465,7 +460,8 @@ class Coordinator:
 
     def _keyframe(self) -> wire.KeyFrame:
         """Return what somebody else may go on from: nothing older matters then."""
-        self._watcher = self._new_watcher()
+        judge, sensorium = self._judge, self._snapshot.sensorium
+        history = b"" if judge is None else judge.to_bytes(sensorium)
         self._control.forget()
         return wire.KeyFrame(
             tick=self._tick,
@@ -480,6 +476,8 @@ class Coordinator:
             incoherent=self.totals.incoherent,
             anomalies=self.totals.anomalies,
             agent=b"" if self._memory is None else self._memory.to_bytes(),
+            told=self.totals.told,
+            history=history,
         )
 
     def _finish(self) -> list[wire.Message]:

@@ -11,6 +11,7 @@ from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.history import LENGTH
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.thresholds import AUTO
 from neurosnap.poc.order.graph import (
@@ -198,6 +199,16 @@ Hold: TypeAlias = Annotated[
         ge=0,
     ),
 ]
+Support: TypeAlias = Annotated[
+    int,
+    option(
+        "Tell only of anomalies that break an implication which was put to the test, and"
+        " held, on this many occasions, each way. The recording has all of them. 0: tell"
+        " of all, and count no occasions.",
+        unit="OCCASIONS",
+        ge=0,
+    ),
+]
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -230,6 +241,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     sync: Sync = 0.0
     watch: Anomalies = False
     hold: Hold = 0
+    support: Support = 10
+    """In recordings from before, which do not say so, it is 0."""
     deadline: Deadline = 10.0
     recall: bool = True
     """Whether cells search their own histories for what to grow. In recordings from
@@ -315,11 +328,18 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         pair = _BYTES_A_PAIR[self.snapshot] + (self.threshold == AUTO)
         # Base64 takes four bytes for three.
         room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
+        if self.counts_occasions:
+            room -= count * LENGTH // 4  # two rings of bits
         if count * count * pair > 2 * room:
             most = math.isqrt(2 * room // pair)
             limit = f"{LARGEST_KEYFRAME >> 20} MiB"
             rule = f"must be at most {most:,}, for a key-frame of {limit}"
             raise InvalidValueError("sensors", rule, count)
+
+    @property
+    def counts_occasions(self) -> bool:
+        """Whether it is counted on how many occasions an implication held."""
+        return self.watch and self.support > 0
 
     def new_snapshot(self) -> Snapshot:
         """Return the snapshot the run starts with.

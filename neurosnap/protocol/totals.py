@@ -22,6 +22,8 @@ class Totals(msgspec.Struct, kw_only=True):
     """Observations that contradicted what was learned."""
     anomalies: int = 0
     """Observations that contradicted what was believed before they were learned."""
+    told: int = 0
+    """Those of them that have the support that the run asks for."""
     faults: int = 0
     """Messages dropped as bad or unexpected."""
     grown: int = 0

@@ -10,33 +10,56 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
-from neurosnap.protocol.anomaly_messages import Told, told
+from neurosnap.protocol.anomaly_messages import Told, told, with_support
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.births import Births, births_of
 from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.run_description import read_description
 
 
-def recorded(recording: Recording) -> Iterator[Told | Changed]:
+def recorded(
+    recording: Recording, support: int | None = None
+) -> Iterator[Told | Changed]:
     """Return the anomalies of a recorded run, and what it grew and retired, in order.
 
+    Args:
+        recording: The run's.
+        support: The occasions an anomaly must rest on; None: what the run asks for.
+
     Raises:
+        InvalidValueError: Support is asked for, and the run did not count occasions.
         RecordingError: While iterating: it is damaged, or not a run's.
         MessageError: While iterating: an anomaly is none of such a run.
     """
+    support = _support(options_of(recording), support)
     births = births_of(recording)
     sensors, changes = births.body.sensors, births.changes()
     for each in recording.messages(("anomaly",)):
         if isinstance(each.message, wire.Anomaly):
             while changes and changes[0].tick < each.message.tick:
                 yield changes.pop(0)
-            yield told(each.message, sensors)
+            if (rest := with_support(each.message, support)) is not None:
+                yield told(rest, sensors)
     yield from changes
 
 
-def without_anomalies(recording: Recording) -> str:
-    """Return what to say of a recording that has no anomalies.
+def _support(options: RunOptions, wanted: int | None) -> int:
+    """Return the occasions that an anomaly of a run must rest on."""
+    if wanted and options.watch and not options.support:
+        rule = "must be 0 for a run that did not count occasions"
+        raise InvalidValueError("support", rule, wanted)
+    return options.support if wanted is None else wanted
+
+
+def without_anomalies(recording: Recording, support: int | None = None) -> str:
+    """Return what to say of a recording of which no anomaly is told.
+
+    Args:
+        recording: The run's.
+        support: As of `recorded`.
 
     Raises:
         RecordingError: It is damaged.
@@ -44,7 +67,14 @@ def without_anomalies(recording: Recording) -> str:
     ticks = sum(1 for _ in recording.messages(("state",)))
     if recording.metadata.get("watch") != "true":
         return f"anomalies were not looked for in these {ticks:,} ticks"
-    return f"no anomalies in {ticks:,} ticks"
+    untold = sum(1 for _ in recording.messages(("anomaly",)))
+    if not untold:
+        return f"no anomalies in {ticks:,} ticks"
+    least = _support(options_of(recording), support)
+    return (
+        f"no anomalies in {ticks:,} ticks, but for {untold:,} that rest on fewer than"
+        f" {least:,} occasions (--support 0 shows them)"
+    )
 
 
 async def watch(
@@ -53,6 +83,7 @@ async def watch(
     stop: asyncio.Event,
     tell: Callable[[Told | Changed], None],
     *,
+    support: int | None = None,
     patience: float = 10.0,
 ) -> None:
     """Look on at a swarm that runs, until it is over or `stop` is set.
@@ -64,10 +95,12 @@ async def watch(
         swarm: Its id.
         stop: Ends it.
         tell: Is given each anomaly, and each sensor that is grown or retired.
+        support: The occasions an anomaly must rest on; None: what the run asks for.
         patience: Seconds until a coordinator is there, the first or the next.
 
     Raises:
-        InvalidValueError: The run tells of no anomalies, and grows nothing.
+        InvalidValueError: The run tells of no anomalies, and grows nothing; or support
+            is asked for, and the run does not count occasions.
         SwarmError: There is no such swarm.
     """
     seen_one = False
@@ -81,7 +114,7 @@ async def watch(
                     return
                 rule = f"must have a coordinator within {patience:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
-            if seen is None or await _look_on(connections, seen, stop, tell):
+            if seen is None or await _look_on(connections, seen, stop, tell, support):
                 return
             seen_one = True
 
@@ -91,9 +124,11 @@ async def _look_on(
     seen: FoundSwarm,
     stop: asyncio.Event,
     tell: Callable[[Told | Changed], None],
+    support: int | None = None,
 ) -> bool:
     """Look on at one incarnation; tell whether it ended in order."""
     births: Births | None = None
+    least = 0
     over = asyncio.Event()
     early: list[wire.Message] = []  # before it is known what the sensors are called
 
@@ -104,7 +139,9 @@ async def _look_on(
         with contextlib.suppress(ValueError):  # it is none of such a run
             match message:
                 case wire.Anomaly():
-                    tell(told(message, births.body.sensors))
+                    rest = with_support(message, least)
+                    if rest is not None:
+                        tell(told(rest, births.body.sensors))
                 case wire.Decision():
                     births.take(message)
                     for change in _changes(message, births):
@@ -133,6 +170,7 @@ async def _look_on(
         options = read_description(content).options
         if not options.watch and not options.body.room:
             raise InvalidValueError("swarm", "must be run with --anomalies", seen.name)
+        least = _support(options, support)
         births = Births(options.body)
         for message in early:
             hear(message)

@@ -109,7 +109,12 @@ configs: st.SearchStrategy[Config] = st.builds(
         wiring=st.sampled_from(["hasse", "derived"]),
         deadline=seconds,
     ),
-    anomalies=st.builds(AnomaliesTable, watch=st.booleans(), hold=st.integers(0, 99)),
+    anomalies=st.builds(
+        AnomaliesTable,
+        watch=st.booleans(),
+        hold=st.integers(0, 99),
+        support=st.integers(0, 99),
+    ),
     recording=st.builds(
         RecordingTable,
         record=st.booleans(),

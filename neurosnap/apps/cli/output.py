@@ -18,8 +18,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from neurosnap.apps.anomaly_text import few
 from neurosnap.apps.growth_text import changed_line, grown_text
+from neurosnap.protocol.anomaly_text import few
 from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
 
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from neurosnap.depth.measure import Line
     from neurosnap.depth.probe import Measured
     from neurosnap.protocol.run_options import RunOptions
+    from neurosnap.protocol.totals import Totals
     from neurosnap.recording.replay.verify import Verdict
     from neurosnap.runtime.registry import Note, Part
     from neurosnap.runtime.restart import Restart
@@ -169,7 +170,7 @@ def outcome(
         "height": f"{totals.height}, the longest chain of implications now",
         "incoherent": f"{totals.incoherent} observations",
         **(
-            {"anomalies": f"{totals.anomalies} observations against what was learned"}
+            {"anomalies": _anomalies_text(totals, options.support)}
             if options.watch
             else {}
         ),
@@ -215,6 +216,13 @@ def outcome(
     for path in outcome_.kept:
         text = "may hold ticks that cannot be read"
         console.print(f"[red]damaged[/red]: {escape(path)} {text}", soft_wrap=True)
+
+
+def _anomalies_text(totals: Totals, support: int) -> str:
+    every = f"{totals.anomalies} observations against what was learned"
+    if not support or totals.told == totals.anomalies:
+        return every
+    return f"{totals.told} told, of {every}"
 
 
 def _implications(

@@ -39,6 +39,16 @@ def watch(
     ] = "",
     tls: str = option("tls"),
     insecure: bool = option("insecure"),
+    support: Annotated[
+        int | None,
+        typer.Option(
+            metavar="OCCASIONS",
+            min=0,
+            help="Tell only of anomalies that break an implication which was put to the"
+            " test, and held, on this many occasions. 0: tell of all.",
+            show_default="as the run was told",
+        ),
+    ] = None,
     as_json: Annotated[
         bool,
         typer.Option(
@@ -51,12 +61,13 @@ def watch(
     Each names the sensors that may be wrong, and the implications it breaks. A sensor
     that is grown, or retired, is told of, too.
 
-    Of a recording all are shown; of a swarm, those that come, until Ctrl-C.
+    Of a recording those of all ticks are shown; of a swarm, those that come, until
+    Ctrl-C. What the run learned too little of to go by is left out: see --support.
     """
     from neurosnap.agent.growth.changed import Changed
-    from neurosnap.apps.anomaly_text import anomaly_line
     from neurosnap.apps.growth_text import changed_line
     from neurosnap.protocol.anomaly_messages import Told
+    from neurosnap.protocol.anomaly_text import anomaly_line
     from neurosnap.recording.read.split_files import open_whole
     from neurosnap.runtime import registry
     from neurosnap.runtime.anomaly_feed import recorded, without_anomalies
@@ -74,11 +85,11 @@ def watch(
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
             recording = open_whole(Path(what))
             found = False
-            for told in recorded(recording):
+            for told in recorded(recording, support):
                 show(told)
                 found |= isinstance(told, Told)
             if not found and not as_json:
-                typer.echo(without_anomalies(recording))
+                typer.echo(without_anomalies(recording, support))
             end_by(recording)
             return
         if connect and what is None:
@@ -90,4 +101,4 @@ def watch(
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
         network.check("watcher")
         screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
-        run_async(lambda stop: look_on(network, swarm, stop, show))
+        run_async(lambda stop: look_on(network, swarm, stop, show, support=support))

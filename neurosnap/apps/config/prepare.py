@@ -199,6 +199,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         deadline=config.cells.deadline,
         watch=config.anomalies.watch,
         hold=config.anomalies.hold,
+        support=config.anomalies.support,
         keyframe_every=config.recording.keyframe_every,
         split=config.recording.split,
         keep=config.recording.keep,

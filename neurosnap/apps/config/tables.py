@@ -27,6 +27,7 @@ from neurosnap.protocol.run_options import (
     Seed,
     SnapshotOption,
     Split,
+    Support,
     Sync,
     Threshold,
     Ticks,
@@ -96,6 +97,7 @@ class AnomaliesTable(
     # A run that somebody starts reports them; one that a program makes is asked to.
     watch: Anomalies = True
     hold: Hold = _DEFAULTS["hold"]
+    support: Support = _DEFAULTS["support"]
 
 
 class RecordingTable(

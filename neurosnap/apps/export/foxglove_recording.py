@@ -26,6 +26,7 @@ from neurosnap.apps.export.foxglove_writer import COPIED, Sink
 from neurosnap.apps.export.learned_orders import LearnedOrders
 from neurosnap.apps.export.log_lines import line_of, lost_line, resumed_line
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
+from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.births import Births, births_of
 from neurosnap.recording.read.reader import Recorded, Recording
@@ -91,6 +92,7 @@ class _Drawing:
         self._sink = sink
         self._path = recording.path
         self._count = len(options.sensors)
+        self._support = options.support
         self._names = births.names
         self._resumed = frozenset(resumed_at(recording))
         self._order = InOrder(recording)
@@ -121,7 +123,10 @@ class _Drawing:
 
     def _draw(self, message: wire.Message, time: int) -> None:
         count = self._count
-        line = line_of(message, self._names, time)
+        said: wire.Message | None = message
+        if isinstance(message, wire.Anomaly):
+            said = with_support(message, self._support)
+        line = None if said is None else line_of(said, self._names, time)
         if line is not None:
             self._sink.put(LOG, line, time)
         match message:

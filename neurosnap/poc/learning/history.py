@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.one_pair import LENGTH as LENGTH
+from neurosnap.poc.learning.rings import following
 from neurosnap.poc.learning.search import Answer, Count, Question, Weighed, Weighing
 from neurosnap.poc.learning.update_kernels_partial import discount_newborn
 from neurosnap.poc.order.literals import Words
@@ -79,6 +80,38 @@ class History:
         """Return ``(W,)``, the ticks at which `literal` was read."""
         return (self.off if literal & 1 else self.on)[:, literal >> 1]
 
+    def rings(self, literals: NDArray[np.int64]) -> Words:
+        """Return ``(W, n)``, the ticks at which each of ``n`` literals was read."""
+        sensors, off = literals >> 1, (literals & 1).astype(np.bool_)
+        rings = self.on[:, sensors]
+        if off.any():
+            rings[:, off] = self.off[:, sensors[off]]
+        return rings
+
+    def occasions_held(
+        self, sources: NDArray[np.int64], targets: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return on how many occasions implications were tested, and held.
+
+        As in the table of relations, ``a -> b`` is tested where ``a`` is on, and where
+        ``b`` is off; the test that was made less often counts. O(W n) time.
+
+        Args:
+            sources: ``(n,)`` literals.
+            targets: ``(n,)``: what each of them implies.
+
+        Returns:
+            ``(n,)``; 0 for two literals of the same sensor.
+        """
+
+        def begun(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
+            both = self.rings(a) & self.rings(b)
+            both &= ~following(both, self.tick)
+            runs: NDArray[np.int64] = np.bitwise_count(both).sum(axis=0, dtype=np.int64)
+            return runs
+
+        return np.minimum(begun(sources, targets), begun(sources ^ 1, targets ^ 1))
+
     def answer(self, question: Question) -> Answer:
         """Answer a question.
 
@@ -93,10 +126,7 @@ class History:
         )
 
     def _counted(self, count: Count) -> NDArray[Any]:
-        sensors, off = count.literals >> 1, (count.literals & 1).astype(np.bool_)
-        rings = self.on[:, sensors]
-        if off.any():
-            rings[:, off] = self.off[:, sensors[off]]
+        rings = self.rings(count.literals)
         rings &= count.within[:, np.newaxis]
         counted: NDArray[Any] = np.bitwise_count(rings).sum(axis=0)
         return counted

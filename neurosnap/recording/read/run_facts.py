@@ -22,11 +22,10 @@ def options_of(recording: Recording) -> RunOptions:
         raise RecordingError(
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
-    if not options.body.room:
-        return options
+    before: dict[str, int] = {"recall": False, "retires_covered": False, "support": 0}
     said = msgspec.json.decode(raw)
-    older = {name: False for name in ("recall", "retires_covered") if name not in said}
-    return msgspec.structs.replace(options, **older)
+    lacking = {name: value for name, value in before.items() if name not in said}
+    return msgspec.structs.replace(options, **lacking)
 
 
 def resumed_at(recording: Recording) -> tuple[int, ...]:

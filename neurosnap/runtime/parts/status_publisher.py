@@ -16,7 +16,8 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.protocol.anomaly_messages import told
+from neurosnap.protocol.anomaly_messages import told, with_support
+from neurosnap.protocol.anomaly_text import anomaly_line
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -51,10 +52,14 @@ class Listener:
     Args:
         publisher: Publishes it.
         body: What is sensed at first.
+        support: The occasions that an anomaly must rest on.
     """
 
-    def __init__(self, publisher: "MqttPublisher", body: Body) -> None:
+    def __init__(
+        self, publisher: "MqttPublisher", body: Body, support: int = 0
+    ) -> None:
         self._publisher = publisher
+        self._support = support
         self._body = body
         # Nothing orders what the world says and what the coordinator makes of it.
         self._known: dict[int, NDArray[np.bool_] | None] = {}
@@ -78,9 +83,12 @@ class Listener:
                     self._calm = True
                     self._publisher.anomaly(None)
             case wire.Anomaly(tick=tick):
-                self._wrong, self._calm = tick, False
-                record = told(message, self._body.sensors)
-                self._publisher.anomaly(msgspec.to_builtins(record))
+                rest = with_support(message, self._support)
+                if rest is not None:
+                    self._wrong, self._calm = tick, False
+                    record = told(rest, self._body.sensors)
+                    line = {"text": anomaly_line(record)}
+                    self._publisher.anomaly(msgspec.to_builtins(record) | line)
             case wire.Decision():
                 self._publisher.decision(message)
                 self._body = body_after(self._body, message)
@@ -137,7 +145,8 @@ async def publish_status(
             if sensor.device_class is not None
         },
     )
-    listener = Listener(publisher, body if past is None else past.body(body))
+    now = body if past is None else past.body(body)
+    listener = Listener(publisher, now, options.support)
 
     def handle(deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:

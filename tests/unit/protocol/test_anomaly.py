@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly import MOST, Anomaly, AnomalyDetector
@@ -177,3 +178,23 @@ def test_nonsense_is_refused() -> None:
     watcher.watch(3, CHAIN, (0, 0, 0))
     with pytest.raises(InvalidValueError, match=r"^tick: must be above 3, got 3$"):
         watcher.watch(3, CHAIN, (0, 0, 0))
+
+
+def test_what_rests_on_most_occasions_comes_first() -> None:
+    names = Sensorium(["a", "b", "c"])
+    snapshot, history = EmpiricalSnapshot(names, 0.25), History(3, 64)
+    # a implies b from the first; c implies b, often.
+    for bits in [(0, 0, 0), (1, 1, 0), *[(0, 1, 1), (0, 0, 0)] * 5, (0, 1, 0)]:
+        snapshot.observe(bits)
+        history.enter(np.array(bits, np.bool_))
+    found = AnomalyDetector(names).watch(
+        14, snapshot.poc_graph(), (1, 0, 1), None, snapshot, history
+    )
+    assert found is not None
+    told = {
+        (broken.source, broken.target): broken.links[0].occasions
+        for broken in found.broken
+    }
+    assert told["a", "b"] == 1
+    assert told["b*", "c*"] == 5
+    assert list(told.values()) == sorted(told.values(), key=lambda held: -(held or 0))

@@ -8,7 +8,7 @@ from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.anomaly import MOST, AnomalyDetector
-from neurosnap.protocol.anomaly_messages import Link, announcement, told
+from neurosnap.protocol.anomaly_messages import Link, announcement, told, with_support
 from neurosnap.sensorium import Sensorium
 
 NAMES = Sensorium(["door", "motion", "light"])
@@ -63,3 +63,52 @@ def test_there_is_a_bound_to_what_it_lists() -> None:
 def test_one_that_cannot_be_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(MessageError, match="anomaly: must"):
         told(msgspec.structs.replace(broken(), **changes), NAMES.names)
+
+
+def rests_on(*occasions: int) -> wire.Anomaly:
+    """Return an anomaly: the door implies the motion, which implies the light by it.
+
+    The first broken implication has two links, the second one.
+    """
+    return wire.Anomaly(
+        tick=9,
+        since=9,
+        culprits=(0, 2),
+        candidates=(0, 1, 2),
+        exact=True,
+        implications=70,
+        number=(0, 0, 1),
+        sources=(0, 2, 4),
+        targets=(2, 1, 3),
+        support=(1.0, 2.0, 3.0),
+        against=(0.0, 0.0, 0.0),
+        learned=(1, 2, 3),
+        occasions=occasions,
+    )
+
+
+def test_what_rests_on_its_weakest_link_is_told_with_support_alone() -> None:
+    anomaly = rests_on(9, 4, 5)
+    assert with_support(anomaly, 4) == anomaly
+    rest = with_support(anomaly, 5)
+    assert rest is not None
+    assert (rest.number, rest.sources, rest.occasions) == ((1,), (4,), (5,))
+    assert (rest.culprits, rest.candidates, rest.implications) == ((2,), (1, 2), 1)
+    (link,) = told(rest, NAMES.names).broken
+    assert (link.implication, link.occasions) == ("light -> motion*", 5)
+    assert with_support(anomaly, 6) is None
+
+
+def test_nothing_is_left_out_where_no_occasions_were_counted() -> None:
+    assert with_support(rests_on(), 99) == rests_on()
+    assert with_support(rests_on(0, 0, 0), 0) == rests_on(0, 0, 0)
+
+
+def test_occasions_that_are_not_one_a_link_are_refused() -> None:
+    with pytest.raises(MessageError, match="an entry a link"):
+        with_support(rests_on(1, 2), 1)
+
+
+def test_without_occasions_it_is_on_the_wire_as_it_was() -> None:
+    assert b"occasions" not in wire.encode(rests_on())
+    assert b'"occasions":[1,2,3]' in wire.encode(rests_on(1, 2, 3))

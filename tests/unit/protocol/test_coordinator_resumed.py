@@ -36,6 +36,7 @@ def options(workers: int, snapshot: SnapshotKind, **more: object) -> RunOptions:
         "workers": max(workers, 1),
         "keyframe_every": EVERY,
         "watch": True,
+        "support": 3,
     }
     return RunOptions(**(given | more))  # type: ignore[arg-type]
 

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from neurosnap.agent.body import Body
-from neurosnap.apps.anomaly_text import anomaly_line
 from neurosnap.apps.cli import output
 from neurosnap.protocol.anomaly_messages import Link, Told
+from neurosnap.protocol.anomaly_text import anomaly_line
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
@@ -70,7 +70,7 @@ def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
     )
     guilty, others = ", ".join(many("guilty", 8)), ", ".join(many("other", 8))
     assert f"tick 7: {guilty} and 1 more or {others} may be wrong: breaks s0" in line
-    assert line.endswith("s7 -> x (1 for, 0 against, since tick 1) and 92 more")
+    assert line.endswith("s2 -> x (1 for, 0 against, since tick 1) and 97 more")
 
 
 def test_a_name_cannot_turn_the_text_around() -> None:

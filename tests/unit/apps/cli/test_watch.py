@@ -4,6 +4,7 @@ from pathlib import Path
 
 import msgspec
 
+from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import call
 from tests.support.recorded_runs import csv_run, recorded
 
@@ -27,3 +28,38 @@ def test_a_run_without_any_says_in_how_many_ticks(tmp_path: Path) -> None:
     log = recorded(options, tmp_path / "log.mcap")
     assert said_of(log) == "no anomalies in 7 ticks\n"
     assert said_of(log, "--json") == ""
+
+
+def test_what_rests_on_few_occasions_is_left_out_unless_asked_for(
+    tmp_path: Path,
+) -> None:
+    readings = tmp_path / "readings.csv"
+    rows = ["0,0,1", "0,1,1", *["1,1,1", "0,0,1"] * 12, "1,0,1", "0,0,1"]
+    options = csv_run(readings, len(rows))
+    options = msgspec.structs.replace(options, watch=True, threshold=0.25)
+    readings.write_text("\n".join(["a,b,c", *rows]) + "\n")
+    log = recorded(options, tmp_path / "log.mcap")
+    assert said_of(log).startswith(
+        "tick 27: b or a may be wrong: breaks a -> b (12 for on 12 occasions, 0"
+        " against, since tick "
+    )
+    assert said_of(log, "--support", "13") == (
+        f"no anomalies in {len(rows)} ticks, but for 3 that rest on fewer than 13"
+        " occasions (--support 0 shows them)\n"
+    )
+    verdict = verify(log)
+    assert verdict.same, verdict.difference
+
+
+def test_support_cannot_be_asked_of_a_run_that_counted_no_occasions(
+    tmp_path: Path,
+) -> None:
+    readings = tmp_path / "readings.csv"
+    options = csv_run(readings, 3)
+    readings.write_text("a,b,c\n" + 3 * "1,0,1\n")
+    options = msgspec.structs.replace(options, watch=True, support=0)
+    log = recorded(options, tmp_path / "log.mcap")
+    done = call("watch", log, "--support", "2")
+    assert done.exit_code == 2
+    assert "support: must be 0 for a run that did not count occasions" in done.output
+    assert said_of(log, "--support", "0") == "no anomalies in 3 ticks\n"

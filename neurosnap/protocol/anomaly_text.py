@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
-from neurosnap.protocol.anomaly_messages import Told
+from neurosnap.protocol.anomaly_messages import Link, Told
 from neurosnap.sensorium import visible
 
-_NAMES = 8  # names in one line about an anomaly; all of them are in `watch --json`
+_NAMES, _LINKS = 8, 3
+"""Names and implications in one line about an anomaly; `watch --json` has more."""
 
 
 def anomaly_line(told: Told) -> str:
@@ -15,15 +16,20 @@ def anomaly_line(told: Told) -> str:
     likely = few(told.culprits) or "nobody"
     others = [name for name in told.candidates if name not in told.culprits]
     perhaps = f" or {few(others)}" if others else ""
-    links = [
-        f"{link.implication} ({link.support:g} for, {link.against:g} against,"
-        f" since tick {link.since})"
-        for link in told.broken
-    ]
-    broken = few(links, "; ", told.more)
+    shown = [_evidence(link) for link in told.broken[:_LINKS]]
+    broken = few(shown, "; ", told.more + len(told.broken) - len(shown))
     return visible(
         f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
         f" breaks {broken}"
+    )
+
+
+def _evidence(link: Link) -> str:
+    """Return a broken implication, and what speaks for it."""
+    on = "" if link.occasions is None else f" on {link.occasions} occasions"
+    return (
+        f"{link.implication} ({link.support:g} for{on}, {link.against:g} against,"
+        f" since tick {link.since})"
     )
 
 

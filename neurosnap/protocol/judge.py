@@ -1,0 +1,92 @@
+"""The judge of a run: holds observations against what was learned before them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.anomaly import AnomalyDetector
+from neurosnap.protocol.anomaly_messages import announcement, with_support
+from neurosnap.protocol.totals import Totals
+from neurosnap.sensorium import Sensorium
+
+
+class Judge:
+    """Announces the anomalies of a run, and counts the occasions they rest on.
+
+    Args:
+        sensorium: The names of the sensors.
+        hold: As of `AnomalyDetector`.
+        support: The occasions an anomaly must rest on to be told; 0: all are, and none
+            are counted.
+        remembers: Whether to keep the last readings of all sensors for that. A run
+            whose sensors grow has them anyway, and gives them to `judge`.
+    """
+
+    def __init__(
+        self, sensorium: Sensorium, hold: int, support: int, remembers: bool
+    ) -> None:
+        self._hold, self._support = hold, support
+        self._detector = AnomalyDetector(sensorium, hold)
+        self._history: History | None = None
+        if support and remembers:
+            self._history = History(len(sensorium))
+
+    def judge(
+        self,
+        tick: int,
+        snapshot: Snapshot,
+        bits: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+        history: History | None,
+        totals: Totals,
+    ) -> list[wire.Message]:
+        """Return what is to be said of an observation that is not learned yet.
+
+        Args:
+            tick: Of the observation.
+            snapshot: What was learned before it.
+            bits: ``(N,)``.
+            known: ``(N,)``: which of them are known; None: all.
+            history: The readings before it, in a run whose sensors grow.
+            totals: An anomaly is counted there.
+        """
+        read = history if self._history is None else self._history
+        found = self._detector.watch(
+            tick,
+            snapshot.poc_graph(),
+            bits,
+            known,
+            snapshot,
+            read if self._support else None,
+        )
+        if self._history is not None:
+            self._history.enter(bits, known)
+        if found is None:
+            return []
+        said = announcement(found, snapshot.sensorium)
+        totals.anomalies += 1
+        totals.told += with_support(said, self._support) is not None
+        return [said]
+
+    def rename(self, sensorium: Sensorium) -> None:
+        """Go on with other names for the same sensors: one of them was grown."""
+        self._detector.rename(sensorium)
+
+    def to_bytes(self, sensorium: Sensorium) -> bytes:
+        """Return what it remembers, for a key-frame, and forget everything else."""
+        self._detector = AnomalyDetector(sensorium, self._hold)
+        return b"" if self._history is None else pack_arrays(self._history.arrays())
+
+    def restore(self, data: bytes) -> None:
+        """Be as what `to_bytes` returned says.
+
+        Raises:
+            ValueError: It is damaged, or of other sensors.
+        """
+        if self._history is not None:
+            history = History.from_arrays(unpack_arrays(data))
+            history.check(self._history.on.shape[1])
+            self._history = history

@@ -1,0 +1,55 @@
+"""Occasions in a history are those of the table of relations."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.pair_counts import count_pairs
+from neurosnap.poc.learning.weight_store import pair_of
+
+SENSORS, LENGTH = 3, 64
+TICKS = st.lists(
+    st.lists(st.sampled_from([0.0, 1.0, float("nan")]), min_size=3, max_size=3),
+    min_size=1,
+    max_size=200,
+)
+CELLS = {(0, 0): 0, (0, 1): 1, (1, 0): 2, (1, 1): 3}
+
+
+def history_of(rows: list[list[float]]) -> History:
+    history = History(SENSORS, LENGTH)
+    for row in rows:
+        history.enter(np.array(row) == 1, ~np.isnan(row))
+    return history
+
+
+@given(TICKS)
+def test_they_are_those_of_the_last_ticks(rows: list[list[float]]) -> None:
+    counts = count_pairs(Columns.of(rows[-LENGTH:])).occasions
+    links = [
+        (a, b)
+        for a in range(2 * SENSORS)
+        for b in range(2 * SENSORS)
+        if a >> 1 != b >> 1
+    ]
+    sources, targets = np.array(links).T
+    held = history_of(rows).occasions_held(sources, targets)
+
+    def runs(a: int, b: int) -> int:
+        """Occasions with both literals on, as the table counts them."""
+        if a < b:
+            a, b = b, a
+        return int(counts[CELLS[a & 1, b & 1], pair_of(a, b)])
+
+    expected = [min(runs(a, b), runs(a ^ 1, b ^ 1)) for a, b in links]
+    assert held.tolist() == expected
+
+
+def test_a_door_that_stays_open_is_one_occasion() -> None:
+    shut, ajar = [0.0, 0.0, 0.0], [1.0, 1.0, 0.0]
+    history = history_of([shut, *[ajar] * 5, shut, ajar])
+    (held,) = history.occasions_held(np.array([0]), np.array([2]))
+    assert held == 2
+    assert history.occasions_held(np.array([0]), np.array([1])).tolist() == [0]
