@@ -60,7 +60,7 @@ class Observation(_Message, frozen=True, tag="observe"):
     _key: ClassVar[str] = "observe"
 
     tick: Numbered
-    """Counts from 1, so that it equals the snapshot's clock after learning from it."""
+    """Counts from 1."""
     bits: bytes
     """The readings, sensor 0 in the lowest bit of the first byte."""
     begins: bool = False
@@ -71,6 +71,9 @@ class Observation(_Message, frozen=True, tag="observe"):
     cut: bool = False
     """It begins a trajectory, and the one before had not come to its own end: after a
     limit on time, say."""
+    paused: bool = False
+    """Learning was paused: nothing is learned from it, but it is judged and has a
+    state like any other."""
 
 
 class Wiring(_Message, frozen=True, tag="wiring"):

@@ -98,10 +98,10 @@ class Coordinator:
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
         self._regrown = False  # the graph changed behind the last observation
         self._known = b""  # which readings of the last observation were known
+        self._grows = memory is not None and memory.body.room > 0
         self._judge: Judge | None = None
         if hold is not None:
-            grows = memory is not None and memory.body.room > 0
-            self._judge = Judge(snapshot.sensorium, hold, support, not grows)
+            self._judge = Judge(snapshot.sensorium, hold, support, not self._grows)
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
         self._deliberation: Deliberation  # of the tick under way
@@ -287,11 +287,14 @@ class Coordinator:
             return [_fault(str(error))]
         except ShapeError as error:
             return [_fault(f"observe: {error}")]
+        if observation.paused and self._grows:
+            rule = "must not be paused in a run that grows sensors"
+            return [_fault(f"observe: {rule}, got tick {observation.tick}")]
         messages: list[wire.Message] = []
         if self._judge is not None:
             history = None if self._memory is None else self._memory.history
             messages = self._judge.judge(
-                observation.tick, self._snapshot, bits, known, history, self.totals
+                observation, self._snapshot, bits, known, history, self.totals
             )
         self._known = observation.known
         if self._memory is not None:
@@ -302,7 +305,11 @@ class Coordinator:
             self._search = self._memory.observe(
                 *step, believed, bits, known, self._snapshot
             )
-        changed = self._snapshot.learn(bits, known)
+        changed = False
+        if observation.paused:
+            self._snapshot.skip()
+        else:
+            changed = self._snapshot.learn(bits, known)
         changed, self._regrown = changed or self._regrown, False
         if changed:
             self._graph = self._snapshot.poc_graph()

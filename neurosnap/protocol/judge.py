@@ -36,7 +36,7 @@ class Judge:
 
     def judge(
         self,
-        tick: int,
+        observation: wire.Observation,
         snapshot: Snapshot,
         bits: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
@@ -46,16 +46,16 @@ class Judge:
         """Return what is to be said of an observation that is not learned yet.
 
         Args:
-            tick: Of the observation.
+            observation: It; what is paused counts for no occasion.
             snapshot: What was learned before it.
-            bits: ``(N,)``.
+            bits: ``(N,)``: its readings.
             known: ``(N,)``: which of them are known; None: all.
             history: The readings before it, in a run whose sensors grow.
             totals: An anomaly is counted there.
         """
         read = history if self._history is None else self._history
         found = self._detector.watch(
-            tick,
+            observation.tick,
             snapshot.poc_graph(),
             bits,
             known,
@@ -63,7 +63,8 @@ class Judge:
             read if self._support else None,
         )
         if self._history is not None:
-            self._history.enter(bits, known)
+            nothing = np.zeros_like(bits) if observation.paused else known
+            self._history.enter(bits, nothing)
         if found is None:
             return []
         said = announcement(found, snapshot.sensorium)

@@ -124,4 +124,6 @@ class World:
             begins=source.begins,
             known=b"" if known is None else pack(known),
             cut=source.cut and self._tick > 1,
+            # What is grown comes from all that was read.
+            paused=source.paused and not self._body.room,
         )

@@ -41,6 +41,7 @@ class CsvSource:
             raise InvalidValueError(path, "must have rows below its header", 0)
         self.begins: bool = False
         self.cut: bool = False
+        self.paused: bool = False
         self.known: NDArray[np.bool_] | None = None
         self._left = 0
 

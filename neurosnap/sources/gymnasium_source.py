@@ -66,6 +66,7 @@ class GymnasiumSource:
         self.length: int | None = None
         self.begins: bool = False
         self.cut: bool = False
+        self.paused: bool = False
 
     def first(self) -> NDArray[np.bool_]:
         """Reset the environment with the seed and return the first observation.

@@ -26,6 +26,8 @@ class Source(Protocol):
     cut: bool
     """It does, and the trajectory before, if there was one, had not come to its own
     end: a limit on time cut it off, or nobody listened for a while."""
+    paused: bool
+    """Nothing is to be learned from the last observation: somebody said so."""
     known: NDArray[np.bool_] | None
     """``(N,)``, which readings of the last observation are known, one at least; what
     the others are means nothing. None: all are known."""

@@ -78,6 +78,7 @@ async def test_home_assistant_finds_beliefs_predictions_and_anomalies(
             f"{PREFIX}/predictions": b"{}",
             f"{PREFIX}/decision": b'{"action":"on","why":"greedy"}',
             f"{PREFIX}/anomaly": b'{"now":"OFF","last":{"tick":1,"culprits":["door"]}}',
+            f"{PREFIX}/progress": b'{"ticks":2,"implications":0,"read":3,"of":3}',
         }
         told = await kept(broker, "homeassistant/#", "homeassistant/#")
         stop.set()

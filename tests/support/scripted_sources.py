@@ -28,7 +28,7 @@ class Scripted:
     ) -> None:
         self.sensors: tuple[str, ...] = tuple(f"s{k}" for k in range(len(rows[0])))
         self.actions: tuple[str, ...] = tuple(actions)
-        self.begins = self.cut = False
+        self.begins = self.cut = self.paused = False
         self.known: NDArray[np.bool_] | None = None
         self.taken: list[int] = []
         self.closed = 0

@@ -31,6 +31,7 @@ class Partial:
     known: NDArray[np.bool_] | None = None
     begins: bool = False
     cut: bool = False
+    paused: bool = False
 
     def __init__(self, source: Source, share: float, seed: int) -> None:
         self._source = source

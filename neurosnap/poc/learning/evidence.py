@@ -26,7 +26,8 @@ class Evidence:
     holds: bool
     """Whether ``a -> b`` is an edge of the derived graph, equivalences included."""
     since: int
-    """The clock when what relates the two sensors last changed; 0 if it never did.
+    """The observation at which what relates the two sensors last changed, from 1; 0 if
+    it never did. Those that were skipped count.
 
     That is when it began to hold, or no longer did, unless an implication became an
     equivalence or the other way round, which is a change too. Also 0 if it changed

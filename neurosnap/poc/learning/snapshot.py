@@ -71,6 +71,7 @@ class Snapshot(Archived):
         self._threshold = checked_threshold(threshold, count)
         self._by_pair = by_pair(self._threshold)
         self._clock = 0
+        self._skipped = 0
         self._bits = np.zeros(count, np.uint8)
         self._known = np.zeros(count, np.uint8)
         self._codes = np.zeros(count * (count - 1) // 2, np.uint8)
@@ -175,9 +176,7 @@ class Snapshot(Archived):
         """
         observation = self._sensorium.observation(bits)
         mask = None if known is None else as_known(known, len(self._sensorium))
-        if self._clock + 1 >= 2**_BITS:
-            rule = f"must stay below 2**{_BITS}, which the counts have room for"
-            raise InvalidValueError("clock", rule, self._clock + 1)
+        self._check_room()
         self._bits[:] = observation
         if mask is None:
             self._known.fill(1)
@@ -189,8 +188,19 @@ class Snapshot(Archived):
         self._clock += 1
         if changed:
             self._graphs.clear()
-            date_changes(self._codes, self._noted, self._since, self._clock)
+            self._date_changes()
         return changed
+
+    def skip(self) -> None:
+        """Let an observation go by: it has a tick, and nothing is learned from it.
+
+        `clock` and all weights stay as they are; `Evidence.since` counts it.
+
+        Raises:
+            InvalidValueError: The clock is at its end.
+        """
+        self._check_room()
+        self._skipped += 1
 
     def newborn(
         self,
@@ -257,7 +267,7 @@ class Snapshot(Archived):
         self._sensorium = sensorium
         self._born[sensor] = self._clock - newborn.ticks
         kernels.rewire(sensor, newborn.codes, self._codes[pairs], self._rows)
-        date_changes(self._codes, self._noted, self._since, self._clock)
+        self._date_changes()
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
         self._graphs.clear()
@@ -277,7 +287,7 @@ class Snapshot(Archived):
         pairs = [pair_of(literal, other) for other in others]
         self._weights.put(pairs, self._weights.start)
         self._codes[pairs] = 0
-        date_changes(self._codes, self._noted, self._since, self._clock)
+        self._date_changes()
         self._rows = rows_of(self._codes, len(self._sensorium))
         self._state[[literal, literal ^ 1]] = False
         self._graphs.clear()
@@ -414,6 +424,7 @@ class Snapshot(Archived):
             "state": np.frombuffer(pack(self._state), np.uint8),
             "since": self._since,
             **({"born": self._born} if self._born.any() else {}),
+            **self._skips(),
         }
 
     @classmethod
@@ -434,6 +445,10 @@ class Snapshot(Archived):
         self._clock = entry(arrays, "clock", (), np.int64).item()
         if not 0 <= self._clock < 2**_BITS:
             raise ValueError(f"clock: must be in [0, 2**{_BITS})")
+        if "skipped" in arrays:  # only where an observation went by
+            self._skipped = entry(arrays, "skipped", (), np.int64).item()
+            if not 0 <= self._skipped < 2**_BITS - self._clock:
+                raise ValueError(f"skipped: must be in [0, 2**{_BITS} - clock)")
         self._weights.restore(arrays)
         if "born" in arrays:  # only where a sensor has grown
             self._born[:] = entry(arrays, "born", self._born.shape, np.uint32)
@@ -446,8 +461,24 @@ class Snapshot(Archived):
         self._noted[:] = self._codes
         if "since" in arrays:  # earlier files lack it
             self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
-            if (self._since > self._clock).any():
+            if (self._since > self._clock + self._skipped).any():
                 raise ValueError("since: must not be after the clock")
+
+    def _check_room(self) -> None:
+        """Refuse an observation that no count has room for."""
+        if self._clock + self._skipped + 1 >= 2**_BITS:
+            rule = f"must stay below 2**{_BITS}, which the counts have room for"
+            raise InvalidValueError("clock", rule, self._clock + self._skipped + 1)
+
+    def _date_changes(self) -> None:
+        """Note the tick for all that follows no longer, or only now."""
+        tick = self._clock + self._skipped
+        date_changes(self._codes, self._noted, self._since, tick)
+
+    def _skips(self) -> Arrays:
+        """Return how many observations went by, where any did."""
+        skipped = self._skipped
+        return {"skipped": np.array(skipped, np.int64)} if skipped else {}
 
     def _proper(self, a: int, b: int) -> tuple[int, int]:
         """Return two literals that are of different sensors."""

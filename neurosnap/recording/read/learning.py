@@ -69,7 +69,10 @@ class Learning:
             bits, known = readings(observation, self._options.body.count)
         except ShapeError as error:
             raise RecordingError(f"{place}: /observe: {error}") from error
-        self.snapshot.learn(bits, known)
+        if observation.paused:
+            self.snapshot.skip()
+        else:
+            self.snapshot.learn(bits, known)
         self.tick = tick
         if decision is not None and self.grows:
             try:

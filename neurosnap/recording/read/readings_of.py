@@ -14,7 +14,9 @@ _SECOND = 1e9
 
 
 def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readings:
-    """Return the readings of a run, tick for tick; what is not there is unknown.
+    """Return the readings a run learned from, tick for tick.
+
+    What is not there is unknown, and so is what came while learning was paused.
 
     Args:
         recording: A run's.
@@ -38,7 +40,8 @@ def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readin
             continue
         if growing.ticks < message.tick <= last:
             skip_to(message.tick - 1)
-            growing.append(*readings(message, count))
+            bits, known = readings(message, count)
+            growing.append(bits, np.zeros_like(bits) if message.paused else known)
             times.append(utc(log_time / _SECOND))
     skip_to(last)
     return Readings(growing.columns(), times)

@@ -164,7 +164,8 @@ class _Counter:
             return remote_source.Failed(str(error))
         if bits is None:
             return remote_source.Over()
-        return remote_source.Answer(pack(bits), _packed(source.known), source.begins)
+        known = _packed(source.known)
+        return remote_source.Answer(pack(bits), known, source.begins, source.paused)
 
     async def wait_closed(self) -> None:
         """Wait until the world has heard that the source is closed, but not long."""

@@ -70,7 +70,8 @@ class Listener:
     def take(self, message: wire.Message) -> None:
         """Take in one message; what is none of its business is passed over."""
         match message:
-            case wire.Observation(tick=tick):
+            case wire.Observation(tick=tick, paused=paused):
+                self._publisher.learning(paused)
                 _, known = readings(message, self._body.count)
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
@@ -139,6 +140,7 @@ async def publish_status(
         body.sensors,
         own=len(body.own),
         actions=body.actions,
+        pauses=not body.room,
         classes={
             sensor.name: sensor.device_class
             for sensor in given.sensors

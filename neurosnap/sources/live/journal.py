@@ -60,6 +60,8 @@ class Row(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     """Which of the readings are known, packed."""
     begins: bool
     """It follows no action, since nobody listened before it."""
+    paused: bool = False
+    """Nothing is to be learned from it."""
 
 
 class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
@@ -202,7 +204,9 @@ class Journal:
         self._dirty = False
         self._begin()
 
-    def row(self, bits: bytes, known: bytes, *, begins: bool) -> Row:
+    def row(
+        self, bits: bytes, known: bytes, *, begins: bool, paused: bool = False
+    ) -> Row:
         """Write down the next row, and return it.
 
         Raises:
@@ -210,7 +214,7 @@ class Journal:
         """
         if self._rows >= _ROWS:
             self._begin()
-        row = Row(self.last + 1, bits, known, begins)
+        row = Row(self.last + 1, bits, known, begins, paused)
         self._write(row)
         self.last += 1
         self._rows += 1
@@ -257,7 +261,10 @@ class Journal:
         """
         self.last = tick
         self._begin()
-        kept = [self.row(row.bits, row.known, begins=row.begins) for row in rows]
+        kept = [
+            self.row(row.bits, row.known, begins=row.begins, paused=row.paused)
+            for row in rows
+        ]
         self.sync()
         return kept
 

@@ -50,12 +50,14 @@ class Shown(NamedTuple):
     known: Bits
     begins: bool
     """It follows no action, since nobody listened before it."""
+    paused: bool = False
+    """Nothing is to be learned from it."""
 
-    def is_same(self, seen: tuple[Bits, Bits]) -> bool:
+    def is_same(self, seen: tuple[Bits, Bits], paused: bool) -> bool:
         """Tell whether `seen`, readings and which are known, is no change."""
-        return np.array_equal(self.bits, seen[0]) and np.array_equal(
-            self.known, seen[1]
-        )
+        bits, known = seen
+        same = np.array_equal(self.bits, bits) and np.array_equal(self.known, known)
+        return same and self.paused == paused
 
 
 class Feeder(Protocol):
@@ -65,8 +67,8 @@ class Feeder(Protocol):
         """Begin, and return without waiting for anybody; called once.
 
         From then on it may call, from any thread, the source's `put`, `put_all`,
-        `give`, `refuse`, `hears`, `end` and `fail`; what it cannot do it tells by
-        `fail`.
+        `give`, `refuse`, `hears`, `pause`, `end` and `fail`; what it cannot do it tells
+        by `fail`.
         """
 
     def stop(self) -> None:
@@ -116,6 +118,7 @@ class LiveSource:
         self.actions: tuple[str, ...] = tuple(actions)
         self.begins: bool = False
         self.cut: bool = False
+        self.paused: bool = False
         self.known: Bits | None = None
         self.journal = journal
         self.resumed = journal is not None and journal.last > 0
@@ -137,6 +140,7 @@ class LiveSource:
         self._shown: Shown | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `let_go`
         self._away = False
+        self._pauses = False  # what comes from now on
         self._unshown: Bits = np.zeros(len(latest.sensors), np.bool_)
         self._stamps = ClockMapping(clock(), wall())
         # Serializes `start` and `stop`: no start after a stop, no stop during a start.
@@ -202,6 +206,8 @@ class LiveSource:
             shown = None if before is None else self._read(before)
             self._waiting = deque(map(self._read, rows))
             self._shown = self._waiting[-1] if rows else shown
+            if not self._started and self._shown is not None:
+                self._pauses = self._shown.paused
             self._rows = self.journal.last
             self.given = tick
             self.resumed |= tick > 0
@@ -242,7 +248,8 @@ class LiveSource:
         seen = self._latest.observation(now)
         patience = self._patience(seen, now)
         self._sensitive = True
-        is_same = self._shown is not None and self._shown.is_same(seen)
+        shown = self._shown
+        is_same = shown is not None and shown.is_same(seen, self._pauses)
         if is_same or self.is_full or len(self._waiting) >= WAITING:
             return None
         if patience == 0:
@@ -389,6 +396,18 @@ class LiveSource:
         with self._condition:
             self._refusals.refuse(text)
 
+    def pause(self, on: bool) -> None:
+        """Let nothing be learned from what comes from now on; or let it again.
+
+        From any thread. It makes a tick due, as a change of a reading does.
+        """
+        with self._condition:
+            if on != self._pauses:
+                self._pauses = on
+                self._changed()
+                if self._away:
+                    self._keep_change(self._clock())
+
     def hears(self, on: bool) -> None:
         """Take note that the feeder listens from now on, or does not; from any thread.
 
@@ -444,6 +463,7 @@ class LiveSource:
             self.given += 1
             self._condition.notify_all()  # there is room for one more
         self.begins = self.cut = shown.begins  # what is live has no ends
+        self.paused = shown.paused
         self.known = None if shown.known.all() else shown.known
         return shown.bits
 
@@ -460,8 +480,9 @@ class LiveSource:
     def _row(self, bits: Bits, known: Bits) -> Shown:
         """Return the next row, once it is written down."""
         if self.journal is not None:
-            self.journal.row(pack(bits), pack(known), begins=self._fresh)
-        self._shown = Shown(bits, known, self._fresh)
+            packed = pack(bits), pack(known)
+            self.journal.row(*packed, begins=self._fresh, paused=self._pauses)
+        self._shown = Shown(bits, known, self._fresh, self._pauses)
         self._fresh = False
         self._rows += 1
         return self._shown
@@ -469,7 +490,8 @@ class LiveSource:
     def _read(self, row: Row) -> Shown:
         """Return a row that was written down."""
         count = len(self.sensors)
-        return Shown(unpack(row.bits, count), unpack(row.known, count), row.begins)
+        bits, known = unpack(row.bits, count), unpack(row.known, count)
+        return Shown(bits, known, row.begins, row.paused)
 
     def _start(self) -> None:
         with self._condition:
@@ -508,7 +530,8 @@ class LiveSource:
 
     def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
         """Return the seconds until `seen` is due; None: it makes no tick due."""
-        changed = self._shown is None or not self._shown.is_same(seen)
+        shown = self._shown
+        changed = shown is None or not shown.is_same(seen, self._pauses)
         self._sensitive = True
         if not seen[1].any():
             return None

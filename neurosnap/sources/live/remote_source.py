@@ -41,6 +41,7 @@ class Answer(msgspec.Struct, frozen=True, array_like=True, tag="answer"):
     known: bytes
     """Packed; empty: all was."""
     begins: bool
+    paused: bool = False
 
 
 class Over(msgspec.Struct, frozen=True, array_like=True, tag="over"):
@@ -83,6 +84,7 @@ class RemoteSource:
         self.actions = actions
         self.begins: bool = False
         self.cut: bool = False
+        self.paused: bool = False
         self.known: Bits | None = None
         self._address = address
         self._socket: socket.socket | None = None
@@ -141,7 +143,8 @@ class RemoteSource:
                 return None
             case Failed(what=what):
                 raise NeurosnapError(what)
-            case Answer(bits=bits, known=known, begins=begins):
+            case Answer(bits=bits, known=known, begins=begins, paused=paused):
+                self.paused = paused
                 count = len(self.sensors)
                 self.known = unpack(known, count) if known else None
                 self.begins = self.cut = begins  # what is live has no ends

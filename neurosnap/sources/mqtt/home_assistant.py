@@ -21,13 +21,19 @@ from typing import Any
 import msgspec
 
 from neurosnap.sources.mqtt.options import DeviceClass, MqttPublish
-from neurosnap.sources.mqtt.published_topics import Topics, slugs
+from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics, slugs
 from neurosnap.system.distribution import HOME, version
 
 # What is no reading is the payload None to Home Assistant.
 _BELIEF = "{{ 'None' if value == 'unknown' else value }}"
 
 _DIAGNOSIS = "diagnostic"
+_PROGRESS = (
+    ("ticks", "Ticks", "mdi:counter", "ticks"),
+    ("implications", "Implications", "mdi:graph-outline", "implications"),
+    ("read", "Sensors read", "mdi:access-point", "read"),
+)
+"""How far learning is: id, name, icon and key of each entity."""
 _NOT_IN_ID = re.compile(r"[^a-z0-9]+")
 
 
@@ -47,6 +53,7 @@ def discovery(
     names: Sequence[str],
     *,
     acts: bool,
+    pauses: bool = False,
     classes: Mapping[str, DeviceClass] = MappingProxyType({}),
 ) -> bytes:
     """Return the announcement.
@@ -59,6 +66,7 @@ def discovery(
         topics: Where its components' states are.
         names: The sensors' names, as shown to people.
         acts: Whether it decides anything.
+        pauses: Whether learning can be paused.
         classes: What sensors sense, by their names, where that was said.
     """
     unique = node(publish)
@@ -91,6 +99,29 @@ def discovery(
         "value_template": "{{ value_json | count }}",
         "json_attributes_topic": topics.predictions,
     }
+    for identity, name, icon, key in _PROGRESS:
+        components[identity] = {
+            "platform": "sensor",
+            "name": name,
+            "entity_category": _DIAGNOSIS,
+            "icon": icon,
+            "state_class": "measurement",
+            "state_topic": topics.progress,
+            "value_template": f"{{{{ value_json.{key} }}}}",
+        }
+    if pauses:
+        components["learning"] = {
+            "platform": "switch",
+            "name": "Learning",
+            "entity_category": "config",
+            "icon": "mdi:school",
+            "state_topic": topics.learning,
+            "command_topic": topics.learning_set,
+            "payload_on": ON.decode(),
+            "payload_off": OFF.decode(),
+            # So that a run that starts again is still paused.
+            "retain": True,
+        }
     if acts:
         components["decision"] = {
             "platform": "sensor",

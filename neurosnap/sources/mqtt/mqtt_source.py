@@ -20,7 +20,7 @@ from neurosnap.sources.mqtt.loop_thread import LoopThread
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, Reader
-from neurosnap.sources.mqtt.published_topics import Topics
+from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics
 from neurosnap.sources.mqtt.routes import Routes
 
 
@@ -80,12 +80,15 @@ class MqttFeeder:
         self._readers = [Reader(sensor) for sensor in options.sensors]
         self._source: LiveSource | None = None
         publish = options.publish
+        self._command = ""  # the topic that pauses learning
+        if publish is not None:
+            self._command = Topics(publish.prefix, ()).learning_set
         self._link = MqttLink(
             options.broker,
             "world",
             status=None if publish is None else Topics(publish.prefix, ()).world,
             forget=publish is not None and publish.forget,
-            filters=filters,
+            filters=[self._command, *filters] if self._command else filters,
             receive=self._receive,
             connected=self._connected,
         )
@@ -128,6 +131,8 @@ class MqttFeeder:
         """Hand in what a message says, sensor by sensor."""
         if self._source is None:
             return
+        if topic == self._command:
+            self._pause(data)
         payload = Payload(topic, data)
         readings: dict[str, bool | None] = {}
         for number in self._routes.of(topic):
@@ -139,6 +144,16 @@ class MqttFeeder:
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
         self._source.put_all(readings, topic=topic)
+
+    def _pause(self, data: bytes) -> None:
+        """Pause learning, or let it go on, as a command says."""
+        source, word = self._source, data.strip().upper()
+        if source is None or not word:  # an empty message only clears a retained one
+            return
+        if word in (ON, OFF):
+            source.pause(word == OFF)
+        else:
+            source.refuse(f"{self._command}: must be ON or OFF, got {data[:20]!r}")
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

@@ -10,9 +10,15 @@ Below the prefix, everything retained:
 ``decision``              ``{"action": "push", "why": "..."}``
 ``anomaly``               ``{"now": "ON", "last": {...}}``: whether there is one, and
                           the latest
+``progress``              ``{"ticks": 89, "implications": 12, "read": 9, "of": 14}``:
+                          how far learning is; of the sensors, how many were read at
+                          the last tick
+``learning``              ``ON``, or ``OFF`` while it is paused
+``learning/set``          to be published to: ``ON`` or ``OFF``
 ========================  ==========================================================
 
-None of it holds the tick, so that what stays the same need not be published again.
+Nothing but ``progress`` holds the tick, so that what stays the same need not be
+published again; and that is published once its ticks are a hundredth more.
 """
 
 import re
@@ -26,7 +32,8 @@ from neurosnap.errors import ShapeError
 
 _OTHER = re.compile(r"[^A-Za-z0-9_-]+")
 
-WORDS = (b"unknown", b"ON", b"OFF")
+ON, OFF = b"ON", b"OFF"
+WORDS = (b"unknown", ON, OFF)
 
 
 class Topics:
@@ -43,6 +50,9 @@ class Topics:
         self.predictions = f"{prefix}/predictions"
         self.decision = f"{prefix}/decision"
         self.anomaly = f"{prefix}/anomaly"
+        self.progress = f"{prefix}/progress"
+        self.learning = f"{prefix}/learning"
+        self.learning_set = f"{prefix}/learning/set"
         self.slugs = slugs(sensors)
         """The sensors' names, in order, as they stand in topics."""
         self.sensors = tuple(f"{prefix}/sensor/{slug}" for slug in self.slugs)
@@ -120,3 +130,16 @@ def decision(action: str, why: str) -> bytes:
 def anomaly(now: bool, last: Mapping[str, object] | None) -> bytes:
     """Return the JSON that says whether there is an anomaly, and the latest record."""
     return msgspec.json.encode({"now": "ON" if now else "OFF", "last": last or {}})
+
+
+def progress(ticks: int, implications: int, read: int, sensors: int) -> bytes:
+    """Return the JSON that says how far learning is.
+
+    Args:
+        ticks: Ticks so far.
+        implications: What is believed.
+        read: Of the sensors, how many were read at the last tick.
+        sensors: How many there are.
+    """
+    said = {"ticks": ticks, "implications": implications, "read": read, "of": sensors}
+    return msgspec.json.encode(said)

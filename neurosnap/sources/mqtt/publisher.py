@@ -20,12 +20,18 @@ from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
 from neurosnap.sources.mqtt.options import DeviceClass, MqttBroker, MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
+    OFF,
+    ON,
     Topics,
     anomaly,
     beliefs,
     decision,
     predictions,
+    progress,
 )
+
+_STEPS = 100
+"""How many times progress is published, at most, while the ticks double; about."""
 
 
 class MqttPublisher:
@@ -42,6 +48,7 @@ class MqttPublisher:
         actions: The names of the actions, one of which is taken at each step; none:
             nothing is decided.
         classes: What sensors sense, by their names, where that was said.
+        pauses: Whether learning can be paused.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -56,6 +63,7 @@ class MqttPublisher:
         own: int | None = None,
         actions: Sequence[str] = (),
         classes: Mapping[str, DeviceClass] = MappingProxyType({}),
+        pauses: bool = False,
     ) -> None:
         self._count = len(sensors)
         self._names = tuple(sensors)[:own]
@@ -63,6 +71,9 @@ class MqttPublisher:
         self._topics = Topics(publish.prefix, self._names)
         self._last: Mapping[str, object] | None = None
         self._beliefs: list[bytes | None] = [None] * len(self._names)
+        self._paused: bool | None = None
+        self._due = 0  # the tick from which on progress is published again
+        self._read = -1
         self._link = MqttLink(
             broker,
             "outlet",
@@ -76,6 +87,7 @@ class MqttPublisher:
                 self._topics,
                 self._names,
                 acts=bool(actions),
+                pauses=pauses,
                 classes=classes,
             )
             self._link.hold(discovery_topic(publish), found)
@@ -103,6 +115,18 @@ class MqttPublisher:
                 self._link.hold(topic, belief)
         self._beliefs = [*believed]
         self._link.hold(self._topics.predictions, said)
+        count = len(self._names)
+        read = count if known is None else int(np.count_nonzero(known))
+        if state.tick >= self._due or read != self._read:
+            self._due, self._read = state.tick + state.tick // _STEPS + 1, read
+            told = progress(state.tick, state.edges, read, count)
+            self._link.hold(self._topics.progress, told)
+
+    def learning(self, paused: bool) -> None:
+        """Take in whether what came last is learned from."""
+        if paused != self._paused:
+            self._paused = paused
+            self._link.hold(self._topics.learning, OFF if paused else ON)
 
     def decision(self, decision_: wire.Decision) -> None:
         """Take in a decision; one that is none, where nothing is decided, is left out.

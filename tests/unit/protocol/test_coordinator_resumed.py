@@ -21,6 +21,7 @@ from tests.support.swarm_parts import observation
 SENSORS = ("a", "b", "c", "d")
 TICKS = 40
 EVERY = 10
+PAUSED = range(18, 24)  # a key-frame is in it, and another after it
 
 
 def options(workers: int, snapshot: SnapshotKind, **more: object) -> RunOptions:
@@ -67,7 +68,9 @@ def run(swarm: AnsweringSwarm, first: list[wire.Message]) -> list[wire.Message]:
         (decision,) = decisions
         if decision.tick == TICKS:
             break
-        new = swarm.say([observation(decision.tick + 1, ROWS[decision.tick])])
+        tick = decision.tick + 1
+        shown = observation(tick, ROWS[decision.tick])
+        new = swarm.say([msgspec.structs.replace(shown, paused=tick in PAUSED)])
         said = said + new
     return said
 

@@ -93,6 +93,9 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
         "anomaly",
         "predictions",
         "decision",
+        "ticks",
+        "implications",
+        "read",
     }
     assert components["sensor_hall_motion"] == {
         "platform": "binary_sensor",
@@ -114,6 +117,7 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
         topics.anomaly,
         topics.predictions,
         topics.decision,
+        topics.progress,
     }
 
 
@@ -123,7 +127,7 @@ def test_what_decides_nothing_has_no_decisions() -> None:
     assert "decision" not in json.loads(told)["components"]
 
 
-ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor)\.(?!_)[a-z0-9_]+(?<!_)")
+ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor|switch)\.(?!_)[a-z0-9_]+(?<!_)")
 """What Home Assistant takes for an entity's id (`homeassistant.core`)."""
 
 
@@ -131,7 +135,7 @@ ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor)\.(?!_)[a-z0-9_]+(?<!_)")
 def test_every_entity_gets_an_id_that_home_assistant_takes(names: list[str]) -> None:
     publish = MqttPublish(prefix="Ö/House")
     told = json.loads(
-        discovery(publish, Topics(publish.prefix, names), names, acts=True)
+        discovery(publish, Topics(publish.prefix, names), names, acts=True, pauses=True)
     )
     for component in told["components"].values():
         platform, _ = component["default_entity_id"].split(".")
@@ -143,3 +147,24 @@ def test_the_device_links_to_a_page_where_one_is_named() -> None:
     publish = MqttPublish(page="http://house.lan:8080/neurosnap")
     told = json.loads(discovery(publish, Topics("n", NAMES), NAMES, acts=False))
     assert told["device"]["configuration_url"] == "http://house.lan:8080/neurosnap"
+
+
+def test_a_switch_pauses_learning_where_that_can_be() -> None:
+    publish = MqttPublish(prefix="n")
+    topics = Topics("n", NAMES)
+    told = json.loads(discovery(publish, topics, NAMES, acts=False, pauses=True))
+    switch = told["components"]["learning"]
+    assert switch["platform"] == "switch"
+    assert switch["entity_category"] == "config"
+    assert switch["state_topic"] == "n/learning"
+    assert switch["command_topic"] == "n/learning/set"
+    assert switch["retain"] is True
+
+
+def test_no_two_entities_have_the_same_name() -> None:
+    names = ["Ticks", "Learning", "Implications", "Sensors read", "Anomaly"]
+    told = json.loads(
+        discovery(MqttPublish(), Topics("n", names), names, acts=True, pauses=True)
+    )
+    shown = [component["name"] for component in told["components"].values()]
+    assert len(set(shown)) == len(shown)

@@ -1,5 +1,9 @@
 """What an outlet holds, tick after tick, without a broker."""
 
+from itertools import pairwise
+
+import msgspec
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -63,3 +67,32 @@ def test_a_decision_has_the_name_of_its_action() -> None:
     rule = r"^action: must be a whole number in 0\.\.1, got 2$"
     with pytest.raises(InvalidValueError, match=rule):
         outlet.decision(wire.Decision(1, 2, "greedy"))
+
+
+def test_progress_is_told_once_there_is_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    told: list[tuple[str, bytes]] = []
+    monkeypatch.setattr(outlet._link, "hold", lambda *said: told.append(said))
+    for tick in range(1, 1001):
+        first = state([b"ON", b"OFF", b"unknown"])
+        outlet.state(msgspec.structs.replace(first, tick=tick, edges=7))
+    said = [msgspec.json.decode(data) for topic, data in told if topic == "p/progress"]
+    assert said[0] == {"ticks": 1, "implications": 7, "read": 3, "of": 3}
+    assert all(b["ticks"] <= 1.01 * a["ticks"] + 1 for a, b in pairwise(said))
+    assert len(said) < 400
+
+
+def test_who_is_read_is_told_at_once() -> None:
+    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    for tick, known in (1000, [True, True, True]), (1001, [True, False, True]):
+        first = state([b"ON", b"OFF", b"unknown"])
+        outlet.state(msgspec.structs.replace(first, tick=tick), np.array(known))
+    held = outlet._link._outbox._held["p/progress"]
+    assert held == b'{"ticks":1001,"implications":0,"read":2,"of":3}'
+
+
+def test_whether_it_learns_is_told() -> None:
+    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    for paused, word in (False, b"ON"), (True, b"OFF"):
+        outlet.learning(paused)
+        assert outlet._link._outbox._held["p/learning"] == word
