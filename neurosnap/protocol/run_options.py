@@ -124,6 +124,7 @@ Cells: TypeAlias = Annotated[
         " processes share them; the fastest for many sensors. Inline: all in this"
         " process, without a network; the easiest to debug.",
         flag="cells",
+        default="process; of an MQTT broker, worker",
     ),
 ]
 Workers: TypeAlias = Annotated[

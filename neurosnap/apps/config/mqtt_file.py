@@ -27,10 +27,6 @@ prefix = "neurosnap"
 [snapshot]
 kind = "discounted"          # forgets, so that habits may change
 
-[cells]
-kind = "worker"
-workers = 1
-
 [supervision]
 restart = "always"
 """

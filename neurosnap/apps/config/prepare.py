@@ -180,7 +180,13 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "threshold": _threshold(config, fitted),
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
+        "cells": config.cells.kind,
+        "workers": config.cells.workers,
     }
+    if isinstance(config.source, MqttTable) and config.cells.kind is None:
+        # A home's sensors are few, or many, and its machine is small.
+        count = max(1, len(fitted.body.sensors))
+        optional |= {"cells": "worker", "workers": min(config.cells.workers, count)}
     if is_live(name) and optional["sync"] is None:
         optional["sync"] = _SYNC
     return RunOptions(
@@ -194,8 +200,6 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         seed=config.run.seed,
         snapshot=config.snapshot.kind,
         wiring=config.cells.wiring,
-        cells=config.cells.kind,
-        workers=config.cells.workers,
         deadline=config.cells.deadline,
         watch=config.anomalies.watch,
         hold=config.anomalies.hold,

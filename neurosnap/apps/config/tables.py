@@ -83,7 +83,7 @@ class SnapshotTable(
 class CellsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the cells are, and how they are wired."""
 
-    kind: Cells = _DEFAULTS["cells"]
+    kind: Cells | None = None
     workers: Workers = _DEFAULTS["workers"]
     wiring: Wiring = _DEFAULTS["wiring"]
     deadline: Deadline = _DEFAULTS["deadline"]
