@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from neurosnap.agent.body import Body
     from neurosnap.agent.growth.birth import Birth
     from neurosnap.agent.sensor import Sensor
+    from neurosnap.apps.drawing.order_plot import plot_order
     from neurosnap.poc.dual.cubing import Cubing
     from neurosnap.poc.dual.morphism import PocMorphism
     from neurosnap.poc.dual.realization import Realization
@@ -42,6 +43,7 @@ __all__ = [
     "Sensorium",
     "implications",
     "load_snapshot",
+    "plot_order",
     "save_snapshot",
 ]
 
@@ -61,6 +63,7 @@ _HOMES = {
     "Sensorium": "neurosnap.sensorium",
     "implications": "neurosnap.poc.learning.relation_table",
     "load_snapshot": "neurosnap.recording.snapshot_file",
+    "plot_order": "neurosnap.apps.drawing.order_plot",
     "save_snapshot": "neurosnap.recording.snapshot_file",
 }
 

@@ -73,8 +73,16 @@ def figure_of(model: Model, numbers: Numbers) -> "Figure":
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
+    return sheet(stacked([_heading(model, numbers), *_rows(model)], 0.32))
+
+
+def sheet(page: Panel) -> "Figure":
+    """Return a figure with a panel on it, and as large.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
     canvas = _canvas()
-    page = stacked([_heading(model, numbers), *_rows(model)], 0.32)
     width, height = page.width + 2 * _MARGIN, page.height + 2 * _MARGIN
     figure = canvas(figsize=(width, height))
     axes = figure.add_axes((0, 0, 1, 1))
