@@ -64,7 +64,7 @@ def learn(
         typer.Option(
             metavar='"NAME > NUMBER"',
             help='When a sensor with numbers is on, such as "hall > 21" or, with'
-            ' hysteresis, "hall > 21, off < 20".',
+            ' unit and hysteresis, "hall > 21 °C, off < 20".',
             show_default="none are read",
         ),
     ] = None,

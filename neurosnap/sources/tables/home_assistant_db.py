@@ -6,13 +6,15 @@ themselves; others if they are asked for.
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
+
+import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.tables.csv_file import OnProgress
 from neurosnap.sources.tables.events import Events
-from neurosnap.sources.tables.meaning import Reader, Wanted
+from neurosnap.sources.tables.meaning import Reader, Wanted, plain_unit
 from neurosnap.sources.tables.readings import Readings
 
 MAGIC = b"SQLite format 3\x00"
@@ -23,6 +25,20 @@ _STATES = """
     WHERE metadata_id IS NOT NULL AND last_updated_ts IS NOT NULL
     ORDER BY last_updated_ts, state_id
 """
+
+
+_ATTRIBUTES = """
+    SELECT DISTINCT shared_attrs FROM state_attributes
+    JOIN states ON states.attributes_id = state_attributes.attributes_id
+    JOIN states_meta ON states_meta.metadata_id = states.metadata_id
+    WHERE states_meta.entity_id = ?
+"""
+
+
+class _Attributes(msgspec.Struct):
+    """What is looked at of the attributes of a state."""
+
+    unit: str | None = msgspec.field(name="unit_of_measurement", default=None)
 
 
 def read_home_assistant(
@@ -36,8 +52,8 @@ def read_home_assistant(
         on_progress: Told how many states are read.
 
     Raises:
-        InvalidValueError: It is no such database, lacks an entity that is wanted, or a
-            state that is wanted says neither on nor off.
+        InvalidValueError: It is no such database, lacks an entity that is wanted, or
+            has it in another unit; or a state that is wanted says neither on nor off.
     """
     uri = f"{Path(path).absolute().as_uri()}?mode=ro"
     if not Path(f"{path}-wal").exists():
@@ -61,6 +77,13 @@ def _read(
         database.execute("SELECT metadata_id, entity_id FROM states_meta")
     )
     wanted.check(list(entities.values()), path)
+    for comparison in wanted.comparisons:
+        if comparison.unit:
+            units = _units(database, comparison.source)
+            if units != {comparison.unit}:
+                rule = f"must be in {comparison.unit}, as --when says"
+                found = ", ".join(sorted(units)) or "no unit"
+                raise InvalidValueError(f"{path}: {comparison.source}", rule, found)
     readers = {
         number: wanted.readers(name, by_itself=name.startswith(_BINARY))
         for number, name in entities.items()
@@ -73,6 +96,19 @@ def _read(
         for reader in readers.get(number, ()):
             _add(events, reader, entities[number], state, time, path)
     return events.readings()
+
+
+def _units(database: sqlite3.Connection, entity: str) -> set[str]:
+    """Return the units that an entity's states were in; those without one are left out.
+
+    Home Assistant keeps attributes once for all states that share them.
+    """
+    units = set()
+    for (text,) in database.execute(_ATTRIBUTES, (entity,)):
+        with suppress(msgspec.MsgspecError):
+            unit = msgspec.json.decode(text or "{}", type=_Attributes).unit
+            units |= {plain_unit(unit)} if unit else set()
+    return units
 
 
 def _states(

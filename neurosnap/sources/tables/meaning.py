@@ -3,6 +3,7 @@
 import fnmatch
 import math
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,9 +21,10 @@ WORDS: dict[str, bool | None] = {
 RULE = "must be 0 or 1, false or true, off or on, or nothing for unknown"
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_UNIT = r"(?:[^\s\d,<>.+-][^\s,<>]*)?"
 _WHEN = re.compile(
-    rf"(?P<name>.+?)\s*(?P<sign>[<>])\s*(?P<limit>{_NUMBER})"
-    rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER}))?",
+    rf"(?P<name>.+?)\s*(?P<sign>[<>])\s*(?P<limit>{_NUMBER})\s*(?P<unit>{_UNIT})"
+    rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER})\s*(?P<same>{_UNIT}))?",
     re.ASCII,
 )
 
@@ -37,25 +39,37 @@ class Comparison(NamedTuple):
     limit: float
     release: float
     """Off beyond this, on the other side; between the two, as it was before."""
+    unit: str = ""
+    """What both are in, as `plain_unit` has it; empty: nobody said."""
 
     @property
     def name(self) -> str:
         """What the binary sensor is called."""
-        return f"{self.source}{'>' if self.above else '<'}{self.limit:g}"
+        return f"{self.source}{'>' if self.above else '<'}{self.limit:g}{self.unit}"
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit with letters that look alike made the same.
+
+    Example:
+        >>> plain_unit("\N{MICRO SIGN}m") == plain_unit("\N{GREEK SMALL LETTER MU}m")
+        True
+    """
+    return unicodedata.normalize("NFC", unit).replace("\N{MICRO SIGN}", "\u03bc")
 
 
 def parse_comparison(text: str) -> Comparison:
-    """Return what a text such as ``hall > 21, off < 20`` says.
+    """Return what a text such as ``hall > 21 °C, off < 20`` says.
 
     Raises:
         InvalidValueError: It says nothing of the kind.
 
     Example:
-        >>> parse_comparison("hall > 21, off < 20").name
-        'hall>21'
+        >>> parse_comparison("hall > 21 °C, off < 20").name
+        'hall>21°C'
     """
     match = _WHEN.fullmatch(text.strip())
-    rule = 'must be like "hall > 21" or "hall > 21, off < 20"'
+    rule = 'must be like "hall > 21" or "hall > 21 °C, off < 20"'
     if match is None or match["back"] == match["sign"]:
         raise InvalidValueError("when", rule, text)
     above, limit = match["sign"] == ">", float(match["limit"])
@@ -64,7 +78,10 @@ def parse_comparison(text: str) -> Comparison:
         side = "below" if above else "above"
         rule = f"must let the sensor be off {side} where it is on"
         raise InvalidValueError("when", rule, text)
-    return Comparison(match["name"].strip(), above, limit, release)
+    unit = plain_unit(match["unit"])
+    if match["same"] and plain_unit(match["same"]) != unit:
+        raise InvalidValueError("when", "must have one unit", text)
+    return Comparison(match["name"].strip(), above, limit, release, unit)
 
 
 @dataclass(frozen=True)
@@ -142,12 +159,16 @@ class Reader:
         if word in WORDS and WORDS[word] is None:
             self._before = None
             return None
+        unit = self.comparison.unit
+        if unit:
+            word = plain_unit(text).strip().removesuffix(unit).rstrip()
         try:
             value = float(word)
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise ValueError("must be a number, or nothing for unknown")
+            what = f"a number, or one in {unit}" if unit else "a number"
+            raise ValueError(f"must be {what}, or nothing for unknown")
         sign = 1 if self.comparison.above else -1
         if sign * value > sign * self.comparison.limit:
             self._before = True

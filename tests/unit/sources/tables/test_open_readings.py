@@ -1,6 +1,8 @@
 """Files of readings of every kind, and what is refused of them."""
 
+import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -108,11 +110,61 @@ def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["hall", "hall > warm", "> 3", "hall > 2, off < 3", "hall > 2, off > 1"]
+    "text",
+    [
+        *("hall", "hall > warm", "> 3", "hall > 2, off < 3", "hall > 2, off > 1"),
+        *("hall > 2 °C, off < 1 °F", "hall > 2 degrees C"),
+    ],
 )
 def test_comparisons_that_say_nothing_are_refused(text: str) -> None:
     with pytest.raises(InvalidValueError, match=r"^when: must "):
         parse_comparison(text)
+
+
+def test_a_number_may_have_the_unit_that_was_told(tmp_path: Path) -> None:
+    text = "hall\n20.5 °C\n22\n21.5°C\n20.9 °C\n"
+    readings = read(tmp_path, text, Wanted((), (parse_comparison("hall > 21 °C"),)))
+    assert shown(readings) == {"hall>21°C": "0110"}
+    warm = parse_comparison("hall > 21 °C, off < 20.9 °C")
+    assert shown(read(tmp_path, text, Wanted((), (warm,)))) == {"hall>21°C": "0111"}
+    hot = parse_comparison("hall > 21 °F")
+    assert "must be a number, or one in °F" in refused(
+        tmp_path, text, Wanted((), (hot,))
+    )
+
+
+def test_a_database_must_have_the_unit_that_was_told(tmp_path: Path) -> None:
+    def wanted(text: str) -> Wanted:
+        return Wanted((), (parse_comparison(text),))
+
+    copy, entity = tmp_path / "home.db", "sensor.hall_temperature"
+    shutil.copy(HOME, copy)
+    told = wanted(f"{entity} > 21 °C, off < 20")
+    with pytest.raises(
+        InvalidValueError, match=r"must be in °C, as --when .* 'no unit'"
+    ):
+        open_readings(str(copy), told)
+    with closing(sqlite3.connect(copy)) as database:
+        database.execute(
+            "UPDATE state_attributes SET shared_attrs ="
+            " json_set(shared_attrs, '$.unit_of_measurement', '°C')"
+            " WHERE shared_attrs LIKE '%hall_temperature%'"
+        )
+        database.commit()
+    plain = open_readings(str(HOME), wanted(f"{entity} > 21, off < 20")).columns
+    columns = open_readings(str(copy), told).columns
+    name = f"{entity}>21°C"
+    assert name in columns.sensorium.names
+    place, before = (
+        names.index(each)
+        for names, each in (
+            (columns.sensorium.names, name),
+            (plain.sensorium.names, f"{entity}>21"),
+        )
+    )
+    assert columns.reading(place).tolist() == plain.reading(before).tolist()
+    with pytest.raises(InvalidValueError, match="must be in °F, as --when says, got"):
+        open_readings(str(copy), wanted(f"{entity} > 70 °F"))
 
 
 def test_a_log_gives_a_tick_for_each_change(tmp_path: Path) -> None:
