@@ -91,16 +91,14 @@ def test_the_examples_of_a_broker_read_what_is_published_there(
 
 def test_a_home_need_not_know_what_is_inside() -> None:
     text = (EXAMPLES / "home.toml").read_text()
-    assert not re.search(r"\b(threshold|cells|hold|workers)\b", text)
+    assert not re.search(r"\b(threshold|cells|hold|workers|snapshot)\b", text)
     given = prepare(load(EXAMPLES / "home.toml")).options
-    assert (given.cells, given.sharing) == ("worker", 2)
+    assert (given.cells, given.sharing, given.threshold) == ("worker", 2, "auto")
 
 
-def test_a_home_learns_nothing_before_its_483rd_tick() -> None:
-    given = prepare(load(EXAMPLES / "home.toml")).options
-    memory = given.new_snapshot()
-    assert isinstance(memory, DiscountedSnapshot)
-    names = Sensorium(given.sensors)
+def test_what_forgets_learns_nothing_before_its_483rd_tick() -> None:
+    names = Sensorium(["door", "motion", "warm", "phone"])
+    memory = DiscountedSnapshot(names)
     quiet, motion, both = [0, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0]
     for tick in range(1, 484):
         memory.observe((quiet, motion, both, motion)[tick % 4])

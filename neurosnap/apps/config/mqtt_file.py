@@ -24,9 +24,6 @@ max_interval = 60.0
 [source.publish]             # beliefs, predictions, anomalies; Home Assistant sees them
 prefix = "neurosnap"
 
-[snapshot]
-kind = "discounted"          # forgets, so that habits may change
-
 [supervision]
 restart = "always"
 """
