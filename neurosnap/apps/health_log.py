@@ -1,14 +1,21 @@
 """The health of a home's sensors over readings that are there as a whole."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
+from neurosnap import wire
 from neurosnap.health.alarm import Alarm, Progress, told
-from neurosnap.health.monitor import HealthMonitor
-from neurosnap.health.steps import Steps, steps_of
+from neurosnap.health.follower import Flags, Follower
+from neurosnap.protocol.observations import readings as observed
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.run_facts import options_of
 from neurosnap.sources.tables.readings import Readings
-from neurosnap.sources.tables.spans import spans_of
+from neurosnap.sources.tables.spans import seconds_of
+
+_SECOND = 1e9
 
 
 class Raised(msgspec.Struct, frozen=True):
@@ -50,41 +57,66 @@ class HealthLog(msgspec.Struct, frozen=True):
         yield f"{alarms}, {bad} in force (budget {self.budget})"
 
 
-def follow(readings: Readings, budget: str) -> HealthLog:
-    """Return what a monitor says of readings, from the first to the last.
+class Observed(NamedTuple):
+    """An observation of a home."""
+
+    at: float
+    """Seconds since 1970."""
+    on: Flags
+    """``(N,)``."""
+    known: Flags
+    """``(N,)``."""
+    begins: bool = False
+    """Nobody listened before it."""
+
+
+def in_table(readings: Readings) -> Iterator[Observed]:
+    """Yield the observations of a table.
+
+    Raises:
+        InvalidValueError: It has no times, or not in order.
+    """
+    columns = readings.columns
+    for tick, at in enumerate(seconds_of(readings).tolist()):
+        yield Observed(at, *columns.row(tick))
+
+
+def in_recording(recording: Recording) -> Iterator[Observed]:
+    """Yield what the world's own sensors read in a recorded run, and when it was sent.
+
+    Raises:
+        RecordingError: While iterating: the recording is damaged, or not a run's.
+    """
+    body = options_of(recording).body
+    own = len(body.own)
+    for message, _, _, sent, _ in recording.messages(("observe",)):
+        if isinstance(message, wire.Observation):
+            bits, known = observed(message, body.count)
+            told = np.ones(own, np.bool_) if known is None else known[:own]
+            yield Observed(sent / _SECOND, bits[:own], told, message.begins)
+
+
+def follow(
+    observations: Iterable[Observed], names: Sequence[str], budget: str
+) -> HealthLog:
+    """Return what a monitor says of a home, from the first observation to the last.
 
     Args:
-        readings: With times.
+        observations: In order.
+        names: Of the sensors.
         budget: Of alarms, such as ``1/week``.
 
     Raises:
-        InvalidValueError: There are no times, or the budget is none.
+        InvalidValueError: The budget is none; and what the observations raise.
     """
-    names = list(readings.columns.sensorium.names)
-    spans = spans_of(readings)
-    monitor = HealthMonitor(names, budget)
-    used = [own for own in spans if len(own)]
-    steps = steps_of(
-        (
-            (float(on), float(off), sensor)
-            for sensor, own in enumerate(spans)
-            for on, off in own
-        ),
-        len(names),
-        min((float(own[0, 0]) for own in used), default=0.0),
-        max((float(own[:, 1].max()) for own in used), default=0.0),
-    )
+    follower = Follower(names, budget)
     raised: list[Raised] = []
-    for at in range(len(steps)):
-        one = slice(at, at + 1)
-        begun, ended = monitor.take(
-            Steps(steps.came_on[one], steps.longest[one], steps.first + at)
-        )
-        now = told(steps.first + at + 1)
-        for place, each in enumerate(raised):
-            if each.ended is None and each.alarm.sensor in ended:
-                raised[place] = msgspec.structs.replace(each, ended=now)
-        raised += [Raised(alarm, alarm.line(), None) for alarm in begun]
+    for each in observations:
+        said = follower.observe(each.on, each.known, each.at, begins=each.begins)
+        for name, step in said.ended:
+            _end(raised, name, told(step + 1))
+        raised += [Raised(alarm, alarm.line(), None) for alarm in said.begun]
+    monitor = follower.monitor
     known, health = monitor.known, monitor.health
     return HealthLog(
         raised,
@@ -95,3 +127,10 @@ def follow(readings: Readings, budget: str) -> HealthLog:
         monitor.progress,
         budget,
     )
+
+
+def _end(raised: list[Raised], name: str, when: str) -> None:
+    """Note the end of a sensor's alarm."""
+    for place, each in enumerate(raised):
+        if each.ended is None and each.alarm.sensor == name:
+            raised[place] = msgspec.structs.replace(each, ended=when)

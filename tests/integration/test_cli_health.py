@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from neurosnap import wire
+from neurosnap.recording.read.reader import Recorded
 from tests.support.command_line import call, happy, refused
 from tests.support.lived_in import SENSORS, START, lived_in
+from tests.support.rewritten_recordings import rewritten
 
 DATABASE = Path(__file__).parent.parent / "golden" / "home-assistant_v2.db"
 
@@ -57,3 +60,38 @@ def test_what_cannot_be_is_refused(home: Path, tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     table.write_text("a,b\n0,1\n1,0\n")
     assert "data: must say when each reading was" in refused("health", table)
+
+
+@pytest.fixture(scope="module")
+def table(home: Path) -> Path:
+    """Return the home as a table: a row whenever a sensor changes."""
+    path = home.with_suffix(".csv")
+    spans = [tuple(map(int, line.split())) for line in home.read_text().splitlines()]
+    changes = sorted({at for on, lasts, _ in spans for at in (on, on + lasts)})
+    rows = ["time," + ",".join(SENSORS)]
+    for at in changes:
+        on = {sensor for start, lasts, sensor in spans if start <= at < start + lasts}
+        rows.append(f"{at}," + ",".join(str(int(k in on)) for k in range(len(SENSORS))))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_a_recording_tells_what_its_readings_told(table: Path, tmp_path: Path) -> None:
+    log, later = tmp_path / "home.mcap", tmp_path / "later.mcap"
+    times = [int(row.split(",")[0]) for row in table.read_text().splitlines()[1:]]
+    happy("run", table, "--cells", "inline", "--ticks", len(times), "--out", log)
+
+    def as_then(recorded: list[Recorded]) -> list[Recorded]:
+        return [
+            each._replace(sent=times[each.message.tick - 1] * 10**9)
+            if isinstance(each.message, wire.Observation)
+            else each
+            for each in recorded
+        ]
+
+    rewritten(log, later, as_then)
+    of_table, of_recording = happy("health", table), happy("health", later)
+    assert of_recording == of_table
+    assert ("flush", "silent") in [
+        (each["alarm"]["sensor"], each["alarm"]["kind"]) for each in of_table["alarms"]
+    ]

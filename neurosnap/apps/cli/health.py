@@ -1,26 +1,19 @@
 """``neurosnap health``: which sensors of a home seem broken, in readings there are."""
 
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import typer
 
-from neurosnap.apps.cli.shared import Json, app, errors, print_json, say
+from neurosnap.apps.cli.data import Data, Sensors, Time, When, opened, wanted
+from neurosnap.apps.cli.shared import Json, app, end_by, errors, print_json, say
 
 _EXAMPLE = "Example: neurosnap health home-assistant_v2.db --alarms 1/month"
 
 
 @app.command(epilog=_EXAMPLE)
 def health(
-    data: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DATA",
-            help="A table of readings or a log of events (.csv, .parquet), a database of"
-            " Home Assistant, or the intervals of a home (.sensors); with times.",
-        ),
-    ],
+    data: Data,
     alarms: Annotated[
         str,
         typer.Option(
@@ -29,16 +22,29 @@ def health(
             " 1/week or 2/month.",
         ),
     ] = "1/week",
+    sensors: Sensors = None,
+    when: When = None,
+    time: Time = None,
     as_json: Json = False,
 ) -> None:
     """Tell which sensors of a home seem broken, since when, and why."""
-    from neurosnap.apps.health_log import follow
-    from neurosnap.sources.tables.open_readings import open_readings
+    from neurosnap.apps import health_log
+    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.run_facts import options_of
 
     with errors():
-        found = follow(open_readings(str(data)), alarms)
+        there = opened(data, wanted(sensors, when, time))
+        if isinstance(there, Recording):
+            names = options_of(there).body.own
+            observations = health_log.in_recording(there)
+        else:
+            names = there.columns.sensorium.names
+            observations = health_log.in_table(there)
+        found = health_log.follow(observations, names, alarms)
         console = say(as_json)
         for line in found.lines():
             console.print(line, markup=False, soft_wrap=True)
         if as_json:
             print_json(msgspec.to_builtins(found))
+        if isinstance(there, Recording):
+            end_by(there)

@@ -1,11 +1,11 @@
 """``neurosnap learn``: the relations of sensors in readings that are there already."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
 
+from neurosnap.apps.cli.data import Data, Sensors, Time, When, opened, wanted
 from neurosnap.apps.cli.relations import MOST, Every, Force, Out
 from neurosnap.apps.cli.shared import (
     Json,
@@ -21,7 +21,6 @@ from neurosnap.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from neurosnap.recording.read.reader import Recording
-    from neurosnap.sources.tables.meaning import Wanted
     from neurosnap.sources.tables.readings import Readings
 
 _BYTES_A_PAIR = 100
@@ -32,14 +31,7 @@ _EXAMPLE = "Example: neurosnap learn home-assistant_v2.db --out home.html"
 
 @app.command(epilog=_EXAMPLE)
 def learn(
-    data: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DATA",
-            help="A table of readings or a log of events (.csv, .parquet), a database of"
-            " Home Assistant, the intervals of a home (.sensors), or a recording.",
-        ),
-    ],
+    data: Data,
     out: Out = None,
     every: Every = False,
     threshold: Annotated[
@@ -50,32 +42,9 @@ def learn(
             " a number, or the word auto.",
         ),
     ] = None,
-    sensors: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Read these sensors only; * and ? stand for any letters. Of a database"
-            " of Home Assistant these instead of the binary sensors.",
-            show_default="all",
-        ),
-    ] = None,
-    when: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar='"NAME > NUMBER"',
-            help='When a sensor with numbers is on, such as "hall > 21" or, with'
-            ' unit and hysteresis, "hall > 21 °C, off < 20".',
-            show_default="none are read",
-        ),
-    ] = None,
-    time: Annotated[
-        str | None,
-        typer.Option(
-            metavar="COLUMN",
-            help="The column with the time.",
-            show_default='the first, if it is called "time"',
-        ),
-    ] = None,
+    sensors: Sensors = None,
+    when: When = None,
+    time: Time = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -86,15 +55,13 @@ def learn(
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.empirical import EmpiricalSnapshot
     from neurosnap.poc.learning.relation_table import tabulate
-    from neurosnap.sources.tables.meaning import Wanted, parse_comparison
+    from neurosnap.recording.read.reader import Recording
 
     with errors():
         if out is not None:
             check_out(out)
-        wanted = Wanted(
-            tuple(sensors or ()), tuple(map(parse_comparison, when or ())), time
-        )
-        recording, readings = _read(data, wanted)
+        found = opened(data, wanted(sensors, when, time))
+        readings = _readings(found)
         _check_room(len(readings.columns.sensorium))
         with output.progress(screen, "pairs", None) as on_progress:
             fitted = None
@@ -115,29 +82,20 @@ def learn(
             )
         if as_json:
             print_json(msgspec.to_builtins(answered.facts()))
-        if recording is not None:
-            end_by(recording)
+        if isinstance(found, Recording):
+            end_by(found)
 
 
-def _read(data: Path, wanted: "Wanted") -> "tuple[Recording | None, Readings]":
-    """Return the readings, and the recording if they are in one."""
-    from neurosnap.apps.cli import output
-    from neurosnap.recording.format.records import MAGIC
-    from neurosnap.sources.tables.open_readings import first_bytes, open_readings
-
-    if not first_bytes(str(data)).startswith(MAGIC):
-        with output.progress(screen, "reading", None) as on_progress:
-            return None, open_readings(str(data), wanted, on_progress)
+def _readings(found: "Recording | Readings") -> "Readings":
+    """Return readings; of a recording those that it learned from."""
     from neurosnap.recording.read.learned_at import snapshot_at
+    from neurosnap.recording.read.reader import Recording
     from neurosnap.recording.read.readings_of import readings_of
-    from neurosnap.recording.read.split_files import open_whole
 
-    if wanted.patterns or wanted.comparisons or wanted.time:
-        rule = "must not go with a recording, whose sensors are known"
-        raise InvalidValueError("sensors, when or time", rule, str(data))
-    recording = open_whole(data)
-    tick, snapshot = snapshot_at(recording)
-    return recording, readings_of(recording, snapshot.sensorium, tick)
+    if not isinstance(found, Recording):
+        return found
+    tick, snapshot = snapshot_at(found)
+    return readings_of(found, snapshot.sensorium, tick)
 
 
 def _check_room(sensors: int) -> None:

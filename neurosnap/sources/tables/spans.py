@@ -20,7 +20,7 @@ def spans_of(readings: Readings) -> list[Spans]:
     Raises:
         InvalidValueError: They do not say when they were, or not in order.
     """
-    times = _seconds(readings)
+    times = seconds_of(readings)
     ticks = readings.columns.ticks
     bits = np.unpackbits(
         readings.columns.on.view(np.uint8), axis=1, bitorder="little", count=ticks
@@ -32,7 +32,12 @@ def spans_of(readings: Readings) -> list[Spans]:
     return made
 
 
-def _seconds(readings: Readings) -> NDArray[np.float64]:
+def seconds_of(readings: Readings) -> NDArray[np.float64]:
+    """Return when each reading was, seconds since 1970.
+
+    Raises:
+        InvalidValueError: They do not say when they were, or not in order.
+    """
     if readings.times is None:
         raise InvalidValueError("data", "must say when each reading was", "no times")
     made = np.array([_second(text) for text in readings.times])

@@ -1,0 +1,110 @@
+"""A follower makes the steps that intervals make, and says what it did not hear."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap.health.follower import Follower, Said
+from neurosnap.health.monitor import HealthMonitor
+from neurosnap.health.steps import STEP, Steps, steps_of
+
+START = 1_600_000_123.0
+NOTHING = Said([], [])
+
+
+class Kept(HealthMonitor):
+    """Keeps the steps that it is given, and judges nothing."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__([f"s{k}" for k in range(count)])
+        self.steps: list[Steps] = []
+        self.valid: list[list[bool]] = []
+
+    def take(
+        self, steps: Steps, valid: np.ndarray | None = None
+    ) -> tuple[list[object], list[str]]:  # type: ignore[override]
+        assert valid is not None
+        self.steps.append(steps)
+        self.valid += valid.tolist()
+        return [], []
+
+
+def following(count: int) -> tuple[Follower, Kept]:
+    follower = Follower([f"s{k}" for k in range(count)])
+    follower.monitor = kept = Kept(count)
+    return follower, kept
+
+
+def flags(*values: int) -> np.ndarray:
+    return np.array(values, np.bool_)
+
+
+# Per sensor: for how long it is off, and then on, in turn; seconds.
+COURSES = st.lists(
+    st.lists(st.tuples(st.integers(1, 2000), st.integers(1, 2000)), max_size=5),
+    min_size=1,
+    max_size=3,
+)
+
+
+@given(COURSES, st.data())
+def test_it_makes_the_steps_that_intervals_make(
+    courses: list[list[tuple[int, int]]], data: st.DataObject
+) -> None:
+    intervals: list[tuple[float, float, int]] = []
+    for sensor, course in enumerate(courses):
+        at = START
+        for off, on in course:
+            intervals.append((at + off, at + off + on, sensor))
+            at += off + on
+    edges = sorted({START, *(t for a, b, _ in intervals for t in (a, b))})
+    follower, kept = following(len(courses))
+    for at in edges:
+        on = [any(a <= at < b and s == k for a, b, s in intervals) for k in range(3)]
+        known = np.ones(len(courses), np.bool_)
+        follower.observe(np.array(on[: len(courses)]), known, at)
+        if data.draw(st.booleans()):
+            follower.until(at + data.draw(st.integers(0, 1)) * 0.5)
+    follower.until(edges[-1] + STEP)
+    expected = steps_of(intervals, len(courses), START, edges[-1] + STEP)
+    count = len(expected)
+    assert [step.first for step in kept.steps[:count]] == [
+        expected.first + k for k in range(count)
+    ]
+    came_on = np.concatenate([step.came_on for step in kept.steps[:count]])
+    longest = np.concatenate([step.longest for step in kept.steps[:count]])
+    assert np.array_equal(came_on, expected.came_on)
+    np.testing.assert_allclose(longest, expected.longest, atol=0.51)
+    assert all(map(all, kept.valid))
+
+
+def test_what_was_unknown_all_along_is_not_valid() -> None:
+    follower, kept = following(2)
+    follower.observe(flags(1, 1), flags(1, 0), 6000.0)
+    follower.observe(flags(1, 0), flags(1, 1), 6700.0)
+    follower.observe(flags(1, 1), flags(0, 1), 6800.0)
+    follower.until(8400.0)
+    assert kept.valid == [[True, False], [True, True], [False, True], [False, True]]
+    # One that becomes unknown is not on: it came on once, and lasted for 800 s.
+    assert [step.came_on.tolist() for step in kept.steps[:2]] == [[[1, 0]], [[0, 1]]]
+    assert kept.steps[1].longest.tolist() == [[800.0, 400.0]]
+
+
+def test_while_nobody_listened_nothing_is_known() -> None:
+    follower, kept = following(1)
+    follower.observe(flags(1), flags(1), 6000.0, begins=True)
+    follower.observe(flags(1), flags(1), 6000.0 + 3 * STEP, begins=True)
+    follower.until(6000.0 + 4 * STEP)
+    assert kept.valid == [[True], [False], [False], [True]]
+    assert [int(step.came_on[0, 0]) for step in kept.steps] == [1, 0, 0, 1]
+
+
+def test_time_that_goes_back_stands_still() -> None:
+    follower, kept = following(1)
+    assert follower.until(1e9) == NOTHING  # before anything was seen
+    follower.observe(flags(0), flags(1), 6000.0)
+    follower.observe(flags(1), flags(1), 5000.0)
+    follower.observe(flags(0), flags(1), 6100.0)
+    follower.until(6600.0)
+    assert [step.first for step in kept.steps] == [10]
+    assert kept.steps[0].longest.tolist() == [[100.0]]
