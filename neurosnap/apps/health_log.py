@@ -1,21 +1,15 @@
 """The health of a home's sensors over readings that are there as a whole."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
-from neurosnap import wire
 from neurosnap.health.alarm import Alarm, Progress, told
-from neurosnap.health.follower import Flags, Follower
-from neurosnap.protocol.observations import readings as observed
+from neurosnap.health.follower import Follower
+from neurosnap.recording.read.observed import Observed, observations
 from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.sources.tables.readings import Readings
 from neurosnap.sources.tables.spans import seconds_of
-
-_SECOND = 1e9
 
 
 class Raised(msgspec.Struct, frozen=True):
@@ -57,19 +51,6 @@ class HealthLog(msgspec.Struct, frozen=True):
         yield f"{alarms}, {bad} in force (budget {self.budget})"
 
 
-class Observed(NamedTuple):
-    """An observation of a home."""
-
-    at: float
-    """Seconds since 1970."""
-    on: Flags
-    """``(N,)``."""
-    known: Flags
-    """``(N,)``."""
-    begins: bool = False
-    """Nobody listened before it."""
-
-
 def in_table(readings: Readings) -> Iterator[Observed]:
     """Yield the observations of a table.
 
@@ -87,13 +68,7 @@ def in_recording(recording: Recording) -> Iterator[Observed]:
     Raises:
         RecordingError: While iterating: the recording is damaged, or not a run's.
     """
-    body = options_of(recording).body
-    own = len(body.own)
-    for message, _, _, sent, _ in recording.messages(("observe",)):
-        if isinstance(message, wire.Observation):
-            bits, known = observed(message, body.count)
-            told = np.ones(own, np.bool_) if known is None else known[:own]
-            yield Observed(sent / _SECOND, bits[:own], told, message.begins)
+    return (each for _, each in observations(recording))
 
 
 def follow(

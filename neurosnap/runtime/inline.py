@@ -202,7 +202,7 @@ class _Inline:
 
     async def _tell(self) -> None:
         async with self._hub.fabric(STATUS_PUBLISHER) as fabric:
-            await publish_status(self._options, fabric, self._leave)
+            await publish_status(self._options, fabric, self._leave, past=self._past)
 
     async def _record(
         self, writer: SplitWriter, parts: tuple[str, ...]

@@ -5,7 +5,12 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recorded
+from neurosnap.agent.body import Body
+from neurosnap.health.alarm import Progress
+from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.run_facts import options_of
+from neurosnap.runtime.parts.health_listener import HealthListener
 from tests.support.command_line import call, happy, refused
 from tests.support.lived_in import SENSORS, START, lived_in
 from tests.support.rewritten_recordings import rewritten
@@ -76,8 +81,11 @@ def table(home: Path) -> Path:
     return path
 
 
-def test_a_recording_tells_what_its_readings_told(table: Path, tmp_path: Path) -> None:
-    log, later = tmp_path / "home.mcap", tmp_path / "later.mcap"
+@pytest.fixture(scope="module")
+def recorded(table: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of the home, as if it had been made then."""
+    folder = tmp_path_factory.mktemp("recorded")
+    log, later = folder / "home.mcap", folder / "later.mcap"
     times = [int(row.split(",")[0]) for row in table.read_text().splitlines()[1:]]
     happy("run", table, "--cells", "inline", "--ticks", len(times), "--out", log)
 
@@ -89,9 +97,63 @@ def test_a_recording_tells_what_its_readings_told(table: Path, tmp_path: Path) -
             for each in recorded
         ]
 
-    rewritten(log, later, as_then)
-    of_table, of_recording = happy("health", table), happy("health", later)
+    return rewritten(log, later, as_then)
+
+
+def test_a_recording_tells_what_its_readings_told(table: Path, recorded: Path) -> None:
+    of_table, of_recording = happy("health", table), happy("health", recorded)
     assert of_recording == of_table
     assert ("flush", "silent") in [
         (each["alarm"]["sensor"], each["alarm"]["kind"]) for each in of_table["alarms"]
     ]
+
+
+class Outlet:
+    """Keeps what is published, as long as it is not what was there."""
+
+    def __init__(self) -> None:
+        self.alarms: list[dict[str, str]] = []
+        self.known: list[Progress] = []
+
+    def health(self, alarms: dict[str, str]) -> None:
+        if self.alarms[-1:] != [alarms]:
+            self.alarms.append(dict(alarms))
+
+    def health_known(self, progress: Progress) -> None:
+        self.known.append(progress)
+
+
+def test_an_outlet_that_starts_again_knows_what_it_knew(recorded: Path) -> None:
+    recording = Recording.open(recorded)
+    body = options_of(recording).body
+    told = [
+        (each.message, each.sent)
+        for each in recording.messages(("observe",))
+        if isinstance(each.message, wire.Observation)
+    ]
+    whole, again = Outlet(), Outlet()
+    listener = HealthListener(whole, body, "1/week")  # type: ignore[arg-type]
+    for message, sent in told:
+        listener.take(message, sent)
+    assert [line for alarms in whole.alarms for line in alarms.values()]
+    middle = len(told) - 40
+    past = ResumePoint(str(recorded), middle, (), b"", {}, (middle,))
+    listener = HealthListener(again, body, "1/week")  # type: ignore[arg-type]
+    listener.catch_up(past)
+    assert len(again.alarms) == len(again.known) == 1
+    for message, sent in told[middle:]:
+        listener.take(message, sent)
+    assert again.alarms[-1] == whole.alarms[-1]
+    assert again.alarms == whole.alarms[-len(again.alarms) :]
+    assert again.known[-1] == whole.known[-1]
+
+
+def test_an_outlet_goes_on_without_a_recording(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    outlet = Outlet()
+    listener = HealthListener(outlet, Body(own=("a",)), "1/week")  # type: ignore[arg-type]
+    listener.catch_up(ResumePoint(str(tmp_path / "gone.mcap"), 9, (), b"", {}, (9,)))
+    assert "health: learned from a part of the recording" in caplog.text
+    listener.take(wire.Observation(10, b"\x01"), 10**18)
+    assert outlet.alarms == [{}]

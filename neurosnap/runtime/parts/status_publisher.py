@@ -22,12 +22,14 @@ from neurosnap.protocol.observations import readings
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
+from neurosnap.sources.mqtt.options import NEVER
 from neurosnap.sources.open_live import MQTT, mqtt_options
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from neurosnap.runtime.parts.health_listener import HealthListener
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 STATUS_PUBLISHER = "watcher/outlet"
@@ -53,12 +55,18 @@ class Listener:
         publisher: Publishes it.
         body: What is sensed at first.
         support: The occasions that an anomaly must rest on.
+        health: Follows which sensors seem broken; None: nobody does.
     """
 
     def __init__(
-        self, publisher: "MqttPublisher", body: Body, support: int = 0
+        self,
+        publisher: "MqttPublisher",
+        body: Body,
+        support: int = 0,
+        health: "HealthListener | None" = None,
     ) -> None:
         self._publisher = publisher
+        self._health = health
         self._support = support
         self._body = body
         # Nothing orders what the world says and what the coordinator makes of it.
@@ -67,11 +75,18 @@ class Listener:
         self._wrong = -1  # the last tick that was an anomaly's
         self._calm = True
 
-    def take(self, message: wire.Message) -> None:
-        """Take in one message; what is none of its business is passed over."""
+    def take(self, message: wire.Message, sent: int) -> None:
+        """Take in one message; what is none of its business is passed over.
+
+        Args:
+            message: What was said.
+            sent: When, nanoseconds since 1970.
+        """
         match message:
             case wire.Observation(tick=tick, paused=paused):
                 self._publisher.learning(paused)
+                if self._health is not None:
+                    self._health.take(message, sent)
                 _, known = readings(message, self._body.count)
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
@@ -128,12 +143,13 @@ async def publish_status(
         NeurosnapError: The broker cannot be reached at the start; or nothing more can
             be heard of the swarm.
     """
+    from neurosnap.runtime.parts.health_listener import HealthListener
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
     given = mqtt_options(options.arguments)
     if given.publish is None:
         raise InvalidValueError("publish", "must be a table of the source", None)
-    body = options.body
+    body, judges = options.body, given.publish.alarms != NEVER
     publisher = MqttPublisher(
         given.broker,
         given.publish,
@@ -141,6 +157,7 @@ async def publish_status(
         own=len(body.own),
         actions=body.actions,
         pauses=not body.room,
+        judges=judges,
         classes={
             sensor.name: sensor.device_class
             for sensor in given.sensors
@@ -148,12 +165,18 @@ async def publish_status(
         },
     )
     now = body if past is None else past.body(body)
-    listener = Listener(publisher, now, options.support)
+    health = None
+    if judges:
+        health = HealthListener(publisher, body, given.publish.alarms)
+        if past is not None:
+            await asyncio.to_thread(health.catch_up, past)
+    listener = Listener(publisher, now, options.support, health)
 
     def handle(deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
             with contextlib.suppress(MessageError, ShapeError, InvalidValueError):
-                listener.take(wire.decode(delivery.key, delivery.payload))
+                message = wire.decode(delivery.key, delivery.payload)
+                listener.take(message, delivery.sent)
 
     await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
     await fabric.confirm()

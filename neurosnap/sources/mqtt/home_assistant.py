@@ -54,6 +54,7 @@ def discovery(
     *,
     acts: bool,
     pauses: bool = False,
+    judges: bool = False,
     classes: Mapping[str, DeviceClass] = MappingProxyType({}),
 ) -> bytes:
     """Return the announcement.
@@ -67,6 +68,7 @@ def discovery(
         names: The sensors' names, as shown to people.
         acts: Whether it decides anything.
         pauses: Whether learning can be paused.
+        judges: Whether the health of its sensors is followed.
         classes: What sensors sense, by their names, where that was said.
     """
     unique = node(publish)
@@ -109,6 +111,8 @@ def discovery(
             "state_topic": topics.progress,
             "value_template": f"{{{{ value_json.{key} }}}}",
         }
+    if judges:
+        components |= _health(topics, names)
     if pauses:
         components["learning"] = {
             "platform": "switch",
@@ -157,6 +161,34 @@ def discovery(
             "components": components,
         }
     )
+
+
+def _health(topics: Topics, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the components that say which sensors seem broken."""
+    components: dict[str, dict[str, Any]] = {
+        f"health_{slug}": {
+            "platform": "binary_sensor",
+            "device_class": "problem",
+            "name": f"{name} (sensor)",
+            "entity_category": _DIAGNOSIS,
+            "state_topic": topic,
+            "value_template": "{{ value_json.now }}",
+            "json_attributes_topic": topic,
+            "json_attributes_template": "{{ {'alarm': value_json.last} | tojson }}",
+        }
+        for slug, name, topic in zip(topics.slugs, names, topics.health, strict=True)
+    }
+    components["health"] = {
+        "platform": "sensor",
+        "name": "Sensors known",
+        "entity_category": _DIAGNOSIS,
+        "icon": "mdi:heart-pulse",
+        "state_class": "measurement",
+        "state_topic": topics.known,
+        "value_template": "{{ value_json.known }}",
+        "json_attributes_topic": topics.known,
+    }
+    return components
 
 
 def _entity_id(unique: str, identity: str) -> str:

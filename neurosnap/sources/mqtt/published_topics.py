@@ -15,6 +15,10 @@ Below the prefix, everything retained:
                           the last tick
 ``learning``              ``ON``, or ``OFF`` while it is paused
 ``learning/set``          to be published to: ``ON`` or ``OFF``
+``health/<slug>``         ``{"now": "ON", "last": "hall: silent since ..."}``:
+                          whether the sensor seems broken, and its latest alarm
+``health``                ``{"changes": 89, "of_about": 300, "known": 9, "of":
+                          14}``: how much is known of the sensors' habits
 ========================  ==========================================================
 
 Nothing but ``progress`` holds the tick, so that what stays the same need not be
@@ -29,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import ShapeError
+from neurosnap.health.alarm import Progress
 
 _OTHER = re.compile(r"[^A-Za-z0-9_-]+")
 
@@ -57,6 +62,9 @@ class Topics:
         """The sensors' names, in order, as they stand in topics."""
         self.sensors = tuple(f"{prefix}/sensor/{slug}" for slug in self.slugs)
         """What each sensor's topic is."""
+        self.known = f"{prefix}/health"
+        self.health = tuple(f"{prefix}/health/{slug}" for slug in self.slugs)
+        """The topic of each sensor's health."""
 
 
 def slugs(names: Sequence[str]) -> tuple[str, ...]:
@@ -142,4 +150,26 @@ def progress(ticks: int, implications: int, read: int, sensors: int) -> bytes:
         sensors: How many there are.
     """
     said = {"ticks": ticks, "implications": implications, "read": read, "of": sensors}
+    return msgspec.json.encode(said)
+
+
+def health(alarm: str | None, last: str) -> bytes:
+    """Return the JSON of a sensor's health.
+
+    Args:
+        alarm: The alarm that it is in, in a line; None: it is well.
+        last: The latest alarm; nothing if there was none.
+    """
+    now = "OFF" if alarm is None else "ON"
+    return msgspec.json.encode({"now": now, "last": alarm or last})
+
+
+def known(progress: Progress) -> bytes:
+    """Return the JSON that says how much is known of the sensors' habits."""
+    said = {
+        "changes": progress.activations,
+        "of_about": progress.of_about,
+        "known": progress.known,
+        "of": progress.sensors,
+    }
     return msgspec.json.encode(said)

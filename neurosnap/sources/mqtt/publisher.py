@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
+from neurosnap.health.alarm import Progress
 from neurosnap.sensorium import unpack
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
@@ -26,6 +27,8 @@ from neurosnap.sources.mqtt.published_topics import (
     anomaly,
     beliefs,
     decision,
+    health,
+    known,
     predictions,
     progress,
 )
@@ -49,6 +52,7 @@ class MqttPublisher:
             nothing is decided.
         classes: What sensors sense, by their names, where that was said.
         pauses: Whether learning can be paused.
+        judges: Whether the health of its sensors is followed.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -64,6 +68,7 @@ class MqttPublisher:
         actions: Sequence[str] = (),
         classes: Mapping[str, DeviceClass] = MappingProxyType({}),
         pauses: bool = False,
+        judges: bool = False,
     ) -> None:
         self._count = len(sensors)
         self._names = tuple(sensors)[:own]
@@ -74,6 +79,7 @@ class MqttPublisher:
         self._paused: bool | None = None
         self._due = 0  # the tick from which on progress is published again
         self._read = -1
+        self._alarms: list[str | None] = [None] * len(self._names)
         self._link = MqttLink(
             broker,
             "outlet",
@@ -89,8 +95,12 @@ class MqttPublisher:
                 acts=bool(actions),
                 pauses=pauses,
                 classes=classes,
+                judges=judges,
             )
             self._link.hold(discovery_topic(publish), found)
+        if judges:
+            for topic in self._topics.health:
+                self._link.hold(topic, health(None, ""))
         self.anomaly(None)
 
     def state(self, state: wire.State, known: NDArray[np.bool_] | None = None) -> None:
@@ -154,6 +164,23 @@ class MqttPublisher:
             self._last = record
         said = anomaly(record is not None, self._last)
         self._link.hold(self._topics.anomaly, said)
+
+    def health(self, alarms: Mapping[str, str]) -> None:
+        """Take in which sensors seem broken.
+
+        Args:
+            alarms: The alarm of each that does, in a line, by its name.
+        """
+        for place, name in enumerate(self._names):
+            alarm = alarms.get(name)
+            if alarm != self._alarms[place]:
+                last = self._alarms[place] or ""
+                self._alarms[place] = alarm
+                self._link.hold(self._topics.health[place], health(alarm, last))
+
+    def health_known(self, progress_: Progress) -> None:
+        """Take in how much is known of the sensors' habits."""
+        self._link.hold(self._topics.known, known(progress_))
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Publish until `stop` is set.

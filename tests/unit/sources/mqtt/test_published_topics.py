@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.errors import ShapeError
+from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
 from neurosnap.sources.mqtt.options import MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     Topics,
     anomaly,
     beliefs,
+    health,
     predictions,
     slugs,
 )
@@ -159,6 +160,29 @@ def test_a_switch_pauses_learning_where_that_can_be() -> None:
     assert switch["state_topic"] == "n/learning"
     assert switch["command_topic"] == "n/learning/set"
     assert switch["retain"] is True
+
+
+def test_each_sensor_has_a_problem_where_its_health_is_followed() -> None:
+    topics = Topics("neurosnap", ["hall door"])
+    told = json.loads(
+        discovery(MqttPublish(), topics, ["hall door"], acts=False, judges=True)
+    )
+    broken = told["components"]["health_hall_door"]
+    assert (broken["platform"], broken["device_class"]) == ("binary_sensor", "problem")
+    assert broken["state_topic"] == "neurosnap/health/hall_door"
+    assert told["components"]["health"]["state_topic"] == "neurosnap/health"
+    assert json.loads(health("hall: silent", "")) == {
+        "now": "ON",
+        "last": "hall: silent",
+    }
+    assert json.loads(health(None, "hall: silent"))["now"] == "OFF"
+
+
+@pytest.mark.parametrize("alarms", ["often", "0/week", ""])
+def test_a_budget_of_alarms_is_one(alarms: str) -> None:
+    with pytest.raises(InvalidValueError, match="alarms: must be a number a hour"):
+        MqttPublish(alarms=alarms)
+    assert MqttPublish(alarms="never").alarms == "never"
 
 
 def test_no_two_entities_have_the_same_name() -> None:
