@@ -24,7 +24,7 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.search import answered
-from neurosnap.protocol.judge import Judge
+from neurosnap.protocol.anomaly_judge import AnomalyJudge
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
@@ -99,9 +99,11 @@ class Coordinator:
         self._regrown = False  # the graph changed behind the last observation
         self._known = b""  # which readings of the last observation were known
         self._grows = memory is not None and memory.body.room > 0
-        self._judge: Judge | None = None
+        self._judge: AnomalyJudge | None = None
         if hold is not None:
-            self._judge = Judge(snapshot.sensorium, hold, support, not self._grows)
+            self._judge = AnomalyJudge(
+                snapshot.sensorium, hold, support, not self._grows
+            )
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
         self._deliberation: Deliberation  # of the tick under way

@@ -13,7 +13,7 @@ from neurosnap.protocol.totals import Totals
 from neurosnap.sensorium import Sensorium
 
 
-class Judge:
+class AnomalyJudge:
     """Announces the anomalies of a run, and counts the occasions they rest on.
 
     Args:
