@@ -284,7 +284,8 @@ async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
     with started(tmp_path, "allow_anonymous true") as broker:
         lines = "\n".join(BIT.format(place) for place in range(BITS))
         file.write_text(HOUSE.format(sensors=lines, port=broker.port))
-        arguments = ("run", str(file), "--out", str(log), "--backoff", "3")
+        swarm = ("--cells", "process", "--backoff", "3")
+        arguments = ("run", str(file), "--out", str(log), *swarm)
         with neurosnap(log, *arguments) as run:
             await asyncio.to_thread(until, lambda: log.exists())
             await publish_all(broker, run, victim)
