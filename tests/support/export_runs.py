@@ -19,5 +19,7 @@ def recorded(log: Path, *, unknown: bool = True, acts: bool = True) -> Path:
     """Record a run in this process."""
     body = Body.full(NAMES, ACTIONS) if acts else Body(own=NAMES)
     source = Scripted(rows(unknown), ACTIONS if acts else ())
-    options = scripted_options(TICKS, body=body, keyframe_every=10, watch=True)
+    options = scripted_options(
+        TICKS, body=body, keyframe_every=10, watch=True, support=1
+    )
     return record_scripted(source, options, log)
