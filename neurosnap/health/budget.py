@@ -20,6 +20,8 @@ _SHARES = np.array([0.5, 0.1, 0.2, 0.1, 0.1])
 """Of each kind of evidence; silence is how most sensors end."""
 _WEEKS = {"hour": 1 / 168, "day": 1 / 7, "week": 1.0, "month": 365.25 / 84}
 _FORM: Final = re.compile(r"(\d+(?:\.\d+)?)/(hour|day|week|month)")
+NEVER: Final = "never"
+"""Stands for no budget: no sensor is judged."""
 LOOKBACK = 4 * WEEK
 """Steps for which an alarm counts against the budget."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from neurosnap.health.alarm import Alarm
 from neurosnap.health.monitor import HealthMonitor
+from neurosnap.health.news import Standing
 from neurosnap.health.steps import STEP, Steps
 
 Flags = NDArray[np.bool_]
@@ -49,6 +50,13 @@ class Follower:
         self._came_on = np.zeros(count, np.int32)
         self._longest = np.zeros(count, np.float32)
         self._valid = np.zeros(count, np.bool_)  # known at some time in the step
+        self._alarms: dict[str, Alarm] = {}  # in force, as they were raised
+
+    @property
+    def standing(self) -> Standing:
+        """How the sensors are after the last step that is over."""
+        alarms = tuple(self._alarms.values())
+        return Standing(self._number, self.monitor.progress, alarms)
 
     def observe(
         self, on: Flags, known: Flags, at: float, *, begins: bool = False
@@ -90,6 +98,9 @@ class Follower:
             alarms, well = self.monitor.take(*self._step(end))
             begun += alarms
             ended += [(name, number) for name in well]
+            for name in (*well, *(alarm.sensor for alarm in alarms)):
+                self._alarms.pop(name, None)
+            self._alarms |= {alarm.sensor: alarm for alarm in alarms}
             self._at = max(self._at, end)
         self._at = max(self._at, now)
         return Said(begun, ended)

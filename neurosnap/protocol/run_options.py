@@ -11,6 +11,7 @@ from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
+from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.poc.learning.history import LENGTH
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.thresholds import AUTO
@@ -210,6 +211,16 @@ Support: TypeAlias = Annotated[
         ge=0,
     ),
 ]
+Alarms: TypeAlias = Annotated[
+    str,
+    option(
+        "How many alarms about broken sensors the home may raise while nothing is wrong,"
+        " such as 1/week or 2/month. Never: no sensor is judged.",
+        flag="alarms",
+        unit="N/TIME",
+        default="1/week where 200 sensors or fewer are read from outside, else never",
+    ),
+]
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -244,6 +255,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     hold: Hold = 0
     support: Support = 10
     """In recordings from before, which do not say so, it is 0."""
+    alarms: Alarms = NEVER
     deadline: Deadline = 10.0
     recall: bool = True
     """Whether cells search their own histories for what to grow. In recordings from
@@ -253,6 +265,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     from before, which do not say so, none did."""
 
     def __post_init__(self) -> None:
+        if self.alarms != NEVER:
+            parse_budget(self.alarms)
         if 0 < self.split < SMALLEST:
             rule = f"must be 0, or at least {SMALLEST} bytes"
             raise InvalidValueError("split", rule, self.split)

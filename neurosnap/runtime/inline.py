@@ -15,6 +15,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.health.news import Standing
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
@@ -28,8 +29,8 @@ from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.status_publisher import (
     STATUS_PUBLISHER,
+    has_status,
     publish_status,
-    publishes,
 )
 from neurosnap.runtime.parts.worker_process import run_worker
 from neurosnap.runtime.parts.world_process import (
@@ -59,6 +60,8 @@ class InlineEnding:
     stopped: bool
     lost: int = 0
     """Outside readings that were lost."""
+    health: Standing | None = None
+    """How the sensors of the home were; None: nobody judged them."""
 
 
 async def run_inline(
@@ -70,6 +73,7 @@ async def run_inline(
     on_progress: Callable[[int], None],
     way_in: WayIn | None = None,
     on_change: Callable[[Changed], None] = lambda _: None,
+    on_health: Callable[[Standing], None] = lambda _: None,
 ) -> InlineEnding:
     """Run a swarm in this process; see `neurosnap.runtime.run.run`."""
     began = time.perf_counter()
@@ -78,7 +82,7 @@ async def run_inline(
         if log is not None:
             facts = {**metadata, "swarm": new_swarm_id()}
             writer = stack.enter_context(SplitWriter(log, facts, past))
-        swarm = _Inline(options, writer, past, way_in)
+        swarm = _Inline(options, writer, past, way_in, on_health)
         stack.callback(swarm.source.close)
         try:
             async with asyncio.TaskGroup() as group:
@@ -91,6 +95,7 @@ async def run_inline(
         time.perf_counter() - began,
         stop.is_set(),
         lost_of(swarm.source, options),
+        swarm.health,
     )
 
 
@@ -112,6 +117,7 @@ class _Inline:
         writer: SplitWriter | None,
         past: ResumePoint | None,
         way_in: WayIn | None,
+        on_health: Callable[[Standing], None],
     ) -> None:
         self.core = coordinator_process.coordinator_for(options, past)
         self.source: Source
@@ -122,6 +128,8 @@ class _Inline:
             kept = open_kept(options, way_in)
             kept.go_on(0 if past is None else past.tick)
             self.source = kept
+        self.health: Standing | None = None
+        self._on_health = on_health
         self._options = options
         self._writer = writer
         self._past = past
@@ -148,8 +156,11 @@ class _Inline:
         for number, who in enumerate(hosts):
             work = self._host(number)
             group.create_task(self._play(who, work), name=who)
-        if publishes(self._options):
-            group.create_task(self._tell(), name=STATUS_PUBLISHER)
+        telling = None
+        if has_status(self._options):
+            ready = asyncio.Event()
+            telling = group.create_task(self._tell(ready.set), name=STATUS_PUBLISHER)
+            await ready.wait()
         world = group.create_task(self._play("world", self._world), name="world")
         world.add_done_callback(lambda _: ending.set())
         stopping = group.create_task(_pass_on(stop, ending), name="inline/stop")
@@ -172,6 +183,8 @@ class _Inline:
         seconds = await self._play("coordinator", coordinate)
         self._leave.set()
         stopping.cancel()
+        if telling is not None:
+            await telling
         return seconds, None if recording is None else await recording
 
     def _end(self, who: str) -> MemoryFabric:
@@ -200,9 +213,15 @@ class _Inline:
         async with synced(self.source, self._options.sync):
             await run_world(self.source, body, fabric, self._leave, past=self._past)
 
-    async def _tell(self) -> None:
+    async def _tell(self, on_ready: Callable[[], None]) -> None:
+        def hear(standing: Standing) -> None:
+            self.health = standing
+            self._on_health(standing)
+
         async with self._hub.fabric(STATUS_PUBLISHER) as fabric:
-            await publish_status(self._options, fabric, self._leave, past=self._past)
+            await publish_status(
+                self._options, fabric, self._leave, on_ready, hear, self._past
+            )
 
     async def _record(
         self, writer: SplitWriter, parts: tuple[str, ...]

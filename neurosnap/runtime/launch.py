@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import msgspec
@@ -20,6 +20,7 @@ from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
+from neurosnap.health.news import Standing
 from neurosnap.protocol.partition import hosts
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.recording.format.completeness import Completeness
@@ -55,7 +56,7 @@ class Plan:
     world: Job | None = None
     """The world's job, where there is one."""
     status: Job | None = None
-    """The job that publishes the run's status, where there is one."""
+    """The job that says how the run goes, where there is one."""
     log: Path | None = None
     """Where to record; None: not at all."""
     metadata: Mapping[str, str] = field(default_factory=dict)
@@ -89,6 +90,8 @@ class Ending:
     """It was asked to stop before it was done."""
     lost: int = 0
     """Outside readings that the world lost."""
+    health: Standing | None = None
+    """How the sensors of the home were; None: nobody judged them."""
 
 
 def new_swarm_id() -> str:
@@ -101,6 +104,7 @@ async def run_processes(
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
     on_change: Callable[[Changed], None] = lambda _: None,
+    on_health: Callable[[Standing], None] = lambda _: None,
 ) -> Ending:
     """Run a swarm to its end, or until `stop` is set. No process outlives the call.
 
@@ -111,6 +115,7 @@ async def run_processes(
             second; four times per second while no tick comes and no deadline has
             passed. An exception that it raises ends the run and is raised here.
         on_change: Called with each sensor that is grown or retired; likewise.
+        on_health: Called with how the sensors are, when that is new; likewise.
 
     Raises:
         NothingBegunError: `stop` was set before the external hub could be reached.
@@ -125,16 +130,15 @@ async def run_processes(
         plan.network.check(*_parts_here(plan))
         async with Supervisor() as supervisor:
             launch = _Launch(plan, supervisor, endpoint, folder)
-            reporting = asyncio.create_task(
-                _report(supervisor, on_progress, on_change), name="launch/progress"
-            )
+            heard = _Heard(supervisor, on_progress, on_change, on_health)
+            reporting = asyncio.create_task(heard.pass_on(), name="launch/progress")
             source = plan.metadata.get("source", "")
             try:
                 shown = plan.network.endpoint("hub", endpoint)
                 with noted(launch.swarm, source, shown, plan.log):
                     ending = await launch.run(stop)
-                _tell(supervisor, on_change)
-                return ending
+                heard.tell()
+                return replace(ending, health=heard.health)
             finally:
                 reporting.cancel()
 
@@ -302,23 +306,42 @@ def _result(child: Child) -> bytes:
     return child.result
 
 
-async def _report(
-    supervisor: Supervisor,
-    on_progress: Callable[[int], None],
-    on_change: Callable[[Changed], None],
-) -> None:
-    """Pass what the coordinator says of its progress on, and nothing else."""
-    try:
-        while True:
-            await supervisor.progressed.wait()
-            supervisor.progressed.clear()
-            _tell(supervisor, on_change)
-            on_progress(supervisor.tick)
-    except Exception as error:  # noqa: BLE001 - ends the run, and comes out of it
-        supervisor.blame(error)
+class _Heard:
+    """Passes on what the parts say of the run."""
 
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        on_progress: Callable[[int], None],
+        on_change: Callable[[Changed], None],
+        on_health: Callable[[Standing], None],
+    ) -> None:
+        self._supervisor = supervisor
+        self._on_progress = on_progress
+        self._on_change = on_change
+        self._on_health = on_health
+        self.health: Standing | None = None
+        """What was told last."""
 
-def _tell(supervisor: Supervisor, on_change: Callable[[Changed], None]) -> None:
-    changes, supervisor.changes = supervisor.changes, []
-    for change in changes:
-        on_change(change)
+    async def pass_on(self) -> None:
+        """Pass on what they say of their progress, and nothing else."""
+        supervisor = self._supervisor
+        try:
+            while True:
+                await supervisor.progressed.wait()
+                supervisor.progressed.clear()
+                self.tell()
+                self._on_progress(supervisor.tick)
+        except Exception as error:  # noqa: BLE001 - ends the run, and comes out of it
+            supervisor.blame(error)
+
+    def tell(self) -> None:
+        """Tell what is new."""
+        supervisor = self._supervisor
+        changes, supervisor.changes = supervisor.changes, []
+        for change in changes:
+            self._on_change(change)
+        standings, supervisor.standings = supervisor.standings, []
+        for standing in standings:
+            self.health = msgspec.json.decode(standing, type=Standing)
+            self._on_health(self.health)

@@ -23,6 +23,7 @@ import msgspec
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_at_most
+from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.launch import new_swarm_id
@@ -63,6 +64,7 @@ async def run_with_restarts(
     elsewhere: frozenset[str] = frozenset(),
     way_in: WayIn | None = None,
     on_change: Callable[[Changed], None] = lambda _: None,
+    on_health: Callable[[Standing], None] = lambda _: None,
 ) -> Outcome:
     """Run a swarm of processes to its end; restart it when a part dies.
 
@@ -82,6 +84,7 @@ async def run_with_restarts(
         elsewhere: As in `run`; these parts must be started anew for every incarnation.
         way_in: As in `run`.
         on_change: As in `run`; of ticks that are done again it is not told again.
+        on_health: As in `run`; a swarm that goes on says first how they were before.
 
     Raises:
         InvalidValueError: Something of an earlier run is beside `log`.
@@ -129,6 +132,7 @@ async def run_with_restarts(
                         elsewhere=elsewhere,
                         way_in=way_in,
                         on_change=tell,
+                        on_health=on_health,
                     )
             except NothingBegunError as error:
                 if not restarts:

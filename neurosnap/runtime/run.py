@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.agent.growth.changed import Changed
+from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
@@ -19,7 +20,7 @@ from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
 from neurosnap.runtime.parts.run_description import RunDescription
-from neurosnap.runtime.parts.status_publisher import StatusJob, publishes
+from neurosnap.runtime.parts.status_publisher import StatusJob, has_status
 from neurosnap.runtime.parts.world_process import WayIn, WorldJob
 from neurosnap.system.distribution import version
 
@@ -51,6 +52,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     """Where readings are kept that are not in the recording; empty: there are none."""
     waiting: int = 0
     """How many of these had no tick."""
+    health: Standing | None = None
+    """How the sensors of the home were; None: nobody judged them."""
 
     @property
     def complete(self) -> bool:
@@ -72,6 +75,7 @@ async def run(
     patience: float | None = None,
     way_in: WayIn | None = None,
     on_change: Callable[[Changed], None] = lambda _: None,
+    on_health: Callable[[Standing], None] = lambda _: None,
 ) -> Outcome:
     """Run a swarm to its end, or until `stop` is set.
 
@@ -91,6 +95,7 @@ async def run(
             `neurosnap.runtime.journaled_run`.
         on_change: Told of each sensor that is grown or retired, but by the decision of
             the last tick, which nobody follows.
+        on_health: Told how the sensors of the home are, when that is new.
 
     Raises:
         InvalidValueError: There are more sensors than a key-frame can hold.
@@ -101,11 +106,19 @@ async def run(
     metadata = describe(options)
     if options.cells == "inline":
         inline = await run_inline(
-            options, log, metadata, past, stop, on_progress, way_in, on_change
+            options,
+            log,
+            metadata,
+            past,
+            stop,
+            on_progress,
+            way_in,
+            on_change,
+            on_health,
         )
         result, completeness = inline.result, inline.completeness
         total, stopped = inline.seconds, inline.stopped
-        lost = inline.lost
+        lost, health = inline.lost, inline.health
     else:
         vacant = tuple(sorted(elsewhere))
         description = RunDescription(options=options, past=past, vacant=vacant)
@@ -114,7 +127,7 @@ async def run(
             workers=options.sharing,
             coordinator=partial(CoordinatorJob, description, patience),
             world=WorldJob(options, past, way_in),
-            status=StatusJob(options, past) if publishes(options) else None,
+            status=StatusJob(options, past) if has_status(options) else None,
             log=log,
             metadata=metadata,
             past=past,
@@ -124,11 +137,11 @@ async def run(
             incarnation=incarnation,
             elsewhere=elsewhere,
         )
-        ending = await run_processes(plan, stop, on_progress, on_change)
+        ending = await run_processes(plan, stop, on_progress, on_change, on_health)
         result = msgspec.json.decode(ending.result, type=Result)
         completeness = ending.completeness
         total, stopped = ending.seconds, ending.stopped
-        lost = ending.lost
+        lost, health = ending.lost, ending.health
     return Outcome(
         totals=result.totals,
         implications=result.implications,
@@ -137,6 +150,7 @@ async def run(
         startup=total - result.seconds,
         stopped=stopped,
         lost=lost,
+        health=health,
     )
 
 

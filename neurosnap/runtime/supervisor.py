@@ -27,6 +27,7 @@ from neurosnap.runtime.parts.reports import (
     Done,
     Failed,
     Grown,
+    Health,
     Progress,
     Ready,
     Report,
@@ -71,6 +72,8 @@ class Supervisor:
         self.tick = 0
         self.changes: list[Changed] = []
         """What was grown or retired since somebody looked."""
+        self.standings: list[bytes] = []
+        """How the sensors of the home were since somebody looked, as JSON."""
         self.has_begun = False
         """The coordinator has said that every part is there."""
         self._context = multiprocessing.get_context("forkserver")
@@ -203,6 +206,8 @@ class Supervisor:
             case Grown(changes=changes):
                 self.changes += changes
                 self.progressed.set()
+            case Health(standing=standing):
+                self.standings.append(bytes(standing))  # told with the next progress
             case Done(result=result):
                 self._expected.add(report.who)
                 child_.result = bytes(result)

@@ -1,19 +1,23 @@
 """``neurosnap health``, as a user has it."""
 
+import asyncio
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
-from neurosnap.health.alarm import Progress
-from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.runtime.parts.health_listener import HealthListener
+from neurosnap.runtime.parts import health_listener
+from neurosnap.runtime.parts.health_listener import HealthListener, Past
 from tests.support.command_line import call, happy, refused
 from tests.support.lived_in import SENSORS, START, lived_in
-from tests.support.rewritten_recordings import rewritten
+from tests.support.patience import PATIENCE
+from tests.support.rewritten_recordings import sent_at
+
+if TYPE_CHECKING:
+    from neurosnap.health.news import Standing
 
 DATABASE = Path(__file__).parent.parent / "golden" / "home-assistant_v2.db"
 
@@ -89,15 +93,7 @@ def recorded(table: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     times = [int(row.split(",")[0]) for row in table.read_text().splitlines()[1:]]
     happy("run", table, "--cells", "inline", "--ticks", len(times), "--out", log)
 
-    def as_then(recorded: list[Recorded]) -> list[Recorded]:
-        return [
-            each._replace(sent=times[each.message.tick - 1] * 10**9)
-            if isinstance(each.message, wire.Observation)
-            else each
-            for each in recorded
-        ]
-
-    return rewritten(log, later, as_then)
+    return sent_at(log, later, times)
 
 
 def test_a_recording_tells_what_its_readings_told(table: Path, recorded: Path) -> None:
@@ -108,22 +104,10 @@ def test_a_recording_tells_what_its_readings_told(table: Path, recorded: Path) -
     ]
 
 
-class Outlet:
-    """Keeps what is published, as long as it is not what was there."""
-
-    def __init__(self) -> None:
-        self.alarms: list[dict[str, str]] = []
-        self.known: list[Progress] = []
-
-    def health(self, alarms: dict[str, str]) -> None:
-        if self.alarms[-1:] != [alarms]:
-            self.alarms.append(dict(alarms))
-
-    def health_known(self, progress: Progress) -> None:
-        self.known.append(progress)
-
-
-def test_an_outlet_that_starts_again_knows_what_it_knew(recorded: Path) -> None:
+async def test_one_who_catches_up_knows_what_it_knew(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(health_listener, "_LAST", PATIENCE)
     recording = Recording.open(recorded)
     body = options_of(recording).body
     told = [
@@ -131,29 +115,16 @@ def test_an_outlet_that_starts_again_knows_what_it_knew(recorded: Path) -> None:
         for each in recording.messages(("observe",))
         if isinstance(each.message, wire.Observation)
     ]
-    whole, again = Outlet(), Outlet()
-    listener = HealthListener(whole, body, "1/week")  # type: ignore[arg-type]
-    for message, sent in told:
-        listener.take(message, sent)
-    assert [line for alarms in whole.alarms for line in alarms.values()]
     middle = len(told) - 40
-    past = ResumePoint(str(recorded), middle, (), b"", {}, (middle,))
-    listener = HealthListener(again, body, "1/week")  # type: ignore[arg-type]
-    listener.catch_up(past)
-    assert len(again.alarms) == len(again.known) == 1
-    for message, sent in told[middle:]:
-        listener.take(message, sent)
-    assert again.alarms[-1] == whole.alarms[-1]
-    assert again.alarms == whole.alarms[-len(again.alarms) :]
-    assert again.known[-1] == whole.known[-1]
-
-
-def test_an_outlet_goes_on_without_a_recording(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    outlet = Outlet()
-    listener = HealthListener(outlet, Body(own=("a",)), "1/week")  # type: ignore[arg-type]
-    listener.catch_up(ResumePoint(str(tmp_path / "gone.mcap"), 9, (), b"", {}, (9,)))
-    assert "health: learned from a part of the recording" in caplog.text
-    listener.take(wire.Observation(10, b"\x01"), 10**18)
-    assert outlet.alarms == [{}]
+    over = asyncio.Event()
+    over.set()
+    heard: dict[int, list[Standing]] = {0: [], middle: []}
+    for start, standings in heard.items():
+        past = Past(recorded, start) if start else None
+        listener = HealthListener(body, "1/week", standings.append, past)
+        for message, sent in told[start:]:
+            listener.take(message, sent)
+        await listener.serve(over)
+    again = heard[middle]
+    assert again[-1].alarms
+    assert again == heard[0][-len(again) :]

@@ -39,6 +39,7 @@ _PANELS = {
     "agent": AGENT,
     "snapshot": LEARNING,
     "anomalies": LEARNING,
+    "health": LEARNING,
     "cells": CELLS,
     "recording": RECORDING,
     "supervision": SUPERVISION,

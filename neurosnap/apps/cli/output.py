@@ -19,12 +19,13 @@ from rich.progress import (
 from rich.table import Table
 
 from neurosnap.apps.growth_text import changed_line, grown_text
+from neurosnap.health.news import Newsreader
 from neurosnap.protocol.anomaly_text import few
 from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from neurosnap.apps.figures.run import FigureResults
     from neurosnap.depth.measure import Line
     from neurosnap.depth.probe import Measured
+    from neurosnap.health.news import Standing
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.protocol.totals import Totals
     from neurosnap.recording.replay.verify import Verdict
@@ -109,13 +111,39 @@ def outcome_facts(
         "journal": outcome.journal,
         "waiting": outcome.waiting,
         "lost": outcome.lost,
+        "health": None if outcome.health is None else health_facts(outcome.health),
         "implications": outcome.implications,
     }
 
 
+def health_facts(standing: Standing) -> dict[str, object]:
+    """Return how the sensors of a home are as one JSON object."""
+    alarms = [
+        {**msgspec.structs.asdict(alarm), "line": alarm.line()}
+        for alarm in standing.alarms
+    ]
+    return {"progress": msgspec.structs.asdict(standing.progress), "alarms": alarms}
+
+
 def changed(console: Console, change: Changed) -> None:
     """Say that a sensor was grown, or retired."""
-    console.print(changed_line(change), markup=False, highlight=False, soft_wrap=True)
+    _plain(console, changed_line(change))
+
+
+def health_news(console: Console) -> Callable[[Standing], None]:
+    """Return what says of each standing of a home's sensors what is new in it."""
+    reader = Newsreader()
+
+    def on_health(standing: Standing) -> None:
+        for line in reader.lines(standing):
+            _plain(console, visible(line))
+
+    return on_health
+
+
+def _plain(console: Console, line: str) -> None:
+    """Print a line as it is."""
+    console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def restart(console: Console, event: Restart) -> None:
@@ -188,6 +216,10 @@ def outcome(
         table.add_row(f"[bold]{name}[/bold]", value)
     console.print(table)
     _implications(console, outcome_.implications, log)
+    if (health := outcome_.health) is not None:
+        _plain(console, health.progress.line())
+        for alarm in health.alarms:
+            _plain(console, visible(f"in alarm: {alarm.line()}"))
     if outcome_.stopped:
         console.print(f"stopped after tick {totals.ticks}, as asked")
     if log is not None:

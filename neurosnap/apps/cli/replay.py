@@ -172,6 +172,7 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
         raise InvalidValueError("ticks", rule, most)
     options = msgspec.structs.replace(options, ticks=most)
     new = new_log(options.source, out)
+    on_health = output.health_news(screen)
     with output.progress(screen, "ticks", options.ticks) as on_progress:
 
         async def work(stop: asyncio.Event) -> Outcome:
@@ -184,6 +185,7 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
                     past,
                     way_in=way_in,
                     on_change=lambda change: output.changed(screen, change),
+                    on_health=on_health,
                 )
 
             return await run_journaled(options, new, swarm_of, past)

@@ -105,6 +105,7 @@ def run(
             check_cells(len(options.sensors) - len(away))
         if log is not None:
             log.parent.mkdir(exist_ok=True)
+        on_health = output.health_news(screen)
         with output.progress(screen, "ticks", options.ticks) as show_tick:
 
             def on_progress(tick: int) -> None:
@@ -134,6 +135,7 @@ def run(
                         elsewhere=away,
                         way_in=way_in,
                         on_change=on_change,
+                        on_health=on_health,
                     )
                 return await run_with_restarts(
                     options,
@@ -147,6 +149,7 @@ def run(
                     elsewhere=away,
                     way_in=way_in,
                     on_change=on_change,
+                    on_health=on_health,
                 )
 
             if view and log is not None:

@@ -41,6 +41,10 @@ FOREVER = 2**31 - 1
 """Ticks of a run that ends when it is told to: the most a message can say."""
 _SYNC = 1.0
 """Seconds of readings from outside that a power cut may cost."""
+_ALARMS = "1/week"
+_HOME = 200
+"""Sensors from outside that are judged unasked, at most. To learn of them anew takes a
+second for 50, half a minute for 150, and more than in proportion for more."""
 _CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls",)}
 """The keys of what has another name where it is refused, or that of a file in it: the
 first that there is."""
@@ -182,6 +186,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "sync": config.recording.sync,
         "cells": config.cells.kind,
         "workers": config.cells.workers,
+        "alarms": config.health.alarms,
     }
     if isinstance(config.source, MqttTable) and config.cells.kind is None:
         # A home's sensors are few, or many, and its machine is small.
@@ -189,6 +194,12 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         optional |= {"cells": "worker", "workers": min(config.cells.workers, count)}
     if is_live(name) and optional["sync"] is None:
         optional["sync"] = _SYNC
+    if (
+        optional["alarms"] is None
+        and 0 < len(fitted.body.own) <= _HOME
+        and is_live(name)
+    ):
+        optional["alarms"] = _ALARMS
     return RunOptions(
         source=name,
         arguments=fitted.arguments,

@@ -10,9 +10,11 @@ import msgspec
 
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.apps.config.sources import SourceTable, Text
+from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.protocol.option import option
 from neurosnap.protocol.run_options import (
     Agent,
+    Alarms,
     Anomalies,
     Cells,
     Deadline,
@@ -100,6 +102,18 @@ class AnomaliesTable(
     support: Support = _DEFAULTS["support"]
 
 
+class HealthTable(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What is told of sensors that seem broken."""
+
+    alarms: Alarms | None = None
+
+    def __post_init__(self) -> None:
+        if self.alarms not in (None, NEVER):
+            parse_budget(self.alarms)
+
+
 class RecordingTable(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 ):
@@ -150,6 +164,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Where the cells are, and how they are wired."""
     anomalies: AnomaliesTable = AnomaliesTable()
     """What is reported of observations against what was learned."""
+    health: HealthTable = HealthTable()
+    """What is told of sensors that seem broken."""
     recording: RecordingTable = RecordingTable()
     """Where the run is recorded."""
     supervision: Supervision = Supervision()

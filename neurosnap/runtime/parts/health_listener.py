@@ -1,75 +1,158 @@
-"""Follows the health of a run's sensors, and hands what is new to an outlet."""
+"""Follows the health of a run's sensors, on a thread of its own."""
 
+import asyncio
 import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from queue import Empty, SimpleQueue
+from typing import NamedTuple, Self
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import NeurosnapError
-from neurosnap.health.follower import Follower, Said
+from neurosnap.health.follower import Follower
+from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.read.observed import Observed, as_observed, observations
 from neurosnap.recording.read.split_files import first_path, open_whole
 
-if TYPE_CHECKING:
-    from neurosnap.health.alarm import Progress
-    from neurosnap.sources.mqtt.publisher import MqttPublisher
+_LOOK = 60.0
+"""Seconds without a reading after which it looks at the clock."""
+_LATE = 60.0
+"""Seconds that a reading may be under way. By as much what is said of silence is late:
+whoever reads the recording then finds each reading in the same step."""
+_LAST = 10.0
+"""Seconds it may take to end."""
 
 _logger = logging.getLogger(__name__)
 
 
-class HealthListener:
-    """Tells an outlet which sensors are in alarm. Used by one thread at a time.
+class Past(NamedTuple):
+    """What is recorded of a run."""
 
-    It keeps no state of its own: after a restart it reads what is recorded again.
+    log: Path
+    """The recording; of several files the first."""
+    until: int | None = None
+    """The last tick that counts; None: all that is there."""
+
+    @classmethod
+    def of(cls, past: ResumePoint) -> Self:
+        """Return what a run that is resumed has behind it."""
+        log = Path(past.log)
+        return cls(first_path(log, past.part) if past.part else log, past.tick)
+
+
+class HealthListener:
+    """Tells which sensors of a run seem broken.
+
+    It keeps no state of its own: after a restart it reads again what is recorded.
 
     Args:
-        publisher: Publishes it.
-        body: What is sensed.
+        body: What is sensed; the world's own sensors are judged.
         alarms: The budget, such as ``1/week``.
+        tell: Told how the sensors are, when that is new; on the event loop.
+        past: A recording of what was read before; None: nothing was.
+        clock: Says what time it is, in seconds since 1970.
     """
 
-    def __init__(self, publisher: "MqttPublisher", body: Body, alarms: str) -> None:
-        self._publisher = publisher
+    def __init__(
+        self,
+        body: Body,
+        alarms: str,
+        tell: Callable[[Standing], None],
+        past: Past | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
         self._body = body
         self._follower = Follower(body.own, alarms)
-        self._progress: Progress | None = None
-        self._lines: dict[str, str] = {}  # of the sensors in alarm
-
-    def catch_up(self, past: ResumePoint) -> None:
-        """Follow what is recorded by now. A millisecond or so for each ten minutes."""
-        log = Path(past.log)
-        first = first_path(log, past.part) if past.part else log
-        try:
-            for tick, observed in observations(open_whole(first)):
-                if tick > past.tick:
-                    break
-                self._follow(observed)
-        except (NeurosnapError, OSError) as error:
-            _logger.warning("health: learned from a part of the recording: %s", error)
-        self._tell()
+        self._tell = tell
+        self._past = past
+        self._clock = clock
+        self._told: Standing | None = None
+        self._tick = 0  # the last that was followed
+        self._waiting: SimpleQueue[tuple[int, Observed] | None] = SimpleQueue()
 
     def take(self, message: wire.Observation, sent: int) -> None:
-        """Take in an observation, sent so many nanoseconds after 1970.
+        """Take in an observation, sent so many nanoseconds after 1970; does not wait.
+
+        One of a tick that was there before, or is done again, counts for nothing.
 
         Raises:
             ShapeError: It is of another number of sensors.
         """
-        self._follow(as_observed(message, sent, self._body))
-        self._tell()
+        observed = as_observed(message, sent, self._body)
+        self._waiting.put((message.tick, observed))
 
-    def _follow(self, observed: Observed) -> None:
-        at, on, known, begins = observed
-        said: Said = self._follower.observe(on, known, at, begins=begins)
-        for name, _ in said.ended:
-            self._lines.pop(name, None)
-        self._lines |= {alarm.sensor: alarm.line() for alarm in said.begun}
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Follow what was taken in until `stop` is set, and then to its end.
 
-    def _tell(self) -> None:
-        """Publish what is not as it was."""
-        self._publisher.health(self._lines)
-        progress = self._follower.monitor.progress
-        if progress != self._progress:
-            self._progress = progress
-            self._publisher.health_known(progress)
+        To learn anew takes seconds, sometimes, so this is done on a thread. One that is
+        learning at the end is not waited for.
+        """
+        loop = asyncio.get_running_loop()
+        over: Future[None] = Future()
+
+        def work() -> None:
+            with suppress(RuntimeError):  # the loop is closed, nobody waits any more
+                try:
+                    self._follow(lambda now: loop.call_soon_threadsafe(self._tell, now))
+                    over.set_result(None)
+                except Exception as error:  # noqa: BLE001 - raised where it is awaited
+                    over.set_exception(error)
+
+        threading.Thread(target=work, name="health", daemon=True).start()
+        following = asyncio.wrap_future(over)
+        stopping = asyncio.create_task(stop.wait(), name="health/stop")
+        try:
+            await asyncio.wait(
+                (following, stopping), return_when=asyncio.FIRST_COMPLETED
+            )
+            self._waiting.put(None)
+            await asyncio.wait((following,), timeout=_LAST)
+            if following.done():
+                following.result()
+        finally:
+            stopping.cancel()
+            self._waiting.put(None)
+
+    def _follow(self, tell: Callable[[Standing], object]) -> None:
+        if self._past is not None:
+            self._catch_up(self._past)
+            self._say(tell)
+        while True:
+            try:
+                observed = self._waiting.get(timeout=_LOOK)
+            except Empty:
+                self._follower.until(self._clock() - _LATE)
+            else:
+                if observed is None:
+                    return
+                self._observe(*observed)
+            self._say(tell)
+
+    def _observe(self, tick: int, observed: Observed) -> None:
+        if tick > self._tick:
+            self._tick = tick
+            at, on, known, begins = observed
+            self._follower.observe(on, known, at, begins=begins)
+
+    def _catch_up(self, past: Past) -> None:
+        """Follow what is recorded by now. A millisecond or so for each ten minutes."""
+        try:
+            for tick, observed in observations(open_whole(past.log)):
+                if past.until is not None and tick > past.until:
+                    break
+                self._observe(tick, observed)
+        except (NeurosnapError, OSError) as error:
+            _logger.warning("health: learned from a part of the recording: %s", error)
+
+    def _say(self, tell: Callable[[Standing], object]) -> None:
+        """Tell what is not as it was."""
+        now, told = self._follower.standing, self._told
+        if told is None or (now.alarms, now.progress) != (told.alarms, told.progress):
+            self._told = now
+            tell(now)

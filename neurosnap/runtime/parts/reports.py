@@ -39,6 +39,13 @@ class Grown(msgspec.Struct, frozen=True, tag=True):
     changes: list[Changed]
 
 
+class Health(msgspec.Struct, frozen=True, tag=True):
+    """The sensors of the home are so now: a `Standing`, which no cell has to know."""
+
+    who: str
+    standing: msgspec.Raw
+
+
 class Done(msgspec.Struct, frozen=True, tag=True):
     """The part has done its work; `result` is what came of it."""
 
@@ -55,7 +62,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     """It would be able to if another part had not died."""
 
 
-Report: TypeAlias = Ready | Progress | Grown | Done | Failed
+Report: TypeAlias = Ready | Progress | Grown | Health | Done | Failed
 
 _encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
@@ -95,6 +102,10 @@ class Reporter:
         """Say what was grown or retired. Only for parts with a pipe of their own."""
         if changes:
             self._send(Grown(self._who, changes))
+
+    def health(self, standing: object) -> None:
+        """Say how the sensors are. Only for parts with a pipe of their own."""
+        self._send(Health(self._who, msgspec.Raw(msgspec.json.encode(standing))))
 
     def done(self, result: object = None) -> None:
         """Say what came of it. Only for parts with a pipe of their own."""

@@ -1,7 +1,8 @@
-"""The status publisher: reports a run's beliefs and anomalies over MQTT.
+"""The status publisher: says how a run goes, to whoever started it and over MQTT.
 
-Who has an MQTT source with a table `publish` gets it. It reads what the world and the
-coordinator say, and publishes nothing in the swarm.
+It follows which sensors of a home seem broken, where there is a budget of alarms, and
+publishes beliefs and anomalies for an MQTT source with a table `publish`. It reads what
+the world and the coordinator say, and publishes nothing in the swarm.
 """
 
 import asyncio
@@ -16,29 +17,39 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.health.budget import NEVER
+from neurosnap.health.news import Standing
 from neurosnap.protocol.anomaly_messages import told, with_support
 from neurosnap.protocol.anomaly_text import anomaly_line
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
-from neurosnap.sources.mqtt.options import NEVER
 from neurosnap.sources.open_live import MQTT, mqtt_options
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from neurosnap.runtime.parts.health_listener import HealthListener
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 STATUS_PUBLISHER = "watcher/outlet"
 """Its name: it has no last word, and nobody waits for it."""
+_PUBLISHED = ("state", "anomaly", "decide")
 _AHEAD = 16  # observations that may wait for their state
 
 
-def publishes(options: RunOptions) -> bool:
+def has_status(options: RunOptions) -> bool:
     """Tell whether a run has such a part.
+
+    Raises:
+        InvalidValueError: The options of its source are wrong.
+    """
+    return options.alarms != NEVER or _publishes(options)
+
+
+def _publishes(options: RunOptions) -> bool:
+    """Tell whether a run is published over MQTT.
 
     Raises:
         InvalidValueError: The options of its source are wrong.
@@ -55,18 +66,12 @@ class Listener:
         publisher: Publishes it.
         body: What is sensed at first.
         support: The occasions that an anomaly must rest on.
-        health: Follows which sensors seem broken; None: nobody does.
     """
 
     def __init__(
-        self,
-        publisher: "MqttPublisher",
-        body: Body,
-        support: int = 0,
-        health: "HealthListener | None" = None,
+        self, publisher: "MqttPublisher", body: Body, support: int = 0
     ) -> None:
         self._publisher = publisher
-        self._health = health
         self._support = support
         self._body = body
         # Nothing orders what the world says and what the coordinator makes of it.
@@ -75,18 +80,11 @@ class Listener:
         self._wrong = -1  # the last tick that was an anomaly's
         self._calm = True
 
-    def take(self, message: wire.Message, sent: int) -> None:
-        """Take in one message; what is none of its business is passed over.
-
-        Args:
-            message: What was said.
-            sent: When, nanoseconds since 1970.
-        """
+    def take(self, message: wire.Message) -> None:
+        """Take in one message; what is none of its business is passed over."""
         match message:
             case wire.Observation(tick=tick, paused=paused):
                 self._publisher.learning(paused)
-                if self._health is not None:
-                    self._health.take(message, sent)
                 _, known = readings(message, self._body.count)
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
@@ -123,87 +121,112 @@ async def publish_status(
     fabric: Fabric,
     stop: asyncio.Event,
     on_ready: Callable[[], None] = lambda: None,
+    on_health: Callable[[Standing], None] = lambda _: None,
     past: ResumePoint | None = None,
 ) -> None:
-    """Publish a run at the broker of its source until `stop` is set.
+    """Say how a run goes until `stop` is set.
 
-    Reads ``observe``, ``state``, ``anomaly`` and ``decide``; publishes nothing in the
-    swarm. A message that cannot be right is passed over: those it is for say so.
+    Reads ``observe``, and for a broker ``state``, ``anomaly`` and ``decide``; publishes
+    nothing in the swarm. A message that cannot be right is passed over: those it is for
+    say so.
 
     Args:
         options: The run's.
         fabric: Entered by the caller.
         stop: Ends it.
         on_ready: Called once it misses nothing any more.
-        past: For a run that is resumed: it says what was grown before.
+        on_health: Told how the sensors are, when that is new.
+        past: For a run that is resumed: it says what was grown before, and where the
+            readings are.
 
     Raises:
         InvalidValueError: The broker refuses the name, the password or a topic; or
-            nothing is to be published.
+            nothing is to be said.
         NeurosnapError: The broker cannot be reached at the start; or nothing more can
             be heard of the swarm.
     """
-    from neurosnap.runtime.parts.health_listener import HealthListener
+    if not has_status(options):
+        raise InvalidValueError("alarms", "must be a budget, or be published", NEVER)
+    from neurosnap.runtime.parts.health_listener import HealthListener, Past
+
+    publisher = _publisher(options) if _publishes(options) else None
+    body, tasks, over = options.body, [], asyncio.Event()
+    health = listener = None
+    if options.alarms != NEVER:
+
+        def tell(standing: Standing) -> None:
+            on_health(standing)
+            if publisher is not None:
+                publisher.health(standing)
+
+        recorded = None if past is None else Past.of(past)
+        health = HealthListener(body, options.alarms, tell, recorded)
+        tasks.append(asyncio.create_task(health.serve(over), name="status/health"))
+    if publisher is not None:
+        now = body if past is None else past.body(body)
+        listener = Listener(publisher, now, options.support)
+        tasks.append(asyncio.create_task(publisher.serve(over), name="status/publish"))
+
+    def handle(deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            with contextlib.suppress(MessageError, ShapeError, InvalidValueError):
+                message = wire.decode(delivery.key, delivery.payload)
+                if health is not None and isinstance(message, wire.Observation):
+                    health.take(message, delivery.sent)
+                if listener is not None:
+                    listener.take(message)
+
+    await fabric.subscribe(("observe", *(_PUBLISHED if listener else ())), handle)
+    await fabric.confirm()
+    on_ready()
+    hearing = asyncio.create_task(fabric.serve(stop), name="status/hear")
+    try:
+        await asyncio.wait((hearing, *tasks), return_when=asyncio.FIRST_COMPLETED)
+        # Also where nothing can be heard any more: the broker is told that it is over.
+        over.set()
+        for task in tasks:
+            await task
+        await hearing
+    finally:
+        for task in (hearing, *tasks):
+            task.cancel()
+
+
+def _publisher(options: RunOptions) -> "MqttPublisher":
+    """Return who publishes a run at the broker of its source."""
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
     given = mqtt_options(options.arguments)
     if given.publish is None:
         raise InvalidValueError("publish", "must be a table of the source", None)
-    body, judges = options.body, given.publish.alarms != NEVER
-    publisher = MqttPublisher(
+    body = options.body
+    return MqttPublisher(
         given.broker,
         given.publish,
         body.sensors,
         own=len(body.own),
         actions=body.actions,
         pauses=not body.room,
-        judges=judges,
+        judges=options.alarms != NEVER,
         classes={
             sensor.name: sensor.device_class
             for sensor in given.sensors
             if sensor.device_class is not None
         },
     )
-    now = body if past is None else past.body(body)
-    health = None
-    if judges:
-        health = HealthListener(publisher, body, given.publish.alarms)
-        if past is not None:
-            await asyncio.to_thread(health.catch_up, past)
-    listener = Listener(publisher, now, options.support, health)
-
-    def handle(deliveries: list[wire.Delivery]) -> None:
-        for delivery in deliveries:
-            with contextlib.suppress(MessageError, ShapeError, InvalidValueError):
-                message = wire.decode(delivery.key, delivery.payload)
-                listener.take(message, delivery.sent)
-
-    await fabric.subscribe(("observe", "state", "anomaly", "decide"), handle)
-    await fabric.confirm()
-    on_ready()
-    over = asyncio.Event()
-    hearing = asyncio.create_task(fabric.serve(stop), name="status/hear")
-    telling = asyncio.create_task(publisher.serve(over), name="status/publish")
-    try:
-        await asyncio.wait((hearing, telling), return_when=asyncio.FIRST_COMPLETED)
-        # Also where nothing can be heard any more: the broker is told that it is over.
-        over.set()
-        await telling
-        await hearing
-    finally:
-        hearing.cancel()
-        telling.cancel()
 
 
 class StatusJob(msgspec.Struct, frozen=True):
-    """Publishes how a run goes; see `publish_status`."""
+    """Says how a run goes; see `publish_status`."""
 
     options: RunOptions
     past: ResumePoint | None = None
 
     async def run(self, part: PartContext) -> None:
-        """Publish until the run is over."""
+        """Go on until the run is over."""
+        say = part.reporter
         async with part.connection.fabric() as fabric:
-            ready = part.reporter.ready
-            await publish_status(self.options, fabric, part.stop, ready, self.past)
-        part.reporter.done()
+            await publish_status(
+                self.options, fabric, part.stop, say.ready, say.health, self.past
+            )
+        say.done()

@@ -7,13 +7,12 @@ that does: a recording is read without it.
 
 import os
 from pathlib import Path
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 from urllib.parse import urlsplit
 
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.budget import parse_budget
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.live.combined_topics import Combine
 from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
@@ -281,10 +280,6 @@ class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         )
 
 
-NEVER: Final = "never"
-"""A budget of alarms that is none."""
-
-
 class MqttPublish(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 ):
@@ -301,9 +296,6 @@ class MqttPublish(
     forget: bool = False
     """Whether an orderly end takes the device out of Home Assistant; otherwise it stays
     there with its history, as unavailable, until the next run."""
-    alarms: Text = "1/week"
-    """How many alarms about broken sensors the home may raise while nothing is wrong,
-    such as ``1/week`` or ``2/month``; ``never``: no sensor is judged."""
     page: Text | None = None
     """Where Home Assistant's link "visit" leads, ``http://...`` or ``https://...``: a
     dashboard, or a page of your own. None: no link. The page of ``--view`` is for this
@@ -313,8 +305,6 @@ class MqttPublish(
         if self.page is not None and not _is_address(self.page):
             rule = "must be an address that starts with http:// or https://"
             raise InvalidValueError("page", rule, self.page)
-        if self.alarms != NEVER:
-            parse_budget(self.alarms)
         for name in ("prefix", "discovery_prefix"):
             given = getattr(self, name)
             if not is_topic(given):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.alarm import Progress
+from neurosnap.health.news import Standing
 from neurosnap.sensorium import unpack
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
@@ -165,22 +165,16 @@ class MqttPublisher:
         said = anomaly(record is not None, self._last)
         self._link.hold(self._topics.anomaly, said)
 
-    def health(self, alarms: Mapping[str, str]) -> None:
-        """Take in which sensors seem broken.
-
-        Args:
-            alarms: The alarm of each that does, in a line, by its name.
-        """
+    def health(self, standing: Standing) -> None:
+        """Take in how the sensors are; beside the others, by one thread at a time."""
+        alarms = {alarm.sensor: alarm.line() for alarm in standing.alarms}
         for place, name in enumerate(self._names):
             alarm = alarms.get(name)
             if alarm != self._alarms[place]:
                 last = self._alarms[place] or ""
                 self._alarms[place] = alarm
                 self._link.hold(self._topics.health[place], health(alarm, last))
-
-    def health_known(self, progress_: Progress) -> None:
-        """Take in how much is known of the sensors' habits."""
-        self._link.hold(self._topics.known, known(progress_))
+        self._link.hold(self._topics.known, known(standing.progress))
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Publish until `stop` is set.

@@ -4,10 +4,13 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.runtime.launch import Plan, _parts_here, _report
+from neurosnap.health.alarm import Progress
+from neurosnap.health.news import Standing
+from neurosnap.runtime.launch import Plan, _Heard, _parts_here
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.supervisor import Supervisor
@@ -22,7 +25,9 @@ class NoJob:
 
 async def test_progress_is_passed_on_when_it_is_said_and_not_again() -> None:
     supervisor, heard, heard_of = Supervisor(), list[int](), list[Changed]()
-    reporting = asyncio.create_task(_report(supervisor, heard.append, heard_of.append))
+    standings = list[Standing]()
+    passes = _Heard(supervisor, heard.append, heard_of.append, standings.append)
+    reporting = asyncio.create_task(passes.pass_on())
     for tick in (3, 4, 4):
         supervisor.tick = tick
         supervisor.progressed.set()
@@ -30,12 +35,18 @@ async def test_progress_is_passed_on_when_it_is_said_and_not_again() -> None:
             await asyncio.sleep(0)
     assert heard == [3, 4, 4]
     assert heard_of == []
+    assert standings == []
+    now = [Standing(step, Progress(9, 40, 0, 2)) for step in (7, 8)]
+    supervisor.standings += map(msgspec.json.encode, now)
     supervisor.changes.append(grown := Changed(4, 24, "press&a&b"))
     supervisor.progressed.set()
     for _ in range(5):
         await asyncio.sleep(0)
     assert heard_of == [grown]
-    assert supervisor.changes == []
+    assert not supervisor.changes
+    assert not supervisor.standings
+    assert standings == now
+    assert passes.health == now[-1]
     reporting.cancel()
     await asyncio.wait({reporting})
 
@@ -46,7 +57,7 @@ async def test_an_error_of_who_is_told_ends_the_run() -> None:
 
     supervisor = Supervisor()
     supervisor.progressed.set()
-    await _report(supervisor, refuse, lambda _: None)
+    await _Heard(supervisor, refuse, lambda _: None, lambda _: None).pass_on()
     with pytest.raises(LookupError, match="no such part"):
         await supervisor.wait(asyncio.Event())
 
