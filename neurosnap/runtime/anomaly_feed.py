@@ -1,8 +1,12 @@
-"""A stream of a run's anomalies and births, live or recorded."""
+"""A stream of a run's anomalies, births and alarms, live or recorded."""
 
 import asyncio
 import contextlib
+import heapq
 from collections.abc import Callable, Iterator
+from operator import itemgetter
+from pathlib import Path
+from typing import Self, TypeAlias
 
 from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
@@ -10,20 +14,24 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
+from neurosnap.health.budget import NEVER
+from neurosnap.health.news import News, Standing, news
 from neurosnap.protocol.anomaly_messages import Told, told, with_support
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.alarms import alarms_of
 from neurosnap.recording.read.births import Births, births_of
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import Network
+from neurosnap.runtime.parts.health_listener import HealthListener, Past
 from neurosnap.runtime.parts.run_description import read_description
 
+Fed: TypeAlias = Told | Changed | News
 
-def recorded(
-    recording: Recording, support: int | None = None
-) -> Iterator[Told | Changed]:
-    """Return the anomalies of a recorded run, and what it grew and retired, in order.
+
+def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
+    """Return the anomalies of a recorded run, what it grew, and its alarms, in order.
 
     Args:
         recording: The run's.
@@ -35,15 +43,24 @@ def recorded(
         MessageError: While iterating: an anomaly is none of such a run.
     """
     support = _support(options_of(recording), support)
+    streams = _anomalies_and_births(recording, support), alarms_of(recording)
+    for _, each in heapq.merge(*streams, key=itemgetter(0)):
+        yield each
+
+
+def _anomalies_and_births(
+    recording: Recording, support: int
+) -> Iterator[tuple[int, Told | Changed]]:
     births = births_of(recording)
     sensors, changes = births.body.sensors, births.changes()
     for each in recording.messages(("anomaly",)):
         if isinstance(each.message, wire.Anomaly):
-            while changes and changes[0].tick < each.message.tick:
-                yield changes.pop(0)
+            tick = each.message.tick
+            while changes and changes[0].tick < tick:
+                yield changes[0].tick, changes.pop(0)
             if (rest := with_support(each.message, support)) is not None:
-                yield told(rest, sensors)
-    yield from changes
+                yield tick, told(rest, sensors)
+    yield from ((change.tick, change) for change in changes)
 
 
 def _support(options: RunOptions, wanted: int | None) -> int:
@@ -81,31 +98,39 @@ async def watch(
     network: Network,
     swarm: str,
     stop: asyncio.Event,
-    tell: Callable[[Told | Changed], None],
+    tell: Callable[[Fed], None],
     *,
     support: int | None = None,
+    log: Path | None = None,
     patience: float = 10.0,
 ) -> None:
     """Look on at a swarm that runs, until it is over or `stop` is set.
 
-    A swarm that goes on after a death is looked on at further.
+    A swarm that goes on after a death is looked on at further. Alarms in force are told
+    at the beginning.
 
     Args:
         network: Where its hub is; `Network.connect` names it.
         swarm: Its id.
         stop: Ends it.
-        tell: Is given each anomaly, and each sensor that is grown or retired.
+        tell: Is given each anomaly, each sensor that is grown or retired, each alarm
+            and its end.
         support: The occasions an anomaly must rest on; None: what the run asks for.
+        log: Its recording, from which the sensors are known that may be broken; None:
+            it is not here, so what is learned of them begins now.
         patience: Seconds until a coordinator is there, the first or the next.
 
     Raises:
-        InvalidValueError: The run tells of no anomalies, and grows nothing; or support
-            is asked for, and the run does not count occasions.
+        InvalidValueError: The run tells of no anomalies and alarms, and grows nothing;
+            or support is asked for, and the run does not count occasions.
         SwarmError: There is no such swarm.
     """
     seen_one = False
     connections = Connections(network)
-    async with connections.discovery(swarm, stop) as discovery:
+    async with (
+        _Alarms(tell, log) as alarms,
+        connections.discovery(swarm, stop) as discovery,
+    ):
         while True:
             try:
                 seen = await discovery.next(stop, patience)
@@ -114,7 +139,9 @@ async def watch(
                     return
                 rule = f"must have a coordinator within {patience:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
-            if seen is None or await _look_on(connections, seen, stop, tell, support):
+            if seen is None or await _look_on(
+                connections, seen, stop, tell, alarms, support
+            ):
                 return
             seen_one = True
 
@@ -123,21 +150,25 @@ async def _look_on(
     connections: Connections,
     seen: FoundSwarm,
     stop: asyncio.Event,
-    tell: Callable[[Told | Changed], None],
+    tell: Callable[[Fed], None],
+    alarms: "_Alarms",
     support: int | None = None,
 ) -> bool:
     """Look on at one incarnation; tell whether it ended in order."""
     births: Births | None = None
     least = 0
     over = asyncio.Event()
-    early: list[wire.Message] = []  # before it is known what the sensors are called
+    # Before it is known what the sensors are called.
+    early: list[tuple[wire.Message, int]] = []
 
-    def hear(message: wire.Message) -> None:
+    def hear(message: wire.Message, sent: int) -> None:
         if births is None:
-            early.append(message)
+            early.append((message, sent))
             return
         with contextlib.suppress(ValueError):  # it is none of such a run
             match message:
+                case wire.Observation():
+                    alarms.take(message, sent)
                 case wire.Anomaly():
                     rest = with_support(message, least)
                     if rest is not None:
@@ -158,24 +189,66 @@ async def _look_on(
                 if isinstance(message, wire.Leave):
                     over.set()
                 else:
-                    hear(message)
+                    hear(message, delivery.sent)
 
     async with connections.to("watcher", seen.name).fabric() as fabric:
         await fabric.subscribe(
-            ("anomaly", "decide", "keyframe", "leave/coordinator"), handle
+            ("observe", "anomaly", "decide", "keyframe", "leave/coordinator"), handle
         )
         content = await fabric.ask()
         if content is None:
             return False
         options = read_description(content).options
-        if not options.watch and not options.body.room:
-            raise InvalidValueError("swarm", "must be run with --anomalies", seen.name)
+        alarms.begin(options)
+        if not (options.watch or options.body.room or options.alarms != NEVER):
+            rule = "must be run with --anomalies or --alarms"
+            raise InvalidValueError("swarm", rule, seen.name)
         least = _support(options, support)
         births = Births(options.body)
-        for message in early:
-            hear(message)
+        for message, sent in early:
+            hear(message, sent)
         await wait_any(seen.gone, over, stop)
         return over.is_set() or stop.is_set()
+
+
+class _Alarms:
+    """Tells of the alarms of a run that is looked on at."""
+
+    def __init__(self, tell: Callable[[Fed], None], log: Path | None) -> None:
+        self._tell = tell
+        self._past = None if log is None else Past(log)
+        self._last: Standing | None = None
+        self._stop = asyncio.Event()
+        self._listener: HealthListener | None = None
+        self._serving: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._stop.set()
+        if self._serving is not None:
+            await self._serving
+
+    def begin(self, options: RunOptions) -> None:
+        """Follow the sensors of a run, unless it judges none, or that was begun."""
+        if self._listener is None and options.alarms != NEVER:
+            listener = HealthListener(
+                options.body, options.alarms, self._hear, self._past
+            )
+            self._listener = listener
+            serving = listener.serve(self._stop)
+            self._serving = asyncio.create_task(serving, name="watch/health")
+
+    def take(self, message: wire.Observation, sent: int) -> None:
+        """Take in what was read, and when it was sent."""
+        if self._listener is not None:
+            self._listener.take(message, sent)
+
+    def _hear(self, standing: Standing) -> None:
+        before, self._last = self._last, standing
+        for each in news(before, standing):
+            self._tell(each)
 
 
 def _changes(decision: wire.Decision, births: Births) -> Iterator[Changed]:

@@ -17,6 +17,7 @@ from neurosnap.apps.cli.shared import (
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.network import Network
+from neurosnap.sensorium import visible
 
 
 @app.command()
@@ -56,26 +57,30 @@ def watch(
         ),
     ] = False,
 ) -> None:
-    """Show anomalies: observations that contradict what was learned before.
+    """Show anomalies, observations that contradict what was learned, and alarms.
 
-    Each names the sensors that may be wrong, and the implications it breaks. A sensor
-    that is grown, or retired, is told of, too.
+    An anomaly names the sensors that may be wrong, and the implications it breaks. An
+    alarm names a sensor that seems broken; it is told when it is well again, too. So
+    is a sensor that is grown, or retired.
 
     Of a recording those of all ticks are shown; of a swarm, those that come, until
     Ctrl-C. What the run learned too little of to go by is left out: see --support.
     """
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.apps.growth_text import changed_line
+    from neurosnap.health.news import News
     from neurosnap.protocol.anomaly_messages import Told
     from neurosnap.protocol.anomaly_text import anomaly_line
     from neurosnap.recording.read.split_files import open_whole
     from neurosnap.runtime import registry
-    from neurosnap.runtime.anomaly_feed import recorded, without_anomalies
+    from neurosnap.runtime.anomaly_feed import Fed, recorded, without_anomalies
     from neurosnap.runtime.anomaly_feed import watch as look_on
 
-    def show(told: Told | Changed) -> None:
+    def show(told: Fed) -> None:
         if as_json:
             print_json(told)
+        elif isinstance(told, News):
+            typer.echo(visible(told.line()))
         elif isinstance(told, Changed):
             typer.echo(changed_line(told))
         else:
@@ -94,11 +99,14 @@ def watch(
             return
         if connect and what is None:
             raise InvalidValueError("swarm", "must be named with --connect", what)
-        swarm = what or ""
+        swarm, log = what or "", None
         if not connect:
             note = registry.find(what) if what else registry.only()
             swarm, connect = note.swarm, note.endpoint
+            log = Path(note.log) if note.log else None
         network = convert(Network, connect=connect, tls=tls, insecure=insecure)
         network.check("watcher")
         screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
-        run_async(lambda stop: look_on(network, swarm, stop, show, support=support))
+        run_async(
+            lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
+        )
