@@ -1,12 +1,16 @@
 """``neurosnap health``, as a user has it."""
 
 import asyncio
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import pytest
 
 from neurosnap import wire
+from neurosnap.apps.viewer.health_view import HealthView
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.parts import health_listener
@@ -91,7 +95,8 @@ def recorded(table: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
     log, later = folder / "home.mcap", folder / "later.mcap"
     times = [int(row.split(",")[0]) for row in table.read_text().splitlines()[1:]]
-    happy("run", table, "--cells", "inline", "--ticks", len(times), "--out", log)
+    more = "--ticks", len(times), "--alarms", "1/week", "--out", log
+    happy("run", table, "--cells", "inline", *more)
 
     return sent_at(log, later, times)
 
@@ -101,6 +106,35 @@ def test_a_recording_tells_what_its_readings_told(table: Path, recorded: Path) -
     assert of_recording == of_table
     assert ("flush", "silent") in [
         (each["alarm"]["sensor"], each["alarm"]["kind"]) for each in of_table["alarms"]
+    ]
+
+
+def test_a_recording_is_watched_with_its_alarms_and_their_ends(recorded: Path) -> None:
+    alarms = happy("health", recorded)["alarms"]
+    lines = call("watch", recorded).stdout.splitlines()
+    for each in alarms:
+        assert [line for line in lines if line.endswith(f"UTC  {each['line']}")]
+    well = [line for line in lines if line.endswith(": well again")]
+    assert len(well) == sum(each["ended"] is not None for each in alarms)
+    told = [
+        json.loads(line)
+        for line in call("watch", recorded, "--json").stdout.split("\n")[:-1]
+    ]
+    assert sum("alarm" in each for each in told) == len(alarms) + len(well)
+
+
+def test_the_page_shows_what_is_told(recorded: Path) -> None:
+    view = HealthView(RunView(recorded))
+    assert not view.health.done
+    while view.read_on():
+        assert not view.health.done
+    facts, shown = happy("health", recorded), msgspec.to_builtins(view.health)
+    assert shown["done"]
+    assert shown["sensors"] == facts["sensors"]
+    assert shown["progress"].endswith(" 8 of 8 sensors known")
+    last = {each["alarm"]["sensor"]: each for each in facts["alarms"]}
+    assert shown["alarms"] == [
+        each["line"] for each in last.values() if each["ended"] is None
     ]
 
 

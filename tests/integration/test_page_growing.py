@@ -144,7 +144,7 @@ async def test_a_page_of_a_run_that_grows_nothing_has_none_of_it(
 ) -> None:
     async with opened(path_log, "#t=3") as page:
         await wait_shown(page, 3)
-        for what in ("#tab-grown", "#grown", ".plan"):
+        for what in ("#tab-grown", "#grown", ".plan", "#tab-health", "#health"):
             await expect(page.locator(what)).to_have_count(0)
         for what in ("#birth-on", "#birth-back", "#births"):
             await expect(page.locator(what)).to_be_hidden()

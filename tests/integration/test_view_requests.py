@@ -49,6 +49,10 @@ async def test_it_answers_what_the_page_asks(log: Path) -> None:
         assert (graph.id, graph.height) == (frames[19].graph, derived[20].height)
         _, body = await get(address, "/api/edge?source=0&target=2&tick=20")
         assert msgspec.json.decode(body, type=api.Edge).tick == 20
+        _, body = await get(address, "/api/health")
+        assert msgspec.json.decode(body, type=api.Health) == api.Health(
+            "", [], [], 0, True
+        )
         _, body = await get(address, "/api/cells")
         cells = msgspec.json.decode(body, type=api.Cells)
         assert cells.read_to == TICKS

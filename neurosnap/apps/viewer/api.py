@@ -13,6 +13,7 @@ asked                                             answer
 ``/api/series?column=&from=&to=&points=``         `Series`
 ``/api/cells``                                    `Cells`
 ``/api/births``                                   `Grown`
+``/api/health``                                   `Health`
 ``/api/events``                                   `Event`, again and again
 ================================================= ============
 
@@ -258,6 +259,31 @@ class Grown(msgspec.Struct, frozen=True, kw_only=True):
     """How many more may be grown."""
     read_to: int
     """The last tick whose decision is counted."""
+    done: bool
+    """All there are have been counted; if not, ask again."""
+
+
+class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
+    """How a sensor is."""
+
+    sensor: str
+    known: bool
+    """Enough was learned of it for it to be judged."""
+    health: float
+    """From 1, well, to 0, in alarm."""
+
+
+class Health(msgspec.Struct, frozen=True):
+    """Which sensors seem broken; nothing in a run that judges none."""
+
+    progress: str
+    """How much is learned, in a line."""
+    alarms: list[str]
+    """Those in force, in a line each, the oldest first."""
+    sensors: list[SensorHealth]
+    """The world's own."""
+    read_to: int
+    """The last tick whose readings count."""
     done: bool
     """All there are have been counted; if not, ask again."""
 

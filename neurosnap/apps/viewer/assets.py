@@ -26,6 +26,7 @@ NAMES = (
             "facts",
             "groups",
             "growth",
+            "health",
             "keys",
             "layers",
             "layout",

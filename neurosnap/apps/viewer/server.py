@@ -92,6 +92,9 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def births(request: Request) -> Response:
         return answer(session.time_series.grown())
 
+    async def health(request: Request) -> Response:
+        return answer(session.health.health)
+
     async def cells(request: Request) -> Response:
         return answer(await session.ask(members))
 
@@ -104,7 +107,7 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def nowhere(request: Request, _: Exception | None = None) -> Response:
         return refusal(404, "not here")
 
-    endpoints = (run, frames, graph, edge, series, births, cells, events)
+    endpoints = (run, frames, graph, edge, series, births, health, cells, events)
     app = Starlette(
         routes=[
             *(

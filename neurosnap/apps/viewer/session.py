@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.health_view import HealthView
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import RecordingError
@@ -45,10 +46,11 @@ class ViewSession:
         self._open()
 
     def _open(self) -> None:
-        # Both or none: the time series have a view of their own, of the same file.
+        # All or none: those that are read on have views of their own, of the same file.
         run_view = RunView(self._log)
         time_series = TimeSeries(RunView(self._log, run_view.scene))
-        self.run_view, self.time_series = run_view, time_series
+        health = HealthView(RunView(self._log, run_view.scene))
+        self.run_view, self.time_series, self.health = run_view, time_series, health
         self.live = self._is_live(self._grows())
 
     async def ask(
@@ -99,15 +101,19 @@ class ViewSession:
         return grows and (files.split or not files.finished)
 
     async def read_on(self, stop: asyncio.Event) -> None:
-        """Read the time series in the background until `stop` is set."""
+        """Read time series and health in the background until `stop` is set."""
         while not stop.is_set():
-            time_series, live = self.time_series, self.live
+            time_series, health, live = self.time_series, self.health, self.live
             try:
                 more = await asyncio.to_thread(time_series.read_on)
                 time_series.ended = False
             except RecordingError:
                 time_series.ended = True  # what was read until then is there
                 more = False
+            try:
+                more |= await asyncio.to_thread(health.read_on)
+            except RecordingError:
+                health.end()
             if more:
                 continue
             if live:

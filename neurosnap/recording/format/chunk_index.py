@@ -53,6 +53,13 @@ class ChunkIndex(NamedTuple):
         )[0]
         return number
 
+    def sent(self, message: int) -> int:
+        """Return when a message was sent, nanoseconds since 1970."""
+        when: int = FACTS.unpack_from(
+            self.data, int(self.starts[message]) - FACTS.size
+        )[2]
+        return when
+
     def present(self) -> list[int]:
         """Return the channels that have messages here, ascending."""
         numbers: list[int] = np.flatnonzero(np.bincount(self.channels)).tolist()

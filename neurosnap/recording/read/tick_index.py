@@ -66,6 +66,15 @@ class ChunkMessages:
         """Return the running numbers of the messages of a topic."""
         return [self._found.sequence(k) for k in self._of(topic)]
 
+    def observed(self) -> list[tuple[wire.Observation, int]]:
+        """Return the observations, each with when it was sent, ns since 1970.
+
+        Raises:
+            RecordingError: Something else is among them.
+        """
+        times = map(self._found.sent, self._of("observe"))
+        return list(zip(self.all("observe", wire.Observation), times, strict=True))
+
     def _of(self, topic: str) -> list[int]:
         """Return which messages are of a topic."""
         channel = self._channels.get(topic, -1)

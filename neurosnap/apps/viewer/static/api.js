@@ -40,6 +40,9 @@ export const fetchSeries = (column, from, to, points) =>
 /** The sensors that were grown, as far as that was read. */
 export const fetchBirths = () => ask("births");
 
+/** Which sensors seem broken, as far as that was read. */
+export const fetchHealth = () => ask("health");
+
 /** The parts of the swarm. */
 export const fetchCells = () => ask("cells");
 

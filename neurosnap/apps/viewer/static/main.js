@@ -8,6 +8,7 @@ import { Diagram } from "./diagram.js";
 import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
 import { GrowthView } from "./growth.js";
+import { HealthView } from "./health.js";
 import { bind } from "./keys.js";
 import { follow, patched } from "./live.js";
 import { Orders } from "./orders.js";
@@ -30,6 +31,7 @@ const fetchFrames = notices.watched("frames", api.fetchFrames);
 const fetchGraph = notices.watched("graph", api.fetchGraph);
 const fetchSeries = notices.watched("series", api.fetchSeries);
 const fetchBirths = notices.watched("births", api.fetchBirths);
+const fetchHealth = notices.watched("health", api.fetchHealth);
 const fetchCells = notices.watched("cells", api.fetchCells);
 const said = () => {}; // what failed was said where it was asked
 
@@ -52,6 +54,7 @@ class Page {
       pick: (sensor) => this.goTo(sensor),
       change: () => this.learnBirths(),
     });
+    this.health = new HealthView(run, fetchHealth);
     this.frameCache = new FrameCache(fetchFrames);
     this.orders = new Orders(fetchGraph);
     this.player = new Player({
@@ -283,6 +286,7 @@ class Page {
     this.player.setRange(first, ticks);
     this.plots.load(first, ticks).catch(said);
     this.growth.load(first, ticks).catch(said);
+    this.health.load().catch(said);
   }
 
   showWhat() {
