@@ -19,7 +19,9 @@ class Raised(msgspec.Struct, frozen=True):
     line: str
     """The alarm in words."""
     ended: str | None
-    """When the sensor was well again; None: it is not."""
+    """When the sensor was well again, or the next alarm of it began; None: in force."""
+    became: str | None
+    """The kind of that next alarm; None: the sensor is well again, or still is not."""
 
 
 class SensorHealth(msgspec.Struct, frozen=True):
@@ -42,8 +44,7 @@ class HealthLog(msgspec.Struct, frozen=True):
     def lines(self) -> Iterator[str]:
         """Yield it for people, a line each."""
         for raised in self.alarms:
-            end = "" if raised.ended is None else f" Well again {raised.ended}."
-            yield f"{told(raised.alarm.step + 1)}  {raised.line}{end}"
+            yield f"{told(raised.alarm.step + 1)}  {raised.line}{_end_of(raised)}"
         yield self.progress.line()
         bad = sum(raised.ended is None for raised in self.alarms)
         count = len(self.alarms)
@@ -88,9 +89,15 @@ def follow(
     raised: list[Raised] = []
     for each in observations:
         said = follower.observe(each.on, each.known, each.at, begins=each.begins)
-        for name, step in said.ended:
-            _end(raised, name, told(step + 1))
-        raised += [Raised(alarm, alarm.line(), None) for alarm in said.begun]
+        # Many steps may be over at once; in each, what ends does so before what begins.
+        changes: list[tuple[int, Alarm | str]] = [(at, name) for name, at in said.ended]
+        changes += [(alarm.step, alarm) for alarm in said.begun]
+        for step, what in sorted(changes, key=lambda change: change[0]):
+            if isinstance(what, str):
+                _end(raised, what, step)
+            else:
+                _end(raised, what.sensor, step, what.kind)
+                raised.append(Raised(what, what.line(), None, None))
     monitor = follower.monitor
     known, health = monitor.known, monitor.health
     return HealthLog(
@@ -104,8 +111,18 @@ def follow(
     )
 
 
-def _end(raised: list[Raised], name: str, when: str) -> None:
-    """Note the end of a sensor's alarm."""
+def _end(raised: list[Raised], name: str, step: int, became: str | None = None) -> None:
+    """Note that the alarm of a sensor, if there is one, ended with a step."""
     for place, each in enumerate(raised):
         if each.ended is None and each.alarm.sensor == name:
-            raised[place] = msgspec.structs.replace(each, ended=when)
+            raised[place] = msgspec.structs.replace(
+                each, ended=told(step + 1), became=became
+            )
+
+
+def _end_of(raised: Raised) -> str:
+    if raised.ended is None:
+        return ""
+    if raised.became is None:
+        return f" Well again {raised.ended}."
+    return f" Became {raised.became!r} {raised.ended}."

@@ -63,8 +63,8 @@ class AnomalyJudge:
             read if self._support else None,
         )
         if self._history is not None:
-            nothing = np.zeros_like(bits) if observation.paused else known
-            self._history.enter(bits, nothing)
+            counted = np.zeros_like(bits) if observation.paused else known
+            self._history.enter(bits, counted)
         if found is None:
             return []
         said = announcement(found, snapshot.sensorium)

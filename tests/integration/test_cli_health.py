@@ -115,7 +115,9 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(recorded: Path) -
     for each in alarms:
         assert [line for line in lines if line.endswith(f"UTC  {each['line']}")]
     well = [line for line in lines if line.endswith(": well again")]
-    assert len(well) == sum(each["ended"] is not None for each in alarms)
+    assert len(well) == sum(
+        each["ended"] is not None and each["became"] is None for each in alarms
+    )
     told = [
         json.loads(line)
         for line in call("watch", recorded, "--json").stdout.split("\n")[:-1]

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from neurosnap.apps.figures.experiments.homes.home import Home, read_home
-from neurosnap.apps.figures.experiments.homes.mention import Mention, Method
-from neurosnap.apps.figures.experiments.homes.ours import SEGMENT, Ours, Watched
-from neurosnap.apps.figures.experiments.homes.rivals import (
+from neurosnap.apps.figures.experiments.homes.baselines import (
     Groups,
     Logistic,
     Rules,
     Silence,
     known,
 )
+from neurosnap.apps.figures.experiments.homes.home import Home, read_home
+from neurosnap.apps.figures.experiments.homes.mention import Mention, Method
+from neurosnap.apps.figures.experiments.homes.ours import SEGMENT, Ours, Watched
 
 LEARNED = 300 * 3600.0
 """Seconds at the beginning of a home that are only learned from."""
@@ -25,13 +25,13 @@ WEEK = 7 * 86400.0
 HORIZON = 4 * WEEK
 """How long a long fault is waited for."""
 
-_RIVALS: dict[str, Callable[[Home, float], Method]] = {
+_BASELINES: dict[str, Callable[[Home, float], Method]] = {
     "silence rule": Silence,
     "unseen groups": Groups,
     "association rules": Rules,
     "logistic": Logistic,
 }
-METHODS = ("health", *_RIVALS)
+METHODS = ("health", *_BASELINES)
 _lock = threading.Lock()
 
 
@@ -55,9 +55,9 @@ class Bench:
         self._watched = Watched(home, alarms, self.start)
         self._ours = Ours(self._watched)
         self._weeks = np.arange(self.start, home.end, WEEK)
-        self._rivals: dict[str, list[Method]] = {
+        self._baselines: dict[str, list[Method]] = {
             name: [make(home, float(week)) for week in self._weeks]
-            for name, make in _RIVALS.items()
+            for name, make in _BASELINES.items()
         }
 
     def method(self, name: str, begin: float) -> Method:
@@ -65,7 +65,7 @@ class Bench:
         if name == METHODS[0]:
             return self._ours
         week = int(np.searchsorted(self._weeks, begin, side="right")) - 1
-        return self._rivals[name][max(0, week)]
+        return self._baselines[name][max(0, week)]
 
     def clean(self, name: str) -> list[Mention]:
         """Return what a method says of the home without faults, after it learned."""

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from neurosnap.apps.figures import bootstrap, run
 from neurosnap.apps.figures.experiments.homes import cases
+from neurosnap.apps.figures.experiments.homes.baselines import Groups, Rules, Silence
 from neurosnap.apps.figures.experiments.homes.faults import (
     SINGLE,
     affected,
@@ -25,7 +26,6 @@ from neurosnap.apps.figures.experiments.homes.home import (
 )
 from neurosnap.apps.figures.experiments.homes.mention import Mention, joined
 from neurosnap.apps.figures.experiments.homes.methods import METHODS, credited
-from neurosnap.apps.figures.experiments.homes.rivals import Groups, Rules, Silence
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.errors import InvalidValueError
 from tests.support.lived_in import SENSORS, lived_in

@@ -13,10 +13,21 @@ Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _MINUTE = 60.0
+# Association rules.
+_CONFIDENCE = 0.95
+_SUPPORT = 5
+# Logistic regression: seconds learned from, and Newton's method.
+_MEMORY = 56 * 86400.0
+_RIDGE = 1.0
+_ROUNDS = 12
 
 
-class _Rival:
+class _Baseline:
     """What the baselines have in common: their score is whether they name a sensor."""
+
+    def __init__(self, home: Home, until: float) -> None:
+        self.home = home
+        self.known = known(home, until)
 
     def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
         """Return the sensors named."""
@@ -41,10 +52,6 @@ class _Rival:
             made[low : int((mention.end - begin) // HOUR) + 1, mention.sensor] = 1
         return made
 
-    def __init__(self, home: Home, until: float) -> None:
-        self.home = home
-        self.known = known(home, until)
-
 
 def known(home: Home, until: float) -> Flags:
     """Return which sensors came on often enough before a time to be judged."""
@@ -53,7 +60,7 @@ def known(home: Home, until: float) -> Flags:
     )
 
 
-class Silence(_Rival):
+class Silence(_Baseline):
     """Names a sensor after 1.5 times its longest silence, in activations of others."""
 
     def __init__(self, home: Home, until: float) -> None:
@@ -124,7 +131,7 @@ class Silence(_Rival):
         return found
 
 
-class Groups(_Rival):
+class Groups(_Baseline):
     """Names what differs in a minute of a set of sensors, or a transition, not seen."""
 
     def __init__(self, home: Home, until: float) -> None:
@@ -168,7 +175,7 @@ def _minutes(home: Home, begin: float, end: float) -> Flags:
     return made
 
 
-class Rules(_Rival):
+class Rules(_Baseline):
     """Association rules of confidence 0.95 among what happens without a gap of 60 s.
 
     The rule-mining baseline of HAWatcher (Fu, Zeng, Du, 2021).
@@ -194,10 +201,6 @@ class Rules(_Rival):
         return joined(points, _MINUTE)
 
 
-_CONFIDENCE = 0.95
-_SUPPORT = 5
-
-
 def _bursts(home: Home, begin: float, end: float) -> tuple[Flags, Floats]:
     """Return who came on in each burst, and when that was known to be over."""
     times, who = home.events(begin, end)
@@ -210,7 +213,7 @@ def _bursts(home: Home, begin: float, end: float) -> tuple[Flags, Floats]:
     return sets, last + _MINUTE
 
 
-class Logistic(_Rival):
+class Logistic(_Baseline):
     """Logistic regression of each sensor on the others, in windows of an hour.
 
     Names a sensor whose reading is less probable than any was in the last fifth of what
@@ -242,11 +245,6 @@ class Logistic(_Rival):
     def _surprise(self, on: Flags) -> Floats:
         logit = _with_one(on) @ self._weights
         return np.asarray(np.logaddexp(0, np.where(on, -logit, logit)) * self.known)
-
-
-_MEMORY = 56 * 86400.0
-_RIDGE = 1.0
-_ROUNDS = 12
 
 
 def _hours(home: Home, begin: float, end: float) -> Flags:

@@ -1,0 +1,68 @@
+"""What a monitor said of a home: each alarm with its end."""
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from neurosnap.apps import health_log
+from neurosnap.health.alarm import Alarm, Progress, told
+from neurosnap.health.follower import Said
+from neurosnap.recording.read.observed import Observed
+
+
+def alarm(kind: str, step: int) -> Alarm:
+    return Alarm("door", kind, step - 3, step, 9.0, 1.0, 0.01, 0, 2.5, 0, None)
+
+
+class Scripted:
+    """A follower that says what it is told to, whatever it observes."""
+
+    def __init__(self, names: Sequence[str], said: list[Said]) -> None:
+        self._said = iter(said)
+        nothing = np.zeros(len(names))
+        progress = Progress(0, 0, 0, len(names))
+        self.monitor = SimpleNamespace(known=nothing, health=nothing, progress=progress)
+
+    def observe(self, *_: object, **__: object) -> Said:
+        return next(self._said)
+
+
+def log_of(said: list[Said], monkeypatch: pytest.MonkeyPatch) -> health_log.HealthLog:
+    monkeypatch.setattr(health_log, "Follower", lambda names, _: Scripted(names, said))
+    off = np.zeros(1, np.bool_)
+    observations = [Observed(float(at), off, ~off) for at in range(len(said))]
+    return health_log.follow(observations, ["door"], "1/week")
+
+
+def test_an_alarm_that_becomes_another_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    less, silent = alarm("less", 10), alarm("silent", 20)
+    found = log_of([Said([less], []), Said([silent], [])], monkeypatch)
+    ends = [(each.ended, each.became) for each in found.alarms]
+    assert ends == [(told(21), "silent"), (None, None)]
+    lines = list(found.lines())
+    assert lines[0].endswith(f" Became 'silent' {told(21)}.")
+    assert lines[-1] == "2 alarms, 1 in force (budget 1/week)"
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_ends_and_alarms_count_in_the_order_of_their_steps(
+    at_once: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether one observation or several said what became of the steps before."""
+    first, second = alarm("silent", 10), alarm("stuck", 40)
+    said = [Said([first], []), Said([], [("door", 30)]), Said([second], [])]
+    if at_once:
+        said = [Said([first, second], [("door", 30)])]
+    found = log_of(said, monkeypatch)
+    ends = [(each.ended, each.became) for each in found.alarms]
+    assert ends == [(told(31), None), (None, None)]
+
+
+def test_within_a_step_what_ends_does_so_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = alarm("stuck", 10), alarm("silent", 30)
+    said = [Said([first], []), Said([second], [("door", 30)])]
+    found = log_of(said, monkeypatch)
+    assert [each.became for each in found.alarms] == [None, None]
+    assert [each.ended for each in found.alarms] == [told(31), None]
