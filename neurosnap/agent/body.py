@@ -17,6 +17,7 @@ References:
     future work ("chunking").
 """
 
+import functools
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -38,7 +39,8 @@ Scripted: TypeAlias = tuple[int, Context]
 """A sensor that is grown whatever is met, and the tick whose decision says so."""
 
 
-class Body(msgspec.Struct, frozen=True, kw_only=True):
+# dict: names are derived once.
+class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """What an agent senses: its world's sensors, its actions, its actions in context.
 
     The sensors stand in this order. A contextual sensor is called ``action&sensor``,
@@ -282,7 +284,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
         _, before = self.split(context[1])
         return True if state[members].all() and not before else None
 
-    @property
+    @functools.cached_property
     def sensors(self) -> tuple[str, ...]:
         """The names of all sensors, in order."""
         felt = self.actions if self.senses_actions else ()

@@ -65,6 +65,8 @@ class Coordinator:
             are counted.
         recall: Whether cells are asked for what they have read; else it is looked up
             here, as runs did before.
+        remind: Whether a newborn cell is told its history at once; else once it says
+            that it lacks it, as runs did before.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Coordinator:
         hold: int | None = None,
         support: int = 0,
         recall: bool = True,
+        remind: bool = True,
     ) -> None:
         self.totals = Totals()
         self.finished = False
@@ -93,6 +96,7 @@ class Coordinator:
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
         self._recalls = recall
+        self._reminds = recall and remind
         self._graph: PocGraph = snapshot.poc_graph()
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
@@ -137,6 +141,7 @@ class Coordinator:
             hold=options.hold if options.watch else None,
             support=options.support,
             recall=options.recall,
+            remind=options.remind,
         )
         if frame is not None:
             core._start_at(frame)
@@ -344,7 +349,17 @@ class Coordinator:
         self._snapshot.adopt(state)
         report = self._state(wave, reached, state)
         self._count(report)
-        return [report, *self._look_back(wave.tick)]
+        return [report, *self._remind(wave.tick), *self._look_back(wave.tick)]
+
+    def _remind(self, tick: int) -> list[wire.Message]:
+        """Tell a cell that has just been born what it would have read before.
+
+        It has taken part in a wave by now: whoever hosts it has this tick's readings.
+        """
+        born = self._next_decision.born
+        if self._memory is None or born < 0 or not self._reminds:
+            return []
+        return self._recall.remind(tick, born, self._memory.history)
 
     def _look_back(self, tick: int, answer: Answer | None = None) -> list[wire.Message]:
         """Let the search for what to grow go on; at its end, let the policy begin."""

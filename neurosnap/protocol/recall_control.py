@@ -7,6 +7,7 @@ asked follows from the question and from who lacked what, whatever the order in 
 the answers came.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator
 
 import msgspec
@@ -65,6 +66,12 @@ class RecallControl:
         """Return the cells of a part; none, if it has none."""
         known = who in self._names
         return self._hosted[self._names.index(who)] if known else range(0)
+
+    def remind(self, tick: int, cell: int, history: History) -> list[wire.Message]:
+        """Return the message that tells a cell its history, up to a tick."""
+        starts = [part.start for part in self._hosted]
+        owner = bisect_right(starts, cell) - 1
+        return [_reminder(self._names[owner], tick, (cell,), history)]
 
     def ask(self, tick: int, question: Question) -> list[wire.Message]:
         """Return the messages that ask the cells, about their readings up to a tick."""
@@ -193,14 +200,7 @@ class RecallControl:
             lacks = sorted(answer.lacks) if answer is not None else []
             for first in range(0, len(lacks), _REMINDED):
                 cells = tuple(lacks[first : first + _REMINDED])
-                yield wire.Reminder(
-                    to=who,
-                    tick=tick,
-                    length=history.length,
-                    cells=cells,
-                    on=wire.joined_rings([packed(history.on[:, k]) for k in cells]),
-                    off=wire.joined_rings([packed(history.off[:, k]) for k in cells]),
-                )
+                yield _reminder(who, tick, cells, history)
 
     def _check(
         self, answer: wire.Recalled, part: _Part, recall: wire.Recall, length: int
@@ -266,6 +266,20 @@ class RecallControl:
             codes[weighed] = np.frombuffer(answer.codes, np.uint8)
         result = Weighed(squares, codes) if recall.sensors else None
         return Answer(readings, tuple(counts), result)
+
+
+def _reminder(
+    to: str, tick: int, cells: tuple[int, ...], history: History
+) -> wire.Reminder:
+    """Return the message that tells a part the histories of some of its cells."""
+    return wire.Reminder(
+        to=to,
+        tick=tick,
+        length=history.length,
+        cells=cells,
+        on=wire.joined_rings([packed(history.on[:, k]) for k in cells]),
+        off=wire.joined_rings([packed(history.off[:, k]) for k in cells]),
+    )
 
 
 def _own(literals: NDArray[np.intp], cells: range) -> NDArray[np.intp]:

@@ -260,6 +260,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     recall: bool = True
     """Whether cells search their own histories for what to grow. In recordings from
     before, which do not say so, the coordinator did."""
+    remind: bool = True
+    """Whether a newborn cell is told its history at once. In recordings from before,
+    which do not say so, it was once the cell said that it lacked it."""
     retires_covered: bool = True
     """Whether a grown sensor retires where several others did as much. In recordings
     from before, which do not say so, none did."""

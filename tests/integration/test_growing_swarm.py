@@ -298,12 +298,25 @@ def cell_of(answer: wire.Recalled) -> int:
     return int(answer.who.rpartition("/")[2])
 
 
+def test_a_newborn_cell_is_told_its_history_before_it_is_asked(inline: Path) -> None:
+    log = [each.message for each in Recording.open(inline).messages()]
+    births = [m for m in log if isinstance(m, wire.Decision) and m.born >= 0]
+    assert births
+    for birth in births:
+        told = [
+            m for m in log if isinstance(m, wire.Reminder) and birth.born in m.cells
+        ]
+        assert [(m.tick, m.cells) for m in told] == [(birth.tick + 1, (birth.born,))]
+    lacked = {k for m in log if isinstance(m, wire.Recalled) for k in m.lacks}
+    assert lacked.isdisjoint(birth.born for birth in births)
+
+
 def test_a_run_from_before_cells_were_asked_is_derived_as_it_was(
     inline: Path, tmp_path: Path
 ) -> None:
     log, older = tmp_path / "log", tmp_path / "older"
     options = lamp_options(ticks=TICKS, cells="inline")
-    before = {"recall": False, "retires_covered": False}
+    before = {"recall": False, "remind": False, "retires_covered": False}
     made(msgspec.structs.replace(options, **before), log)
     assert not list(Recording.open(log).messages(("recall", "recalled", "remind")))
     assert course(log) == course(inline)

@@ -22,7 +22,12 @@ def options_of(recording: Recording) -> RunOptions:
         raise RecordingError(
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
-    before: dict[str, int] = {"recall": False, "retires_covered": False, "support": 0}
+    before: dict[str, int] = {
+        "recall": False,
+        "remind": False,
+        "retires_covered": False,
+        "support": 0,
+    }
     said = msgspec.json.decode(raw)
     lacking = {name: value for name, value in before.items() if name not in said}
     return msgspec.structs.replace(options, **lacking)
