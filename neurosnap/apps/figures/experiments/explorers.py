@@ -14,7 +14,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policy import Closures, Deliberation, Policy, Signal
+from neurosnap.agent.policy import EXPLORE, Closures, Deliberation, Policy, Signal
 from neurosnap.apps.figures.experiments.stages import (
     Setting,
     Stage,
@@ -188,12 +188,15 @@ def _explored(
         curve.append((whole, false, grown, used))
 
     env = _Watched(stage, max(1, setting.steps // CHECKS), check)
+    # What neither grows nor imagines could not be sent anywhere by imagined waves.
+    walker = setting.walk and grows != "nothing"
     agent = Explorer.of(
         env,
-        "walker" if setting.walk else "planner",
+        "walker" if walker else "planner",
         seed=seed,
+        explore=1.0 if setting.walk else EXPLORE,
         grow={"nothing": 0, "contexts": setting.room, "whole states": BUDGET}[grows],
-        imagine=not setting.walk,
+        imagine=not walker,
     )
     if grows == "whole states":
         agent.grow_whole_states()

@@ -145,6 +145,13 @@ def test_whole_states_are_grown_at_once_and_never_retire() -> None:
     assert row[CHECKS - 1, USED] > 25
 
 
+@pytest.mark.parametrize("method", fig7_growth.METHODS)
+def test_every_method_runs_where_walks_are_random(method: Method) -> None:
+    (rail,) = (one for one in settings() if one.name == "rail")
+    row = entry(method, msgspec.structs.replace(rail, steps=80, journeys=2)).row(0)
+    assert ((row[CHECKS:, STEPS] >= -1) & (row[CHECKS:, NEED] > 0)).all()
+
+
 def test_a_taxi_has_fares_and_squares() -> None:
     (taxi,) = (one for one in settings() if one.name == "taxi")
     short = msgspec.structs.replace(taxi, steps=100, journeys=0)
