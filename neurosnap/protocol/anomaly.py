@@ -71,7 +71,7 @@ class Anomaly(msgspec.Struct, frozen=True):
     first `MOST` of them. Where occasions are counted, those come first that rest on
     most."""
     more: int
-    """How many more were broken and are not listed."""
+    """How many more were broken, at least, and are not listed."""
     culprits: tuple[str, ...]
     """The fewest sensors that can be wrong, and of such sets the likeliest."""
     candidates: tuple[str, ...]
@@ -92,6 +92,7 @@ class AnomalyDetector:
         sensorium: The names of the sensors.
         hold: For how many ticks after the first anomaly to go on judging by the order
             that it broke; 0: always by the order given.
+        former: As for `contradiction`.
 
     Raises:
         InvalidValueError: `hold` is negative.
@@ -107,11 +108,14 @@ class AnomalyDetector:
         ('door', 'motion', ('door', 'motion'))
     """
 
-    def __init__(self, sensorium: Sensorium, hold: int = 0) -> None:
+    def __init__(
+        self, sensorium: Sensorium, hold: int = 0, *, former: bool = False
+    ) -> None:
         if hold < 0:
             raise InvalidValueError("hold", "must be 0 or more", hold)
         self._sensorium = sensorium
         self._hold = hold
+        self._former = former
         self._held: PocGraph | None = None
         self._until = 0
         self._since: int | None = None
@@ -158,7 +162,7 @@ class AnomalyDetector:
         if self._held is not None and tick > self._until:
             self._held = self._since = None
         order = graph if self._held is None else self._held
-        found = contradiction(order, seen, self._suspicion(seen))
+        found = contradiction(order, seen, self._suspicion(seen), former=self._former)
         if found.coherent:
             self._calm = seen
             if self._held is None:
@@ -220,7 +224,7 @@ class AnomalyDetector:
                 )
                 for chain in chains[:MOST]
             ),
-            more=max(0, len(chains) - MOST),
+            more=max(0, len(chains) - MOST) + found.more,
             culprits=tuple(names[s] for s in found.culprits),
             candidates=tuple(names[s] for s in found.candidates),
             exact=found.exact,

@@ -1,5 +1,7 @@
 """The judge of a run: holds observations against what was learned before them."""
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,13 +25,21 @@ class AnomalyJudge:
             are counted.
         remembers: Whether to keep the last readings of all sensors for that. A run
             whose sensors grow has them anyway, and gives them to `judge`.
+        former: As for `AnomalyDetector`.
     """
 
     def __init__(
-        self, sensorium: Sensorium, hold: int, support: int, remembers: bool
+        self,
+        sensorium: Sensorium,
+        hold: int,
+        support: int,
+        *,
+        remembers: bool,
+        former: bool,
     ) -> None:
-        self._hold, self._support = hold, support
-        self._detector = AnomalyDetector(sensorium, hold)
+        self._support = support
+        self._new_detector = partial(AnomalyDetector, hold=hold, former=former)
+        self._detector = self._new_detector(sensorium)
         self._history: History | None = None
         if support and remembers:
             self._history = History(len(sensorium))
@@ -78,7 +88,7 @@ class AnomalyJudge:
 
     def to_bytes(self, sensorium: Sensorium) -> bytes:
         """Return what it remembers, for a key-frame, and forget everything else."""
-        self._detector = AnomalyDetector(sensorium, self._hold)
+        self._detector = self._new_detector(sensorium)
         return b"" if self._history is None else pack_arrays(self._history.arrays())
 
     def restore(self, data: bytes) -> None:

@@ -67,6 +67,8 @@ class Coordinator:
             here, as runs did before.
         remind: Whether a newborn cell is told its history at once; else once it says
             that it lacks it, as runs did before.
+        bounded: Whether there is a bound on the search for what is wrong; before, there
+            was none on a part of it.
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class Coordinator:
         support: int = 0,
         recall: bool = True,
         remind: bool = True,
+        bounded: bool = True,
     ) -> None:
         self.totals = Totals()
         self.finished = False
@@ -106,7 +109,11 @@ class Coordinator:
         self._judge: AnomalyJudge | None = None
         if hold is not None:
             self._judge = AnomalyJudge(
-                snapshot.sensorium, hold, support, not self._grows
+                snapshot.sensorium,
+                hold,
+                support,
+                remembers=not self._grows,
+                former=not bounded,
             )
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
@@ -142,6 +149,7 @@ class Coordinator:
             support=options.support,
             recall=options.recall,
             remind=options.remind,
+            bounded=options.bounded,
         )
         if frame is not None:
             core._start_at(frame)
@@ -321,7 +329,7 @@ class Coordinator:
         if changed:
             self._graph = self._snapshot.poc_graph()
         if changed or self._control.is_forgotten:
-            messages += self._control.rewire(self._graph.wires(self._wiring))
+            messages += self._control.follow(self._graph, self._wiring)
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
         start = self._control.start("state", observation.tick, seeds=len(self._signal))
         return [*messages, *start]

@@ -263,6 +263,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     remind: bool = True
     """Whether a newborn cell is told its history at once. In recordings from before,
     which do not say so, it was once the cell said that it lacked it."""
+    bounded: bool = True
+    """Whether there is a bound on the search for what is wrong. In recordings from
+    before, which do not say so, there was none on a part of it."""
     retires_covered: bool = True
     """Whether a grown sensor retires where several others did as much. In recordings
     from before, which do not say so, none did."""

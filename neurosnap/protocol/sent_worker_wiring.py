@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError
+from neurosnap.poc.order.kernels import pairs
 from neurosnap.poc.order.literals import Words
 from neurosnap.protocol.partition import shares
-from neurosnap.protocol.sent_wiring import members, outdated
+from neurosnap.protocol.sent_wiring import outdated
 from neurosnap.protocol.worker_edges import parted
 
 FRAME = 1 << 16
@@ -64,8 +65,8 @@ class WorkerWires:
 
     def rewire(self, wires: Words) -> list[wire.Message]:
         """Return what the workers whose cells change are told."""
-        sources, targets = members(wires)
-        return self.rewire_to(sources << 32 | targets)
+        count = int(np.bitwise_count(wires).sum())
+        return self.rewire_to(pairs(wires, count))
 
     def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
         """Return what the workers whose cells change are told. O(e) time."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, WaveLostError
+from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words
 from neurosnap.protocol.sent_wiring import CellWires, Wires
 from neurosnap.protocol.sent_worker_wiring import WorkerWires
@@ -95,6 +96,17 @@ class WaveControl:
             edges: ``(e,)``, as in `Wires.rewire_to`: for orders of few edges.
         """
         return self._fenced(self._wires.rewire_to(edges))
+
+    def follow(self, graph: PocGraph, kind: WiringKind) -> list[wire.Message]:
+        """Return the messages that turn the cells' wiring into that of a graph.
+
+        Args:
+            graph: The order.
+            kind: As of `PocGraph.wiring`.
+        """
+        if self._wires.all_hear:  # few parts have many edges: those that changed count
+            return self.rewire_to(graph.wire_list(kind))
+        return self.rewire(graph.wires(kind))
 
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of every cell that has or had out-edges."""

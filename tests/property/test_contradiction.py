@@ -1,14 +1,18 @@
 """Contradictions and covers equal what trying every subset finds."""
 
+from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
 
 import networkx as nx
+import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from neurosnap.poc.order.contradiction import contradiction
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.vertex_cover import smallest_cover
+from neurosnap.poc.order.literals import Words, to_words
+from neurosnap.poc.order.masks import from_mask
+from neurosnap.poc.order.vertex_cover import PATIENCE, Cover, smallest_cover
 from tests.support.edges import edges_of
 from tests.support.oracles import Edges, below_or_equal, coherent
 from tests.support.strategies import graphs
@@ -48,17 +52,21 @@ def smallest(order: Edges, seen: list[int]) -> list[tuple[int, ...]]:
     raise AssertionError("without any sensor it is coherent")
 
 
+def broken_in(order: Edges, seen: list[int]) -> set[tuple[int, int]]:
+    """Return the implications that a reading breaks; of contrapositives one."""
+    pairs = [(a, b ^ 1) for a in seen for b in seen if (a, b ^ 1) in order]
+    return {min((a, c), (c ^ 1, a ^ 1)) for a, c in pairs}
+
+
 @given(readings())
-def test_broken_implications_are_those_of_the_order(
+def test_it_is_coherent_where_nothing_is_broken(
     drawn: tuple[PocGraph, list[int], list[float]],
 ) -> None:
     graph, seen, _ = drawn
     order = order_of(graph)
-    pairs = [(a, b ^ 1) for a in seen for b in seen if (a, b ^ 1) in order]
-    once = {min((a, c), (c ^ 1, a ^ 1)) for a, c in pairs}
     found = contradiction(graph, seen)
-    assert list(found.broken) == sorted(once)
     assert found.coherent == coherent(order, set(seen)) == graph.is_coherent(seen)
+    assert found.coherent != bool(broken_in(order, seen))
 
 
 @given(readings())
@@ -82,15 +90,16 @@ def test_chains_explain_whatever_is_broken(
     graph, seen, _ = drawn
     wires, known = edges_of(graph.hasse()), {a // 2 for a in seen}
     inner = {(a, b) for a, b in wires if b // 2 not in known}
-    found = contradiction(graph, seen)
+    found, broken = contradiction(graph, seen), broken_in(order_of(graph), seen)
+    assert found.more == 0
     explained = {}
     for chain in found.chains:
         assert all(link in wires for link in pairwise(chain))
         assert all(a // 2 not in known for a in chain[1:-1])
-        assert (chain[0], chain[-1]) in found.broken
+        assert (chain[0], chain[-1]) in broken
         explained[chain[0], chain[-1]] = len(chain)
     assert len(explained) == len(found.chains)
-    assert bool(explained) == bool(found.broken)
+    assert bool(explained) == bool(broken)
     # Walks by their length: through sensors that were not read, then one hop more.
     for a in seen:
         ring, reached, length = {a}, {a}, 1
@@ -132,6 +141,23 @@ def test_without_patience_culprits_still_help_and_none_is_spare(
         assert found == best
 
 
+def rows_of(neighbours: Mapping[int, int], count: int) -> Words:
+    """Return a graph packed, given the mask of the vertices next to each."""
+    masks = [neighbours.get(v, 0) for v in range(count)]
+    return to_words(np.array([from_mask(mask, count) for mask in masks]))
+
+
+def cover_of(
+    neighbours: Mapping[int, int],
+    worth: Sequence[float],
+    patience: int = PATIENCE,
+    *,
+    former: bool = False,
+) -> Cover:
+    rows = rows_of(neighbours, len(worth))
+    return smallest_cover(rows, np.array(worth), patience, former=former)
+
+
 @given(st.integers(2, 24), st.floats(0.05, 0.6), st.integers(0, 2**32 - 1))
 def test_a_cover_is_as_small_as_a_clique_of_the_complement_is_large(
     count: int, density: float, seed: int
@@ -140,7 +166,7 @@ def test_a_cover_is_as_small_as_a_clique_of_the_complement_is_large(
     assume(graph.number_of_edges())
     clique, size = nx.max_weight_clique(nx.complement(graph), weight=None)
     around = {v: sum(1 << u for u in graph[v]) for v in graph if graph[v]}
-    cover = smallest_cover(around, [0.0] * count, patience=10**6)
+    cover = cover_of(around, [0.0] * count, patience=10**6)
     assert cover.exact
     assert cover.chosen.bit_count() == count - size == count - len(clique)
     assert all(cover.chosen >> u & 1 or cover.chosen >> v & 1 for u, v in graph.edges)
@@ -150,34 +176,71 @@ def test_cliques_stars_and_chains_take_no_recursion() -> None:
     count = 300
     every = (1 << count) - 1
     clique = {v: every & ~(1 << v) for v in range(count)}
-    assert smallest_cover(clique, [0.0] * count) == (every >> 1, every, True)
+    assert cover_of(clique, [0.0] * count, 10**6) == (every >> 1, every, True)
     star = {0: every & ~1} | dict.fromkeys(range(1, count), 1)
-    assert smallest_cover(star, [0.0] * count) == (1, 1, True)
+    assert cover_of(star, [0.0] * count) == (1, 1, True)
     # Of two chains that cross the wrong way, each step breaks with all beyond it.
     nested = {v: sum(1 << u for u in range(150, 300 - v)) for v in range(150)}
     nested |= {u: sum(1 << v for v in range(300 - u)) for u in range(150, 300)}
-    found = smallest_cover(nested, [0.0] * count)
+    found = cover_of(nested, [0.0] * count, patience=10**6)
     assert found.exact
     assert found.chosen.bit_count() == 150
 
 
 def test_of_covers_alike_it_is_the_first_in_order() -> None:
     ring = {0: 0b0110, 1: 0b1001, 2: 0b1001, 3: 0b0110}
-    assert smallest_cover(ring, [0.0] * 4) == (0b1001, 0b1111, True)
-    assert smallest_cover(ring, [0.0, 0.5, 0.0, 0.0]).chosen == 0b0110
+    assert cover_of(ring, [0.0] * 4) == (0b1001, 0b1111, True)
+    assert cover_of(ring, [0.0, 0.5, 0.0, 0.0]).chosen == 0b0110
 
 
 def test_what_is_taken_greedily_and_proves_spare_is_given_up() -> None:
     spider = {0: 0b1110, 1: 0b10001, 2: 0b100001, 3: 0b1000001}
     spider |= {4: 0b10, 5: 0b100, 6: 0b1000}
-    found = smallest_cover(spider, [0.0] * 7, patience=0)
+    found = cover_of(spider, [0.0] * 7, patience=0)
     assert found == (0b1110, 0b1111111, False)
 
 
 def test_a_search_that_is_too_long_says_so() -> None:
     graph = nx.random_regular_graph(5, 120, seed=1)
     around = {v: sum(1 << u for u in graph[v]) for v in graph}
-    found = smallest_cover(around, [0.0] * 120, patience=10_000)
+    found = cover_of(around, [0.0] * 120)
     assert not found.exact
     assert all(found.chosen >> u & 1 or found.chosen >> v & 1 for u, v in graph.edges)
     assert found.candidates == (1 << 120) - 1
+
+
+@given(st.integers(2, 14), st.floats(0.1, 0.7), st.integers(0, 2**32 - 1))
+def test_what_every_smallest_cover_has_is_the_same_to_take_at_once(
+    count: int, density: float, seed: int
+) -> None:
+    """The former search takes nothing for sure; both find the same."""
+    graph = nx.gnp_random_graph(count, density, seed)
+    around = {v: sum(1 << u for u in graph[v]) for v in graph}
+    worth = [float(v % 3) for v in range(count)]
+    assert cover_of(around, worth) == cover_of(around, worth, former=True)
+
+
+def test_a_few_that_clash_with_many_are_found_without_a_search() -> None:
+    """Three centers of stars that share leaves: patience for no vertex at all."""
+    count, centers = 400, (3, 200, 399)
+    around: dict[int, int] = dict.fromkeys(range(count), 0)
+    for number, center in enumerate(centers):
+        for leaf in set(range(number, count, 2)) - set(centers):
+            around[center] |= 1 << leaf
+            around[leaf] |= 1 << center
+    found = cover_of(around, [0.0] * count, patience=0)
+    chosen = sum(1 << center for center in centers)
+    assert found == (chosen, chosen, True)
+
+
+def test_patience_is_for_all_parts_together() -> None:
+    """Rings of five, far from each other: there is enough for some of them."""
+    rings, around = 40, {}
+    for ring in range(rings):
+        for v in range(5):
+            here = 5 * ring + v
+            around[here] = 1 << 5 * ring + (v + 1) % 5 | 1 << 5 * ring + (v + 4) % 5
+    some = cover_of(around, [0.0] * 5 * rings, patience=300)
+    assert not some.exact
+    assert some.chosen.bit_count() == 3 * rings
+    assert cover_of(around, [0.0] * 5 * rings, patience=300, former=True).exact

@@ -7,18 +7,23 @@ observation, and nothing less does. So the fewest sensors that can be to blame a
 smallest vertex cover. That the fewest are to blame is an assumption, and the only one.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.order.conflicts import conflict_rows, shortest_chains
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Literals, Words, as_literals, from_words
-from neurosnap.poc.order.masks import members
+from neurosnap.poc.order.literals import Literals, as_literals, to_words
+from neurosnap.poc.order.masks import members, to_mask
 from neurosnap.poc.order.vertex_cover import PATIENCE, smallest_cover
 from neurosnap.sensorium import complement
+
+CHAINS = 1_024
+"""The most chains that are listed."""
+_LOOKS = 20_000  # literals looked at on the way of chains
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +35,12 @@ class Contradiction:
     one with the smaller source.
     """
 
-    broken: tuple[tuple[int, int], ...]
-    """All broken implications, sorted. ``(a, a*)`` is a literal that is never on."""
     chains: tuple[tuple[int, ...], ...]
     """Why: for each broken ``a -> c`` that follows from no other two, a shortest way
     from ``a`` to ``c`` along `PocGraph.hasse`, through sensors without a reading. It is
     two literals, a learned implication, wherever every sensor has one."""
+    more: int
+    """For how many such implications, at least, none is listed."""
     culprits: tuple[int, ...]
     """Sensors, ascending: the fewest to leave out that the rest is coherent."""
     candidates: tuple[int, ...]
@@ -48,7 +53,7 @@ class Contradiction:
     @property
     def coherent(self) -> bool:
         """Whether there is none."""
-        return not self.broken
+        return not self.culprits
 
 
 def contradiction(
@@ -57,6 +62,7 @@ def contradiction(
     suspicion: ArrayLike | None = None,
     *,
     patience: int = PATIENCE,
+    former: bool = False,
 ) -> Contradiction:
     """Return how an observation contradicts an order.
 
@@ -67,10 +73,11 @@ def contradiction(
             the largest sum is returned; of several of those, the first in order. None:
             all alike.
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
+        former: Search as far as runs did before there was a bound on all of it.
 
     Cost:
-        O(N²/64) time if it is coherent; as much for each literal in conflict, if not,
-        and the search for the culprits.
+        O(N²/64) time if it is coherent. If not, O(k N/64) for ``k`` literals in
+        conflict, O(1) for each two of them, and the search for the culprits.
 
     Raises:
         ShapeError: `observed` or `suspicion` has another shape.
@@ -80,8 +87,8 @@ def contradiction(
     Example:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
         >>> found = contradiction(g, [0, 3, 5])
-        >>> found.broken, found.chains, found.culprits
-        (((0, 2), (0, 4)), ((0, 2),), (0,))
+        >>> found.chains, found.culprits
+        (((0, 2),), (0,))
         >>> contradiction(g, [0, 5]).chains
         ((0, 2, 4),)
     """
@@ -91,63 +98,36 @@ def contradiction(
         rule = "must not hold a literal and its complement"
         raise InvalidValueError("observed", rule, int(2 * both.argmax()))
     worth = _checked(suspicion, graph.sensors)
-    denied = complement(seen)
     # Whatever is below the complement of something seen has it above its own.
-    clashing = (seen & complement(graph.up(seen))).nonzero()[0].tolist()
-    if not clashing:
-        return Contradiction((), (), (), (), exact=True)
-    above = {a: (graph.up([a]) & denied).nonzero()[0].tolist() for a in clashing}
-    neighbours: dict[int, int] = {}
-    for a, broken in above.items():
-        neighbours[a >> 1] = sum(1 << (c >> 1) for c in broken)
-    alone = sum(1 << (a >> 1) for a in clashing if a ^ 1 in above[a])
-    rest = {
-        v: around & ~alone
-        for v, around in neighbours.items()
-        if not alone >> v & 1 and around & ~alone
-    }
-    cover = smallest_cover(rest, worth.tolist(), patience)
-    wires = graph.wires("hasse")
+    clashing = (seen & complement(graph.up(seen))).nonzero()[0]
+    if not len(clashing):
+        return Contradiction((), 0, (), (), exact=True)
+    rows = conflict_rows(graph.closed, clashing, to_words(complement(seen)))
+    vertices = np.arange(len(rows))
+    # A literal below its own complement is to blame by itself.
+    alone = rows[vertices, vertices >> 6] >> (vertices & 63).astype(np.uint64) & 1 > 0
+    if alone.any():
+        rows &= ~to_words(alone)
+        rows[alone] = 0
+    sensors = clashing >> 1
+    cover = smallest_cover(rows, worth[sensors], patience, former=former)
+    edges = graph.wire_list("hasse")
+    literals, ends, more = shortest_chains(
+        np.searchsorted(edges, np.arange(len(graph) + 1) << 32),
+        edges & 0xFFFFFFFF,
+        clashing,
+        seen,
+        len(graph) ** 2 if former else CHAINS,
+        len(graph) ** 2 if former else _LOOKS,
+    )
+    mask, way, stops = to_mask(alone), literals.tolist(), [0, *ends.tolist()]
     return Contradiction(
-        broken=tuple((a, c) for a in clashing for c in above[a] if a <= c ^ 1),
-        chains=tuple(
-            chain
-            for a in clashing
-            for chain in _chains(wires, seen, a)
-            if a <= chain[-1] ^ 1
-        ),
-        culprits=tuple(members(alone | cover.chosen)),
-        candidates=tuple(members(alone | cover.candidates)),
+        chains=tuple(tuple(way[low:high]) for low, high in pairwise(stops)),
+        more=int(more),
+        culprits=tuple(sensors[list(members(mask | cover.chosen))].tolist()),
+        candidates=tuple(sensors[list(members(mask | cover.candidates))].tolist()),
         exact=cover.exact,
     )
-
-
-def _chains(
-    wires: Words, seen: NDArray[np.bool_], start: int
-) -> Iterator[tuple[int, ...]]:
-    """Yield a shortest way from a literal to each that was denied, past none observed.
-
-    Along any way from something seen to something denied there is a last literal seen
-    before the first one denied: between those two lie sensors without a reading.
-    """
-    denied = complement(seen)
-    came = {start: start}
-    ring = [start]
-    while ring:
-        following = []
-        for a in ring:
-            for b in from_words(wires[a], len(seen)).nonzero()[0].tolist():
-                if b in came or seen[b]:
-                    continue
-                came[b] = a
-                if not denied[b]:
-                    following.append(b)
-                    continue
-                chain = [b]
-                while chain[-1] != start:
-                    chain.append(came[chain[-1]])
-                yield tuple(reversed(chain))
-        ring = following
 
 
 def _checked(suspicion: ArrayLike | None, sensors: int) -> NDArray[np.float64]:

@@ -181,6 +181,14 @@ class PocGraph:
             self._order.closed[low, high >> 6] >> np.uint64(high & 63) & np.uint64(1)
         )
 
+    @property
+    def closed(self) -> Words:
+        """``(2N, w)``, read-only: bit ``b`` of row ``a`` iff ``a <= b``.
+
+        The first call works out the order.
+        """
+        return self._order.closed
+
     def classes(self) -> list[tuple[int, ...]]:
         """Return the classes of equivalent literals with two members or more, sorted.
 
@@ -274,13 +282,36 @@ class PocGraph:
             self._wires[kind] = _frozen(wires)
         return self._wires[kind]
 
+    def wire_list(self, kind: WiringKind = "hasse") -> NDArray[np.int64]:
+        """Return the edges of `wiring` as ``source << 32 | target``, ascending.
+
+        Args:
+            kind: ``"hasse"`` or ``"derived"``.
+
+        Returns:
+            ``(e,)``, read-only; the same array every time.
+
+        Raises:
+            InvalidValueError: Another `kind`.
+
+        Example:
+            >>> g = PocGraph.from_implications(2, [(0, 2)])
+            >>> [(int(e >> 32), int(e & 0xFFFFFFFF)) for e in g.wire_list()]
+            [(0, 2), (3, 1)]
+        """
+        if kind not in self._wire_lists:
+            wires = self.wires(kind)
+            count = int(np.bitwise_count(wires).sum())
+            self._wire_lists[kind] = _frozen(kernels.pairs(wires, count))
+        return self._wire_lists[kind]
+
     def wire_count(self, kind: WiringKind = "hasse") -> int:
         """Return how many edges `wiring` has, contrapositives counted.
 
         Raises:
             InvalidValueError: Another `kind`.
         """
-        return int(np.bitwise_count(self.wires(kind)).sum())
+        return len(self.wire_list(kind))
 
     def depth(self, signal: Literals, kind: WiringKind = "hasse") -> int:
         """Return the hops over a wiring until the last of ``up(signal)`` is reached.
@@ -358,6 +389,11 @@ class PocGraph:
     @cached_property
     def _wires(self) -> dict[str, Words]:
         """The wirings asked for so far."""
+        return {}
+
+    @cached_property
+    def _wire_lists(self) -> dict[str, NDArray[np.int64]]:
+        """The same as lists."""
         return {}
 
     def _refuse_contradiction(self) -> None:

@@ -1,11 +1,50 @@
-"""The compiled loop of propagation; its docstring gives the equivalent plain lines."""
+"""Compiled loops over packed sets; their docstrings give the equivalent plain lines."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
 _ONE = np.uint64(1)
+_SEQUENCE = np.uint64(0x03F79D71B4CB0A89)  # each six bits in it are different
+_PLACES = np.zeros(64, np.int64)
+with np.errstate(over="ignore"):
+    for _place in range(64):
+        _PLACES[(_SEQUENCE << np.uint64(_place)) >> np.uint64(58)] = _place
+
+
+@njit()
+def lowest(word: np.uint64) -> int:
+    """Return the place of the lowest bit of a word that is not 0.
+
+    What is left of a de Bruijn sequence, shifted by the place, begins like no other.
+    """
+    alone = word & (~word + _ONE)
+    return int(_PLACES[(alone * _SEQUENCE) >> np.uint64(58)])
+
+
+@njit()
+def pairs(rows: Words, count: int) -> NDArray[np.int64]:
+    """Return ``row << 32 | literal`` for each literal in a row, ascending.
+
+    Args:
+        rows: ``(n, w)``, packed sets.
+        count: How many literals there are in all of them.
+
+    Returns:
+        ``(count,)``. O(n w + count) time.
+    """
+    found = np.empty(count, np.int64)
+    place = 0
+    for row in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            word = rows[row, k]
+            while word:
+                found[place] = row << 32 | (64 * k + lowest(word))
+                place += 1
+                word &= word - _ONE
+    return found
 
 
 @njit()

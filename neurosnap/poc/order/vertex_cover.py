@@ -1,22 +1,36 @@
 """A smallest vertex cover, within a bound on the search.
 
-To find one is NP-hard. What is left to decide after some decisions depends only on
-which vertices are undecided, so a cover is found by taking one vertex or all its
-neighbours, remembered by the set of the undecided, part by connected part: stars,
-paths, cliques and nested neighbourhoods are quick. The exact routines at hand
-(`networkx.max_weight_clique` of the complement) have no bound, and want whole weights.
+To find one is NP-hard. What meets more edges than vertices suffice is in every smallest
+cover: of a few sensors that clash with many, nothing else is left to decide. What is
+left depends, after some decisions, only on which vertices are undecided, so a cover is
+found by taking one vertex or all its neighbours, remembered by the set of the
+undecided, part by connected part: paths, cliques and nested neighbourhoods are quick.
+The exact routines at hand (`networkx.max_weight_clique` of the complement) have no
+bound, and want whole weights.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from functools import reduce
 from typing import NamedTuple
 
-from neurosnap.poc.order.masks import members
+import numpy as np
+from numpy.typing import NDArray
 
-PATIENCE = 100_000
-"""Vertices looked at in a connected part, over all sets of the undecided, before it is
-covered greedily: 5000 sets of 20, or 500 of 200."""
+from neurosnap.poc.order.conflicts import (
+    forced,
+    greedy,
+    labels,
+    without_spares,
+)
+from neurosnap.poc.order.literals import Words
+from neurosnap.poc.order.masks import members, to_mask
+
+PATIENCE = 2_000
+"""Vertices looked at, over all sets of the undecided, before the rest is covered
+greedily: about as many microseconds."""
+FORMER_PATIENCE = 100_000
+"""What it was for each connected part, in runs from before."""
 
 
 class Cover(NamedTuple):
@@ -34,33 +48,63 @@ class Cover(NamedTuple):
     """Whether all that is certain."""
 
 
+_NOTHING = Cover(0, 0, exact=True)
+
+
 def smallest_cover(
-    neighbours: Mapping[int, int], worth: Sequence[float], patience: int = PATIENCE
+    rows: Words,
+    worth: NDArray[np.float64],
+    patience: int = PATIENCE,
+    *,
+    former: bool = False,
 ) -> Cover:
     """Return a smallest vertex cover.
 
     Args:
-        neighbours: Of each vertex with an edge, the mask of those next to it; no vertex
-            is next to itself.
-        worth: Of every vertex, finite: the more, the rather it is chosen.
-        patience: How many vertices to look at in a connected part.
+        rows: ``(k, ceil(k / 64))``, packed: which vertices are next to each; symmetric,
+            and no vertex is next to itself.
+        worth: ``(k,)``, finite: the more, the rather a vertex is chosen.
+        patience: How many vertices to look at.
+        former: Search as runs did before: take no vertex because every cover must have
+            it, and be as patient with every connected part.
 
     Cost:
-        At most `patience` vertices a connected part, a few operations on masks each.
+        O(k²) time and O(1) an edge, compiled; and a few operations on masks for each
+        vertex looked at.
 
     Example:
-        >>> smallest_cover({0: 0b10, 1: 0b101, 2: 0b10}, [0, 0, 0])
+        >>> rows = np.array([[0b10], [0b101], [0b10]], np.uint64)
+        >>> smallest_cover(rows, np.zeros(3))
         Cover(chosen=2, candidates=2, exact=True)
-        >>> smallest_cover({0: 0b10, 1: 0b01}, [0, 1])
+        >>> smallest_cover(rows[:2] & np.uint64(0b11), np.array([0.0, 1.0]))
         Cover(chosen=2, candidates=3, exact=True)
     """
-    search = _Search(neighbours, worth)
-    cover = Cover(0, 0, exact=True)
-    for part in search.parts(sum(1 << v for v in neighbours)):
-        if search.solve(part, patience):
-            cover = _joined(cover, search.best[part])
-        else:
-            cover = _joined(cover, Cover(search.greedy(part), part, exact=False))
+    count = len(rows)
+    degrees = np.bitwise_count(rows).sum(axis=1, dtype=np.int64)
+    order = np.lexsort((-np.arange(count), worth))
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
+    alive = degrees > 0
+    part = labels(rows, alive)
+    taken = greedy(rows, degrees.copy(), alive.copy(), rank)
+    needed = 0
+    if not former:
+        most = np.bincount(part[taken], minlength=max(1, count)).astype(np.int64)
+        forced(rows, degrees, alive, part, most)
+        needed = to_mask((part >= 0) & ~alive)
+        alive &= degrees > 0
+        part = labels(rows, alive)
+    cover = Cover(needed, needed, exact=True)
+    for first in np.unique(part[alive]).tolist():
+        inside = part == first
+        search = _Search(rows, worth, inside)
+        patience = search.solve(FORMER_PATIENCE if former else patience)
+        if patience >= 0:
+            cover = _joined(cover, search.best[search.wanted])
+            continue
+        patience = 0
+        chosen = without_spares(rows, inside, taken[inside[taken]], order)
+        cover = _joined(cover, Cover(to_mask(chosen), search.wanted, exact=False))
     return cover
 
 
@@ -74,19 +118,28 @@ def _joined(one: Cover, other: Cover) -> Cover:
 
 
 class _Search:
-    """What is known of a graph's covers; `best` has that of each set solved."""
+    """The covers of a connected part; `best` has that of each set solved."""
 
-    def __init__(self, neighbours: Mapping[int, int], worth: Sequence[float]) -> None:
-        self.best: dict[int, Cover] = {0: Cover(0, 0, exact=True)}
-        self._neighbours = neighbours
-        self._worth = worth
+    def __init__(
+        self, rows: Words, worth: NDArray[np.float64], inside: NDArray[np.bool_]
+    ) -> None:
+        self.wanted = to_mask(inside)
+        self.best: dict[int, Cover] = {0: _NOTHING}
+        self._worth = worth.tolist()
+        self._rows = rows
+        self._neighbours: dict[int, int] = {}
 
-    def solve(self, wanted: int, patience: int) -> bool:
-        """Enter the best cover of a set; False if out of patience.
+    def solve(self, patience: int) -> int:
+        """Enter the best cover; return the patience left, below 0 if it ran out.
 
         An explicit stack: a chain of decisions is as long as there are vertices.
         """
-        pending = [wanted]
+        if self.wanted.bit_count() > patience:
+            return -1
+        for v in members(self.wanted):
+            around = int.from_bytes(self._rows[v].tobytes(), "little")
+            self._neighbours[v] = around & self.wanted
+        pending = [self.wanted]
         while pending:
             free = pending[-1]
             if free in self.best:
@@ -94,19 +147,19 @@ class _Search:
                 continue
             patience -= free.bit_count()
             if patience < 0:
-                return False
-            parts = list(self.parts(free))
+                break
+            parts = list(self._parts(free))
             if len(parts) == 1:
                 pending += self._branch(free, parts[0])
                 continue
             missing = [part for part in parts if part not in self.best]
             if not missing:
                 covers = (self.best[part] for part in parts)
-                self.best[free] = reduce(_joined, covers, self.best[0])
+                self.best[free] = reduce(_joined, covers, _NOTHING)
             pending += missing
-        return True
+        return patience
 
-    def parts(self, free: int) -> Iterator[int]:
+    def _parts(self, free: int) -> Iterator[int]:
         """Yield the connected parts of a set that have an edge."""
         while free:
             part = ring = free & -free
@@ -118,18 +171,6 @@ class _Search:
             if part & (part - 1):
                 yield part
             free &= ~part
-
-    def greedy(self, part: int) -> int:
-        """Return a cover that takes what meets most edges, and then gives up spares."""
-        chosen, free = 0, part
-        while left := next(self.parts(free), 0):
-            taken = 1 << self._pivot(left)
-            chosen |= taken
-            free &= ~taken
-        for v in sorted(members(chosen), key=lambda v: (self._worth[v], -v)):
-            if not self._neighbours[v] & part & ~chosen:
-                chosen &= ~(1 << v)
-        return chosen
 
     def _branch(self, free: int, part: int) -> list[int]:
         """Enter the best cover by one vertex, or return what that still takes."""

@@ -23,6 +23,7 @@ def options_of(recording: Recording) -> RunOptions:
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
     before: dict[str, int] = {
+        "bounded": False,
         "recall": False,
         "remind": False,
         "retires_covered": False,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.contradiction import contradiction
+from neurosnap.poc.order.contradiction import CHAINS, contradiction
 from neurosnap.poc.order.graph import PocGraph
 
 CHAIN = PocGraph.from_implications(4, [(0, 2), (2, 4), (4, 6)])
@@ -13,7 +13,7 @@ CHAIN = PocGraph.from_implications(4, [(0, 2), (2, 4), (4, 6)])
 def test_what_goes_with_the_order_is_no_contradiction() -> None:
     found = contradiction(CHAIN, [1, 3, 4, 6])
     assert found.coherent
-    assert not found.broken + found.chains
+    assert not found.chains
     assert not found.culprits + found.candidates
     assert contradiction(CHAIN, []).coherent
     assert contradiction(PocGraph(np.zeros((0, 0), np.bool_)), []).coherent
@@ -21,7 +21,6 @@ def test_what_goes_with_the_order_is_no_contradiction() -> None:
 
 def test_one_sensor_stuck_on_is_the_one_to_blame() -> None:
     found = contradiction(CHAIN, [0, 3, 5, 7])
-    assert found.broken == ((0, 2), (0, 4), (0, 6))
     assert found.chains == ((0, 2),)
     assert found.culprits == found.candidates == (0,)
 
@@ -35,7 +34,6 @@ def test_between_two_alike_suspicion_decides_and_then_their_order() -> None:
 
 def test_a_chain_leads_through_what_was_not_read() -> None:
     found = contradiction(CHAIN, [0, 7])
-    assert found.broken == ((0, 6),)
     assert found.chains == ((0, 2, 4, 6),)
     assert found.candidates == (0, 3)
 
@@ -43,11 +41,9 @@ def test_a_chain_leads_through_what_was_not_read() -> None:
 def test_a_literal_that_is_never_on_is_to_blame_by_itself() -> None:
     never = PocGraph.from_implications(3, [(0, 2), (0, 3), (4, 0)])
     found = contradiction(never, [0, 2])
-    assert found.broken == ((0, 1), (0, 3))
     assert found.chains == ((0, 3),)
     assert found.culprits == found.candidates == (0,)
     alone = contradiction(never, [4])
-    assert alone.broken == ((4, 5),)
     assert alone.culprits == (2,)
     assert (alone.chains[0][0], alone.chains[0][-1]) == (4, 5)
 
@@ -55,8 +51,29 @@ def test_a_literal_that_is_never_on_is_to_blame_by_itself() -> None:
 def test_equivalent_sensors_that_differ_break_what_binds_them() -> None:
     equal = PocGraph.from_implications(3, [(0, 2), (2, 0), (2, 4), (4, 2)])
     found = contradiction(equal, [0, 3, 5])
-    assert found.broken == ((0, 2), (0, 4))
+    assert found.chains == ((0, 2), (0, 4))
     assert found.culprits == (0,)
+
+
+def test_many_broken_implications_are_counted_and_not_all_listed() -> None:
+    count = 40
+    lows, highs = range(0, count, 2), range(count, 2 * count, 2)
+    order = PocGraph.from_implications(count, [(a, b) for a in lows for b in highs])
+    seen = [*lows, *(b + 1 for b in highs)]
+    pairs = {(a, b) for a in lows for b in highs}
+    assert set(contradiction(order, seen).chains) == pairs
+    wide = 2 * CHAINS // count
+    assert wide > count
+    count = 2 * wide
+    lows, highs = range(0, count, 2), range(count, 2 * count, 2)
+    order = PocGraph.from_implications(count, [(a, b) for a in lows for b in highs])
+    seen = [*lows, *(b + 1 for b in highs)]
+    found = contradiction(order, seen)
+    assert (len(found.chains), found.more) == (CHAINS, wide * wide - CHAINS)
+    assert len(found.culprits) == wide
+    former = contradiction(order, seen, former=True)
+    assert (len(former.chains), former.more) == (wide * wide, 0)
+    assert former.chains[:CHAINS] == found.chains
 
 
 @pytest.mark.parametrize(
