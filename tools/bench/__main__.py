@@ -41,6 +41,7 @@ ROWS = {
     "growth": "growth",
     "tick": "tick",
     "worker": "worker",
+    "coordinator": "coordinator",
     "verify": "run",
     "page": "page",
 }

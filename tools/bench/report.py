@@ -32,6 +32,8 @@ class Sizes:
     """Ticks of a run."""
     sensors: tuple[int, ...] = (145, 1000)
     """Sensors of the observe row."""
+    crowds: tuple[int, ...] = (1000, 3000, 10_000)
+    """Sensors of the coordinator row."""
     crowd: int = 500
     """Sensors of the page row: more than it draws each by itself unless asked to."""
     batches: int = 9
@@ -46,6 +48,7 @@ QUICK = Sizes(
     pairs=1,
     ticks=20,
     sensors=(20, 40),
+    crowds=(40,),
     crowd=170,
     batches=2,
 )
