@@ -5,7 +5,12 @@ Its invariants:
 
 - A literal fires at most once a wave, on the first pulse for it or because it belongs
   to the wave's signal; firing sends one pulse along every out-edge of the literal.
-- Whatever credit comes in goes out again in the same batch, in pulses and in a report.
+- Whatever credit comes in goes out again, in pulses at once and in a report that waits
+  for the pulses that are sure to come. In a state wave every literal that was read
+  fires, and the observation says which these are. So a cell reports once, and not for
+  each burst. (Its in-edges are the contrapositives of its out-edges: ``a -> b`` iff
+  ``b* -> a*``.) If a pulse is lost, the wave is repeated as a signal, of which a cell
+  does not know what is to come: then each burst is reported, and who is silent shows.
 - Nothing of a wave is done before its fence has been seen: the last wave announced to
   every cell, itself or one before (and, in a state wave, before the reading of its
   tick). The coordinator sends wirings before the fence, so what fires is always the
@@ -46,6 +51,7 @@ class _Wave:
     __slots__ = (
         "asked",
         "credit",
+        "due",
         "fence",
         "fired",
         "held",
@@ -65,6 +71,7 @@ class _Wave:
         self.held: list[wire.Pulse] = []
         self.seen: set[tuple[int, int]] = set()  # (source, target) of pulses that came
         self.asked = False  # the signal's own literals have fired
+        self.due = 0  # pulses that are sure to come, and a report waits for
         self.fired: set[int] = set()
         self.part = 0
         # The next report, gathered over a batch.
@@ -87,8 +94,7 @@ class Cell:
         self._epoch = 0
         self._wired = True
         self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
-        # The literal that was on; none where the reading is unknown.
-        self._readings = RecentReadings[tuple[int, ...]]()
+        self._readings = RecentReadings[wire.Observation]()
         self._history = CellHistory(cell)
         self._bytes = 0  # of every observation; 0: none was received yet
         self._waves: dict[int, _Wave] = {}
@@ -295,6 +301,8 @@ class Cell:
         if start is not None and not wave.asked:
             wave.asked = True
             self._readings.join(start.tick)
+            if start.kind == "state":
+                wave.due = self._due(self._readings[start.tick])
             for literal in self._asked(start):
                 self._reach(literal, 0, start.credit, wave, out)
                 touched[wave.number] = wave
@@ -307,7 +315,24 @@ class Cell:
         """Return the literals of this cell that a wave's signal holds."""
         if start.kind == "signal":
             return start.signal
-        return self._readings[start.tick]
+        return self._read(self._readings[start.tick])
+
+    def _read(self, observation: wire.Observation) -> tuple[int, ...]:
+        """Return the literal that the cell read; none where that is unknown."""
+        off = not _is_on(observation.bits, self.cell)
+        known = not observation.known or _is_on(observation.known, self.cell)
+        return (2 * self.cell + off,) if known else ()
+
+    def _due(self, observation: wire.Observation) -> int:
+        """Return how many pulses of the state wave of a tick are sure to come."""
+        bits, known = observation.bits, observation.known
+        count = 0
+        for targets in self._targets.values():
+            for target in targets:  # the one that pulses this cell is its complement
+                sensor = target >> 1
+                if _is_on(bits, sensor) == target & 1:
+                    count += not known or _is_on(known, sensor)
+        return count
 
     def _reach(
         self, literal: int, hops: int, credit: int, wave: _Wave, out: list[wire.Message]
@@ -329,8 +354,10 @@ class Cell:
         wave.pulses += len(targets)
 
     def _report(self, touched: dict[int, _Wave], out: list[wire.Message]) -> None:
-        """Append one report for each wave in `touched`, and clear it."""
+        """Append one report for each wave in `touched` of which no more is due."""
         for wave in touched.values():
+            if len(wave.seen) < wave.due:
+                continue
             report = wire.CellReport(
                 wave=wave.number,
                 cell=self.cell,
@@ -357,12 +384,8 @@ class Cell:
         if observation.tick in self._readings:
             return
         self._bytes = len(observation.bits)
-        byte, bit = divmod(self.cell, 8)
-        off = not observation.bits[byte] >> bit & 1
-        known = not observation.known or observation.known[byte] >> bit & 1
-        literals = (2 * self.cell + off,) if known else ()
-        self._readings.keep(observation.tick, literals)
-        self._history.enter(observation.tick, literals)
+        self._readings.keep(observation.tick, observation)
+        self._history.enter(observation.tick, self._read(observation))
         for wave in list(self._waves.values()):
             if wave.start is not None and wave.start.tick == observation.tick:
                 self._open(wave, touched, out)
@@ -393,3 +416,9 @@ class Cell:
             self._targets[literal] = sorted((kept - set(drop)) | set(add))
         self._epoch = wiring.epoch
         self._wired = True
+
+
+def _is_on(packed: bytes, sensor: int) -> int:
+    """Return a bit of a mask; 0 where it has none."""
+    byte = sensor >> 3
+    return packed[byte] >> (sensor & 7) & 1 if byte < len(packed) else 0

@@ -132,10 +132,13 @@ def test_what_credit_comes_in_goes_out_in_the_same_burst(
 
 # State waves --------------------------------------------------------------------------
 
+# Who pulses a literal is the complement of what its complement pulses: where sensor 2
+# is off, literal 5 is read, and a cell with the edge 2 -> 4 is pulsed along 5 -> 3.
+
 
 @pytest.mark.parametrize(("on", "literal"), [(True, OWN), (False, COMPLEMENT)])
 def test_in_a_state_wave_it_fires_its_reading(on: bool, literal: int) -> None:
-    cell = wired(4, complement=[6])
+    cell = wired(5, complement=[7])
     out = cell.receive([observation(3, on=on), state_wave(1, 3)])
     (report,) = reports(out)
     assert report.literals == (literal,)
@@ -143,7 +146,7 @@ def test_in_a_state_wave_it_fires_its_reading(on: bool, literal: int) -> None:
 
 
 def test_a_state_wave_waits_for_its_reading() -> None:
-    cell = wired(4, complement=[6])
+    cell = wired(5, complement=[7])
     assert cell.receive([observation(2, on=True), state_wave(1, 3)]) == []
     assert cell.receive([pulse(0, credit=4)]) == []
     out = cell.receive([observation(3, on=False)])
@@ -153,23 +156,67 @@ def test_a_state_wave_waits_for_its_reading() -> None:
 
 
 def test_a_repeated_state_wave_names_the_readings_and_waits_for_none() -> None:
-    (report,) = reports(wired(4).receive([state_wave(2, 3, 0, COMPLEMENT, 4)]))
+    (report,) = reports(wired(5).receive([state_wave(2, 3, 0, COMPLEMENT, 4)]))
     assert report.literals == (COMPLEMENT,)
 
 
 def test_a_reading_is_latched_once() -> None:
-    cell = wired(4)
+    cell = wired(5)
     cell.receive([observation(3, on=True), observation(3, on=False)])
     (report,) = reports(cell.receive([state_wave(1, 3)]))
     assert report.literals == (OWN,)
 
 
 def test_it_remembers_the_latest_readings() -> None:
-    cell = wired(4)
+    cell = wired(5)
     for tick in range(1, 30):
         cell.receive([observation(tick, on=True)])
     assert cell.receive([state_wave(1, 2)]) == []
     assert len(reports(cell.receive([state_wave(2, 29)]))) == 1
+
+
+@pytest.mark.parametrize("bursts", [1, 2, 3])
+def test_it_reports_once_all_that_is_sure_to_pulse_it_has(bursts: int) -> None:
+    cell = wired(4, 6, complement=[9])
+    tick = wire.Observation(3, pack([False, True, False, False, True]))
+    # 5 -> 3, 7 -> 3 and 8 -> 2 are due: sensors 2 and 3 are off, and 4 is on.
+    due = [pulse(5, COMPLEMENT), pulse(7, COMPLEMENT), pulse(8)]
+    fired = cell.receive([tick, state_wave(1, 3)])
+    assert [type(m) for m in fired] == [wire.Pulse, wire.Pulse]
+    for number in range(bursts - 1):
+        assert reports(cell.receive([due[number]])) == []
+    (report,) = reports(out := cell.receive(due[bursts - 1 :]))
+    assert (report.part, set(report.literals)) == (0, {OWN, COMPLEMENT})
+    assert len(report.credit) == 4
+    assert report.pulses == 3
+    # Whatever else comes is reported as it comes.
+    (more,) = reports(cell.receive([pulse(10)]))
+    assert (more.part, more.pulses) == (1, 0)
+    assert isinstance(out[-1], wire.CellReport)
+
+
+def test_what_came_before_the_wave_counts_as_come() -> None:
+    cell = wired(4)
+    tick = wire.Observation(3, pack([False, True, False]))
+    assert cell.receive([pulse(5, COMPLEMENT)]) == []
+    assert len(reports(cell.receive([tick, state_wave(1, 3)]))) == 1
+
+
+def test_nobody_waits_for_whose_reading_is_unknown() -> None:
+    cell = wired(4, 6)
+    bits, known = pack([False, True, False, False]), pack([True, True, True, False])
+    assert reports(cell.receive([wire.Observation(3, bits, known=known)])) == []
+    assert reports(cell.receive([state_wave(1, 3)])) == []
+    (report,) = reports(cell.receive([pulse(5, COMPLEMENT)]))
+    assert report.literals == (OWN, COMPLEMENT)
+
+
+def test_of_a_repeated_state_wave_each_burst_is_reported() -> None:
+    cell = wired(4)
+    tick = wire.Observation(3, pack([False, True, False]))
+    cell.receive([tick, state_wave(1, 3)])
+    assert len(reports(cell.receive([state_wave(2, 3, OWN)]))) == 1
+    assert len(reports(cell.receive([pulse(5, COMPLEMENT, wave=2)]))) == 1
 
 
 # What comes again ---------------------------------------------------------------------
@@ -246,7 +293,7 @@ def test_what_was_not_observed_does_not_fire_in_a_repeat_either() -> None:
 def test_an_observation_that_contradicts_itself_is_a_fault(
     bits: bytes, known: bytes, what: str
 ) -> None:
-    cell = wired(4)
+    cell = wired(5)
     wrong = wire.Observation(1, bits, known=known)
     assert cell.receive([wrong]) == [wire.Fault("cell/1", f"observe: {what}")]
     (report,) = reports(cell.receive([observation(1, on=False), state_wave(1, 1)]))

@@ -26,7 +26,7 @@ def pulse(wave: int, source: int = 0, **more: int) -> wire.Pulse:
 def under_way() -> Cell:
     """Return a cell that has come to wave 7 and tick 5, and knows an edge."""
     cell = Cell(1)
-    cell.receive([wire.Wiring(1, 1, 0, add=(4,)), wire.Observation(5, b"\2")])
+    cell.receive([wire.Wiring(1, 1, 0, add=(5,)), wire.Observation(5, b"\2")])
     (sent, report) = cell.receive([wire.WaveStart(7, 5, "state", 0, 7, fence=7)])
     assert isinstance(sent, wire.Pulse)
     assert isinstance(report, wire.CellReport)
@@ -94,7 +94,7 @@ def test_what_is_only_just_right_is_taken(right: wire.Message) -> None:
 
 def test_a_cell_that_has_seen_nothing_begins_anywhere() -> None:
     cell = Cell(1)
-    cell.receive([wire.Wiring(1, 90_000, 0, add=(4,)), wire.Observation(80_000, b"\2")])
+    cell.receive([wire.Wiring(1, 90_000, 0, add=(5,)), wire.Observation(80_000, b"\2")])
     said = cell.receive([wire.WaveStart(99_999, 80_000, "state", 0, 9, fence=99_999)])
     assert [type(one) for one in said] == [wire.Pulse, wire.CellReport]
 
