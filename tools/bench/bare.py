@@ -7,6 +7,8 @@ comes with Python, and its processes hold nothing else. Prints one JSON object.
   them once all are up.
 - ``ring N LAPS``: a message goes round N processes, each callback puts it on to the
   next through a declared publisher: no queue, no decoding, no report.
+- ``wave N WAVES --pulses P``: what a state wave exchanges, and no more: one message to
+  all N processes, P from each to others, one from each once all of its own have come.
 
 What only one process needs is imported there, and the others stay without it.
 """
@@ -36,21 +38,26 @@ _BLOCK = zenoh.CongestionControl.BLOCK
 _WARMUP = 5  # laps not counted
 _PATIENCE = 60.0
 _PAYLOAD = b"x" * 64  # about what a pulse takes
+_REPORT = b"x" * 128
+_BESIDE = b"x" * 16  # a running number and a clock
 
 
 def main() -> None:
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(prog="bare")
-    parser.add_argument("what", choices=("spawn", "ring"))
+    parser.add_argument("what", choices=("spawn", "ring", "wave"))
     parser.add_argument("count", type=int)
     parser.add_argument("laps", type=int, nargs="?", default=50)
     parser.add_argument("--memory", action="store_true")
+    parser.add_argument("--pulses", type=int, default=4)
     given = parser.parse_args()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     _context.set_forkserver_preload(["tools.bench.bare"])
     if given.what == "spawn":
         measured = measure_spawn(given.count, memory=given.memory)
+    elif given.what == "wave":
+        measured = measure_waves(given.count, given.laps, given.pulses)
     else:
         measured = measure_ring(given.count, given.laps)
     print(json.dumps(measured))
@@ -90,6 +97,24 @@ def mean_pss(pids: list[int]) -> float:
     import psutil
 
     return statistics.fmean(psutil.Process(pid).memory_full_info().pss for pid in pids)
+
+
+def measure_waves(count: int, waves: int, pulses: int) -> dict[str, float]:
+    """Return the median seconds of `waves` waves through `count` processes."""
+    with _Family() as family:
+        endpoint = family.open_hub(count + 1)
+        up, say_up = _context.Pipe(duplex=False)
+        line, line_end = _context.Pipe()
+        for number in range(count):
+            family.start(be_waved, endpoint, number, count, pulses, say_up)
+        _await(up, count)
+        family.start(be_starter, endpoint, count, waves, say_up, line_end)
+        _await(up, 1)
+        took = json.loads(_await(line, 1))
+    return {
+        "wave": statistics.median(took),
+        "pulse": statistics.median(took) / count / pulses,
+    }
 
 
 class _Family:
@@ -198,6 +223,70 @@ def be_relay(
     if line is not None:
         line.recv_bytes()
         onward.put(_PAYLOAD)
+    signal.pause()
+
+
+def be_waved(
+    endpoint: str, number: int, count: int, pulses: int, say_up: Connection
+) -> None:
+    """Send pulses when a wave starts; report when as many have come."""
+    _end_with_parent()
+    session = _open(endpoint)
+    targets = [
+        (number + 1 + place * (count // pulses)) % count for place in range(pulses)
+    ]
+    came = 0
+
+    def send(key: str, payload: bytes) -> None:
+        session.put(key, payload, congestion_control=_BLOCK, attachment=_BESIDE)
+
+    def take(sample: zenoh.Sample) -> None:
+        nonlocal came
+        if str(sample.key_expr) == "wave/start":
+            for target in targets:
+                send(f"wave/pulse/{target}", _PAYLOAD)
+            return
+        came += 1
+        if came % pulses == 0:
+            send(f"wave/report/{number}", _REPORT)
+
+    callback = zenoh.handlers.Callback(take, indirect=False)
+    for key in ("wave/start", f"wave/pulse/{number}"):
+        session.declare_subscriber(key, callback)
+    say_up.send_bytes(b"1")
+    signal.pause()
+
+
+def be_starter(
+    endpoint: str, count: int, waves: int, say_up: Connection, line: Connection
+) -> None:
+    """Start a wave when all have reported on the last; time each."""
+    _end_with_parent()
+    session = _open(endpoint)
+    times: list[float] = []
+    came = 0
+
+    def start() -> None:
+        times.append(time.perf_counter())
+        session.put(
+            "wave/start", _PAYLOAD, congestion_control=_BLOCK, attachment=_BESIDE
+        )
+
+    def take(sample: zenoh.Sample) -> None:
+        nonlocal came
+        came += 1
+        if came % count == 0 and len(times) <= _WARMUP + waves:
+            start()
+        elif came % count == 0:
+            times.append(time.perf_counter())
+            took = [b - a for a, b in itertools.pairwise(times)]
+            line.send_bytes(json.dumps(took[_WARMUP:]).encode())
+
+    callback = zenoh.handlers.Callback(take, indirect=False)
+    session.declare_subscriber("wave/report/*", callback)
+    time.sleep(1.0)  # routes of all processes are made meanwhile
+    say_up.send_bytes(b"1")
+    start()
     signal.pause()
 
 

@@ -32,6 +32,10 @@ class Sizes:
     """Ticks of a run."""
     sensors: tuple[int, ...] = (145, 1000)
     """Sensors of the observe row."""
+    waved: tuple[int, ...] = (100, 300, 1000)
+    """Cells of the wave row."""
+    lines: tuple[int, ...] = (20, 100, 300, 1000)
+    """Sensors of the kinds row."""
     crowds: tuple[int, ...] = (1000, 3000, 10_000)
     """Sensors of the coordinator row."""
     crowd: int = 500
@@ -48,6 +52,8 @@ QUICK = Sizes(
     pairs=1,
     ticks=20,
     sensors=(20, 40),
+    waved=(20,),
+    lines=(20,),
     crowds=(40,),
     crowd=170,
     batches=2,

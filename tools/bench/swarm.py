@@ -34,7 +34,7 @@ def spawn(sizes: Sizes) -> list[Line]:
     )
     theirs, ours, waves = [], [], []
     for _ in range(sizes.pairs):
-        theirs.append(_bare("spawn", sizes.cells)["seconds"])
+        theirs.append(run_bare("spawn", sizes.cells)["seconds"])
         ending = probe(plan)
         waves.append(rows_of(ending)[0].seconds)
         ours.append(ending.seconds - waves[-1])
@@ -60,7 +60,7 @@ def _memory(sizes: Sizes) -> Line:
     """Measure the cells' memory while waves go on passing through them."""
     plan = ProbePlan(sensors=sizes.cells, heights=(1,), wiring="hasse", waves=1)
     ours = weighed_while_up(plan, _cells_pss)[1] / _MB
-    theirs = _bare("spawn", sizes.cells, "--memory")["pss"] / _MB
+    theirs = run_bare("spawn", sizes.cells, "--memory")["pss"] / _MB
     return Line(
         "memory a cell (PSS)",
         f"{ours:.1f} MB",
@@ -90,7 +90,7 @@ def hop(sizes: Sizes) -> list[Line]:
     )
     theirs, slopes, quotients = [], [], []
     for _ in range(sizes.pairs):
-        theirs.append(_bare("ring", sizes.chain, str(sizes.waves))["hop"])
+        theirs.append(run_bare("ring", sizes.chain, str(sizes.waves))["hop"])
         medians = _medians(rows_of(probe(plan)))
         slopes.append((medians[high] - medians[low]) / (high - low))
         quotients.append(medians[high] / high)
@@ -149,7 +149,7 @@ def line(sizes: Sizes) -> list[Line]:
     ]
 
 
-def _bare(*arguments: object) -> dict[str, float]:
+def run_bare(*arguments: object) -> dict[str, float]:
     """Run the bare side in a program of its own and return what it measured."""
     # By `-c`: what is run as a file or a module, every child would import again.
     code = "from tools.bench.bare import main; main()"

@@ -1,21 +1,14 @@
-"""Rows on cells in workers: how many come up, how fast waves are, what a tick takes."""
+"""Rows on cells in workers: how many come up, and how fast waves are."""
 
 import multiprocessing
 import os
 import statistics
-from typing import TYPE_CHECKING
-
-from msgspec.structs import replace
 
 from neurosnap.depth.probe import ProbePlan
 from neurosnap.runtime.supervisor import allow_files
 from tools.bench.bare import mean_pss
 from tools.bench.probe import probe, rows_of, weighed_while_up
 from tools.bench.report import Line, Sizes
-from tools.bench.run import path_options, run_once
-
-if TYPE_CHECKING:
-    from neurosnap.protocol.run_options import CellKind
 
 _WORKERS, _HEIGHT = 2, 20
 _SPAWN, _MEMORY, _WAVE = 30.0, 4.0, 2.0
@@ -26,7 +19,7 @@ def worker(sizes: Sizes) -> list[Line]:
     """Measure a hundred times as many cells as have a process each elsewhere."""
     # The fork server keeps the limit it started with.
     allow_files(2 * sizes.cells + 10)
-    return [*_large(sizes), _processes(sizes), _run(sizes)]
+    return [*_large(sizes), _processes(sizes)]
 
 
 def _large(sizes: Sizes) -> list[Line]:
@@ -74,29 +67,4 @@ def _processes(sizes: Sizes) -> Line:
         f"{cells:,} cells, a process each, up and passed a wave",
         f"{seconds:.1f} s",
         figures={"seconds": seconds},
-    )
-
-
-def _run(sizes: Sizes) -> Line:
-    """Time a tick of the same run with cells in processes and in workers, in turns."""
-    ours: list[float] = []
-    theirs: list[float] = []
-    found: set[tuple[int, int]] = set()
-    kinds: list[tuple[CellKind, list[float]]] = [("worker", ours), ("process", theirs)]
-    options = replace(path_options(sizes.ticks), workers=_WORKERS)
-    for _ in range(sizes.pairs):
-        for cells, spent in kinds:
-            outcome = run_once(replace(options, cells=cells))
-            spent.append(outcome.seconds / outcome.totals.ticks)
-            found.add((outcome.totals.pulses, outcome.totals.edges))
-    ratio = min(theirs) / min(ours)
-    same = len(found) == 1
-    return Line(
-        f"a tick with cells in {_WORKERS} workers, {sizes.ticks} ticks",
-        f"{min(ours) * 1e3:.1f} ms ({ratio:.1f} × as fast),"
-        f" {'the same' if same else 'NOT the same'} pulses and order",
-        f"a process each {min(theirs) * 1e3:.1f} ms",
-        "the same",
-        same,
-        {"seconds": min(ours), "process_seconds": min(theirs), "ratio": ratio},
     )
