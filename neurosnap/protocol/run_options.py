@@ -28,7 +28,11 @@ SMALLEST = 1 << 16
 its header."""
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
+HostChoice: TypeAlias = Literal["auto", "process", "worker"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
+AUTO_CELLS: Literal["auto"] = "auto"
+FEW_CELLS = 64
+"""Cells up to this number are a process each, unless told otherwise."""
 
 _BYTES_A_PAIR: dict[SnapshotKind, int] = {"empirical": 8, "discounted": 13}
 """What a snapshot keeps of two sensors, by its kind."""
@@ -119,17 +123,22 @@ Decay: TypeAlias = Annotated[
     ),
 ]
 Cells: TypeAlias = Annotated[
-    CellKind,
+    Literal["auto", "process", "worker", "inline"],
     option(
         "Where the cells are. Process: each is a process of its own. Worker: a few"
-        " processes share them; the fastest for many sensors. Inline: all in this"
-        " process, without a network; the easiest to debug.",
+        " processes share them. Inline: all in this process, without a network; the"
+        f" fastest, and easy to debug. Auto: process up to {FEW_CELLS} sensors, else"
+        " worker; worker, too, for an MQTT broker, or if `workers` is set.",
         flag="cells",
-        default="process; of an MQTT broker, worker",
     ),
 ]
 Workers: TypeAlias = Annotated[
-    int, option("With cells in workers: how many processes share them.", ge=1)
+    int,
+    option(
+        "With cells in workers: how many processes share them.",
+        default="2, or as many as there are cells",
+        ge=1,
+    ),
 ]
 Wiring: TypeAlias = Annotated[
     WiringKind,
@@ -245,7 +254,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     decay: Decay | None = None
     """None: the snapshot's own default."""
     wiring: Wiring = "hasse"
-    cells: Cells = "process"
+    cells: CellKind = "process"
     workers: Workers = 2
     keyframe_every: KeyframeEvery = 1000
     split: Split = 0
@@ -257,6 +266,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """In recordings from before, which do not say so, it is 0."""
     alarms: Alarms = NEVER
     deadline: Deadline = 10.0
+    together: bool = True
+    """Whether one worker hosts the cells of an inline run. In recordings from before,
+    which do not say so, every cell was a part of its own."""
     recall: bool = True
     """Whether cells search their own histories for what to grow. In recordings from
     before, which do not say so, the coordinator did."""
@@ -328,9 +340,13 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             InvalidValueError: There are more workers than cells.
         """
-        if self.cells != "worker":
-            return 0
-        return len(shares(len(self.sensors), self.workers))
+        match self.cells:
+            case "worker":
+                return len(shares(len(self.sensors), self.workers))
+            case "inline" if self.together:
+                return 1
+            case _:
+                return 0
 
     def host_names(self) -> list[str]:
         """Return the names of the parts that cells are, or are hosted by, in order."""

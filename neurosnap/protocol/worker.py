@@ -232,6 +232,7 @@ class Worker:
         wave.waiting, wave.held = [], 0
         order = np.argsort(hops, kind="stable")
         fired = spread(net, reached, targets[order], hops[order], credit[order])
+        # Where nothing is compiled, its numbers are ones of numpy.
         for to in range(len(self._hosted)):
             if to == self.worker:
                 continue
@@ -248,8 +249,8 @@ class Worker:
                 part=wave.part,
                 literals=fired.literals.tobytes(),
                 hops=reached[fired.literals - net.first].tobytes(),
-                credit=carried(fired.back, fired.least),
-                pulses=fired.pulses,
+                credit=carried(fired.back, int(fired.least)),
+                pulses=int(fired.pulses),
                 epoch=self._epoch,
             )
         )

@@ -156,7 +156,7 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
     "deadline NaN": (("CSV", "--deadline", "nan"), "deadline: "),
     "deadline endless": (("CSV", "--deadline", "inf"), "deadline: "),
     "wiring": (("CSV", "--wiring", "wired"), "'wired' is not one of 'hasse'"),
-    "cells": (("CSV", "--cells", "threads"), "'threads' is not one of 'process'"),
+    "cells": (("CSV", "--cells", "threads"), "'threads' is not one of 'auto'"),
     "snapshot": (("CSV", "--snapshot", "photo"), "'photo' is not one of 'empirical'"),
     "option": (("CSV", "--speed", 3), "No such option"),
     "no source": ((), "Missing argument"),

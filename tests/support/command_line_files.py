@@ -44,15 +44,15 @@ def changed(log: Path, target: Path) -> Path:
     return target
 
 
-def cut(log: Path, target: Path, *, chunk: int = 4000) -> Path:
-    """Record again what `log` holds, in small chunks, and take the second half off."""
+def cut(log: Path, target: Path, *, chunk: int = 1000) -> Path:
+    """Record again what `log` holds, in small chunks; take three quarters off."""
     recording, whole = Recording.open(log), target.with_suffix(".whole")
     with Writer(whole, chunk=chunk) as writer:
         writer.start(recording.metadata)
         for recorded in recording.messages():
             writer.add(recorded.delivery, recorded.log_time)
         writer.finish({}, recording.noted().expected)
-    target.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    target.write_bytes(whole.read_bytes()[: whole.stat().st_size // 4])
     return target
 
 

@@ -60,6 +60,7 @@ def options_for(
         wiring=wiring,
         cells=cells,
         deadline=deadline,
+        together=False,  # inline, each cell is a part of its own
     )
 
 

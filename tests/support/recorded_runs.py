@@ -101,7 +101,9 @@ def unread_run(log: Path) -> Path:
 def _options(
     source: str, arguments: Mapping[str, Argument], ticks: int, **changes: object
 ) -> RunOptions:
-    given = {"threshold": 0.08, "keyframe_every": 7, "cells": "inline", **changes}
+    # The messages of cells that are processes.
+    cells = {"cells": "inline", "together": False}
+    given = {"threshold": 0.08, "keyframe_every": 7, **cells, **changes}
     return options_for(source, 5, arguments, ticks=ticks, **given)  # type: ignore[arg-type]
 
 

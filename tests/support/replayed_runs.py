@@ -66,6 +66,7 @@ def options_for(
         decay=None if snapshot == "empirical" else 0.9,
         wiring=wiring,
         cells="inline",
+        together=False,  # the messages of cells that are processes
         keyframe_every=7,
     )
 

@@ -22,6 +22,7 @@ def scripted_options(ticks: int, workers: int = 0, **more: object) -> RunOptions
         "threshold": 0.2,
         "cells": "worker" if workers else "inline",
         "workers": max(workers, 1),
+        "together": False,
     }
     return RunOptions(source="scripted", ticks=ticks, **(given | more))  # type: ignore[arg-type]
 

@@ -62,7 +62,7 @@ def honest_run(folder: Path, workers: int = 0) -> Honest:
         body=Body(own=names, actions=()),
         ticks=_TICKS,
         threshold=0.2,
-        cells="worker" if workers else "inline",
+        cells="worker" if workers else "process",
         workers=max(workers, 1),
     )
 

@@ -121,7 +121,7 @@ def random_options(chance: random.Random, folder: Path) -> RunOptions:
         threshold=chance.choice([0.01, 0.1, 0.25]) if empirical else 1 / 16,
         decay=None if empirical else 0.75,
         wiring=chance.choice(["hasse", "derived"]),
-        cells=chance.choice(["inline", "worker"]),
+        cells=chance.choice(["process", "worker"]),
         workers=chance.randint(1, min(3, sensors)),
         keyframe_every=chance.choice([1, 3, 1000]),
     )

@@ -7,7 +7,7 @@ import typer
 
 from neurosnap.apps.cli.config import described
 from neurosnap.apps.cli.options import (
-    HOSTS,
+    AUTO_HOSTS,
     NETWORK,
     RECORDING,
     Described,
@@ -27,7 +27,7 @@ from neurosnap.apps.cli.shared import (
     screen,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.run_options import HostKind
+from neurosnap.protocol.run_options import HostChoice
 
 
 @app.command()
@@ -48,7 +48,7 @@ def coordinate(
         ),
     ],
     given: Given = None,
-    cells: HostKind = option("cells", HOSTS),
+    cells: HostChoice = option("cells", AUTO_HOSTS),
     record: bool = option(
         "record", "Wait for a recorder (`neurosnap record`) before starting."
     ),
@@ -86,6 +86,8 @@ def coordinate(
         if options.cells == "inline":
             rule = "must be 'process' or 'worker', for others to start them"
             raise InvalidValueError("cells", rule, options.cells)
+        if prepared.chosen:
+            screen.print(prepared.chosen, markup=False, soft_wrap=True)
         past = None if resume is None else past_of(resume, options)
         parts = [
             "world",

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG, HOSTS, option
+from neurosnap.apps.cli.options import CELLS, FLAG, HOSTS, option
 from neurosnap.apps.cli.shared import (
     LOST,
     Json,
@@ -58,8 +58,17 @@ def depth(
     waves: Annotated[
         int, typer.Option(help="How many waves to start at each height.")
     ] = 10,
-    cells: HostKind = option("cells", HOSTS),
-    workers: int = option("workers"),
+    cells: Annotated[
+        HostKind, typer.Option(rich_help_panel=CELLS, help=HOSTS)
+    ] = "process",
+    workers: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            rich_help_panel=CELLS,
+            help="With cells in workers: how many processes share them.",
+        ),
+    ] = 2,
     edges: Annotated[
         int,
         typer.Option(

@@ -23,6 +23,7 @@ import typer
 
 from neurosnap.apps.config.tables import Config
 from neurosnap.protocol.option import Shown, declared
+from neurosnap.protocol.run_options import FEW_CELLS
 
 SOURCE = "Source"
 AGENT = "Agent"
@@ -53,6 +54,8 @@ HOSTS = (
     "Process: each cell is a process of its own. Worker: a few processes share them."
 )
 """The help of `cells`, for verbs that cannot have them inline."""
+AUTO_HOSTS = f"{HOSTS} Auto: process up to {FEW_CELLS} sensors, else worker."
+"""The same, for verbs that may choose."""
 
 Source = Annotated[
     str,

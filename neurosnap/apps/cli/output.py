@@ -188,7 +188,8 @@ def outcome(
     """Print a run's summary."""
     totals = outcome_.totals
     rate = totals.ticks / outcome_.seconds if outcome_.seconds > 0 else 0.0
-    kind = f"{options.workers} workers" if options.sharing else options.cells
+    in_workers = options.cells == "worker"
+    kind = f"{options.sharing} workers" if in_workers else options.cells
     rows = {
         "cells": f"{len(options.sensors)} ({kind}, {options.wiring} wiring)",
         "ticks": f"{totals.ticks} in {outcome_.seconds:.1f} s ({rate:.0f} a second)",

@@ -103,6 +103,8 @@ def run(
         away = _away(elsewhere, swarm, network, options)
         if options.cells == "process":
             check_cells(len(options.sensors) - len(away))
+        if prepared.chosen:
+            screen.print(prepared.chosen, markup=False, soft_wrap=True)
         if log is not None:
             log.parent.mkdir(exist_ok=True)
         on_health = output.health_news(screen)

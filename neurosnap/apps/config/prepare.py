@@ -27,7 +27,12 @@ from neurosnap.apps.config.tables import Config, RecordingTable
 from neurosnap.apps.config.validate import Problem, known_keys
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.thresholds import AUTO
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.run_options import (
+    AUTO_CELLS,
+    FEW_CELLS,
+    CellKind,
+    RunOptions,
+)
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.preflight import check_sensors
@@ -42,6 +47,7 @@ FOREVER = 2**31 - 1
 _SYNC = 1.0
 """Seconds of readings from outside that a power cut may cost."""
 _ALARMS = "1/week"
+_WORKERS = 2
 _HOME = 200
 """Sensors from outside that are judged unasked, at most. To learn of them anew takes a
 second for 50, half a minute for 150, and more than in proportion for more."""
@@ -61,6 +67,8 @@ class Prepared(msgspec.Struct, frozen=True):
     """What happens when a part dies."""
     network: Network
     """How the parts reach each other."""
+    chosen: str = ""
+    """Where the cells are, and why; empty: as was asked for, or a process each."""
 
 
 def prepare(loaded: Loaded) -> Prepared:
@@ -107,7 +115,8 @@ def prepare(loaded: Loaded) -> Prepared:
     found = [*loaded.found, *judge.found]
     if found or options is None:
         raise loaded.origin.error(found)
-    return Prepared(options, log, config.supervision, network)
+    _, _, chosen = _cells(config, len(options.sensors))
+    return Prepared(options, log, config.supervision, network, chosen)
 
 
 def _warn_of_secrets(config: Config, folder: Path) -> None:
@@ -184,14 +193,8 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "threshold": _threshold(config, fitted),
         "decay": config.snapshot.decay,
         "sync": config.recording.sync,
-        "cells": config.cells.kind,
-        "workers": config.cells.workers,
         "alarms": config.health.alarms,
     }
-    if isinstance(config.source, MqttTable) and config.cells.kind is None:
-        # A home's sensors are few, or many, and its machine is small.
-        count = max(1, len(fitted.body.sensors))
-        optional |= {"cells": "worker", "workers": min(config.cells.workers, count)}
     if is_live(name) and optional["sync"] is None:
         optional["sync"] = _SYNC
     if (
@@ -200,9 +203,12 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         and is_live(name)
     ):
         optional["alarms"] = _ALARMS
+    cells, workers, _ = _cells(config, len(fitted.body.sensors))
     return RunOptions(
         source=name,
         arguments=fitted.arguments,
+        cells=cells,
+        workers=workers,
         body=fitted.body,
         agent=config.agent.kind,
         target=fitted.target,
@@ -220,6 +226,27 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         keep=config.recording.keep,
         **{name: value for name, value in optional.items() if value is not None},
     )
+
+
+def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
+    """Return where so many cells are, in how many workers if in any, and why.
+
+    Nothing is said of what was asked for, nor where each is a process.
+    """
+    table, why = config.cells, ""
+    workers = table.workers or min(_WORKERS, max(1, count))
+    if table.kind != AUTO_CELLS:
+        return table.kind, workers, why
+    if isinstance(config.source, MqttTable):  # a home's machine is small
+        why = "for an MQTT broker"
+    elif count > FEW_CELLS:
+        why = f"as there are {count:,} sensors, more than {FEW_CELLS}"
+    elif table.workers is None:
+        return "process", workers, why
+    else:
+        return "worker", workers, why
+    some = "1 worker" if workers == 1 else f"{workers} workers"
+    return "worker", workers, f"cells: in {some}, {why} (--cells process: one each)"
 
 
 def _threshold(config: Config, fitted: _Fitted) -> float | str | None:

@@ -13,6 +13,7 @@ from neurosnap.apps.config.sources import SourceTable, Text
 from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.protocol.option import option
 from neurosnap.protocol.run_options import (
+    AUTO_CELLS,
     Agent,
     Alarms,
     Anomalies,
@@ -85,8 +86,8 @@ class SnapshotTable(
 class CellsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the cells are, and how they are wired."""
 
-    kind: Cells | None = None
-    workers: Workers = _DEFAULTS["workers"]
+    kind: Cells = AUTO_CELLS
+    workers: Workers | None = None
     wiring: Wiring = _DEFAULTS["wiring"]
     deadline: Deadline = _DEFAULTS["deadline"]
 

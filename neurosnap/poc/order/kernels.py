@@ -7,21 +7,20 @@ from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
 _ONE = np.uint64(1)
-_SEQUENCE = np.uint64(0x03F79D71B4CB0A89)  # each six bits in it are different
-_PLACES = np.zeros(64, np.int64)
-with np.errstate(over="ignore"):
-    for _place in range(64):
-        _PLACES[(_SEQUENCE << np.uint64(_place)) >> np.uint64(58)] = _place
+_BYTE = np.uint64(0xFF)
 
 
 @njit()
 def lowest(word: np.uint64) -> int:
-    """Return the place of the lowest bit of a word that is not 0.
-
-    What is left of a de Bruijn sequence, shifted by the place, begins like no other.
-    """
-    alone = word & (~word + _ONE)
-    return int(_PLACES[(alone * _SEQUENCE) >> np.uint64(58)])
+    """Return the place of the lowest bit of a word that is not 0."""
+    place = 0
+    while not word & _BYTE:
+        word >>= np.uint64(8)
+        place += 8
+    while not word & _ONE:
+        word >>= _ONE
+        place += 1
+    return place
 
 
 @njit()

@@ -28,6 +28,7 @@ def options_of(recording: Recording) -> RunOptions:
         "remind": False,
         "retires_covered": False,
         "support": 0,
+        "together": False,
     }
     said = msgspec.json.decode(raw)
     lacking = {name: value for name, value in before.items() if name not in said}

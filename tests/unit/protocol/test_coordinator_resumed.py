@@ -33,7 +33,7 @@ def options(workers: int, snapshot: SnapshotKind, **more: object) -> RunOptions:
         "snapshot": snapshot,
         "threshold": 0.08 if snapshot == "empirical" else 0.15,
         "decay": None if snapshot == "empirical" else 0.9,
-        "cells": "worker" if workers else "inline",
+        "cells": "worker" if workers else "process",
         "workers": max(workers, 1),
         "keyframe_every": EVERY,
         "watch": True,

@@ -227,7 +227,7 @@ def test_what_is_wrong_with_it_has_no_line_but_a_name(file: Path) -> None:
         "source.arguments.x: must be true or false, a whole number, a number or text,"
         " got [1]",
         "threshold: must be a number in (0, 0.25] or 'auto', got 0.7",
-        "cells: kind: must be 'inline', 'process' or 'worker', got 'none'",
+        "cells: kind: must be 'auto', 'inline', 'process' or 'worker', got 'none'",
         f"{file}:6: agent.explore: must be a number in [0, 1] or 'planned', got 3",
     ]
 
