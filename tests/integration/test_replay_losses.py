@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.run_options import WiringKind
+from neurosnap.protocol.run_options import RunOptions, WiringKind
 from neurosnap.recording.read.reader import Recorded
 from neurosnap.recording.replay.verify import Verdict, verify
 from tests.support.lossy_runs import LOST, Simulation, lost_once
@@ -83,23 +83,52 @@ def test_a_run_with_a_repeated_wave_comes_out_the_same(
     assert course(log) == course(runs.of("csv", wiring).log)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_cell_that_has_the_wrong_edges_is_found(
-    runs: Runs, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One that was told of them and says so, and forgot some all the same."""
-    log = tmp_path / "log"
-    forgets = lost_once(lambda _, m: isinstance(m, wire.Wiring) and bool(m.add))
+def forgetting(
+    monkeypatch: pytest.MonkeyPatch, options: RunOptions, times: int
+) -> RunOptions:
+    """Let the next cell that is told of edges more forget them, so many times.
+
+    It says all the same that it is wired.
+    """
+    forgotten: list[tuple[int, tuple[int, ...]]] = []
     rewire = Cell._rewire
 
     def forgetful(cell: Cell, wiring: wire.Wiring, *rest: Any) -> None:
-        if wiring.after > 1 and forgets(cell.cell, wiring):
-            wiring = msgspec.structs.replace(wiring, add=())
+        if not forgotten and wiring.after > 1 and wiring.add:
+            forgotten.extend([(cell.cell, wiring.add)] * times)
+        if forgotten and cell.cell == forgotten[-1][0]:
+            _, edges = forgotten.pop()
+            kept = tuple(a for a in wiring.add if a not in edges)
+            wiring = msgspec.structs.replace(wiring, add=kept)
         rewire(cell, wiring, *rest)
 
     monkeypatch.setattr(Cell, "_rewire", forgetful)
     # A key-frame would have it told again.
-    options = msgspec.structs.replace(options_for(runs.csv), keyframe_every=1000)
+    return msgspec.structs.replace(options, keyframe_every=1000)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cell_that_has_forgotten_an_edge_is_told_of_it_again(
+    runs: Runs, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another cell waits for its pulse: so the wave is repeated."""
+    log = tmp_path / "log"
+    options = forgetting(monkeypatch, options_for(runs.csv), 1)
+    Simulation(options, log, seed).run()
+    assert [start for start in of_type(log, wire.WaveStart) if start.repeats]
+    verdict = verify(log)
+    assert verdict.difference is None
+    assert verdict.complete
+    assert course(log) == course(runs.of("csv").log)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cell_that_has_the_wrong_edges_is_found(
+    runs: Runs, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that is told of them again and again, and never takes them in."""
+    log = tmp_path / "log"
+    options = forgetting(monkeypatch, options_for(runs.csv), 1000)
     Simulation(options, log, seed).run()
     verdict = verify(log)
     assert verdict.complete

@@ -99,10 +99,12 @@ def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("name", ["path", "csv"])
 def test_a_stopped_run_goes_on(runs: Runs, tmp_path: Path, name: str) -> None:
-    uninterrupted = runs.of(name)
+    # It stops within a few turns of the loop, each of which is several ticks.
+    uninterrupted = runs.of(name, ticks=2 * TICKS)
     stopped, new = tmp_path / "stopped", tmp_path / "new"
-    outcome = recorded_run(uninterrupted.options, stopped, stop_at=9)
-    resumed_run(stopped, new, TICKS)
+    outcome = recorded_run(uninterrupted.options, stopped, stop_at=1)
+    assert outcome.totals.ticks < 2 * TICKS
+    resumed_run(stopped, new, 2 * TICKS)
     assert_went_on(new, uninterrupted, [outcome.totals.ticks])
 
 
