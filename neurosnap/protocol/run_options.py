@@ -281,6 +281,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     retires_covered: bool = True
     """Whether a grown sensor retires where several others did as much. In recordings
     from before, which do not say so, none did."""
+    retires_known: bool = True
+    """Whether it does so only as long as the history goes back to when it was first on.
+    In recordings from before, which do not say so, it did so later, too."""
 
     def __post_init__(self) -> None:
         if self.alarms != NEVER:
@@ -331,6 +334,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             self.body,
             imagines=self.imagine > 0,
             retires_covered=self.retires_covered,
+            retires_known=self.retires_known,
         )
 
     @property

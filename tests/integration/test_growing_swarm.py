@@ -316,7 +316,8 @@ def test_a_run_from_before_cells_were_asked_is_derived_as_it_was(
 ) -> None:
     log, older = tmp_path / "log", tmp_path / "older"
     options = lamp_options(ticks=TICKS, cells="inline")
-    before = {"recall": False, "remind": False, "retires_covered": False}
+    new = ("recall", "remind", "retires_covered", "retires_known")
+    before = dict.fromkeys(new, False)
     made(msgspec.structs.replace(options, **before), log)
     assert not list(Recording.open(log).messages(("recall", "recalled", "remind")))
     assert course(log) == course(inline)

@@ -31,6 +31,8 @@ class Growth:
         body: What is sensed and done, with room for what is grown.
         length: Ticks of the history.
         retires_covered: Whether a sensor retires where several others did as much.
+        retires_known: Whether that counts only as long as the history goes back to when
+            the sensor was first on.
 
     Attributes:
         history: The last readings of every sensor.
@@ -40,12 +42,18 @@ class Growth:
     """
 
     def __init__(
-        self, body: Body, length: int = LENGTH, *, retires_covered: bool = True
+        self,
+        body: Body,
+        length: int = LENGTH,
+        *,
+        retires_covered: bool = True,
+        retires_known: bool = True,
     ) -> None:
         self._grower = Grower(body) if body.finds else None
         self._scripted = {context for _, context in body.scripted}
         self.history = History(len(body.sensors), length)
         self._retires_covered = retires_covered
+        self._retires_known = retires_known
         self._own = len(body.own)
         self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
         self._body = body
@@ -165,7 +173,7 @@ class Growth:
         graph = snapshot.poc_graph()
         alone = self._guarantees_alone(place, graph)
         if alone and self._retires_covered:
-            alone = yield from self._not_covered(place, alone, graph)
+            alone = yield from self._not_covered(place, alone, graph, snapshot)
         if not alone:
             self._said["retires"] = body.first_grown + place
 
@@ -184,7 +192,7 @@ class Growth:
         return np.flatnonzero(whole & ~rest).tolist()
 
     def _not_covered(
-        self, place: int, results: list[int], graph: PocGraph
+        self, place: int, results: list[int], graph: PocGraph, snapshot: Snapshot
     ) -> Search[list[int]]:
         """Return which results others did not always guarantee when it was on.
 
@@ -192,6 +200,7 @@ class Growth:
             place: Of a grown sensor.
             results: Literals that it guarantees.
             graph: What is believed.
+            snapshot: Who believes, and has counted how often the sensor was on.
         """
         body = self._body
         mine = 2 * (body.first_grown + place)
@@ -206,7 +215,15 @@ class Growth:
         asked = dict.fromkeys([mine, *(a for many in by.values() for a in many)])
         read = (yield Question(readings=tuple(asked))).readings
         was_on = read[mine]
-        if not was_on.any():
+        remembered = int(np.bitwise_count(was_on).sum())
+        if not remembered:
+            return results
+        # Where nobody has been for longer than the history is, others may be missing:
+        # the sensor would retire, be missed, and be grown again, time and again.
+        # (Shares of a discounted snapshot are at most 1: it forgets such times, too.)
+        result = results[0]
+        counted = snapshot.weight(mine, result) + snapshot.weight(mine, result ^ 1)
+        if self._retires_known and counted > remembered:
             return results
         return [
             result

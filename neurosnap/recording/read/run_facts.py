@@ -27,6 +27,7 @@ def options_of(recording: Recording) -> RunOptions:
         "recall": False,
         "remind": False,
         "retires_covered": False,
+        "retires_known": False,
         "support": 0,
         "together": False,
     }

@@ -56,7 +56,7 @@ SLACK = 30
 _FARES = 48  # four stops, four where the passenger is, three where it wants to go
 _SQUARES = 96  # four stops, 24 other squares
 _STOPS = {"red": (0, 0), "green": (0, 4), "yellow": (4, 0), "blue": (4, 3)}
-_VERSION = 5
+_VERSION = 6
 
 _Option = TypeVar("_Option")
 _Task: TypeAlias = tuple[int, int, NDArray[np.bool_]]
