@@ -78,7 +78,8 @@ def live_on(
             raise WrongError(f"{log}: {len(lost)} damaged files must be kept")
         if lives.kept or lives.unread:
             tally.kept += 1
-            if not (tally.flips or tally.powercuts):
+            # What the disk or the network took from it, the files before may have.
+            if completeness.whole and not (tally.flips or tally.powercuts):
                 raise WrongError(f"{log}: must hold all that is in {lives.kept}")
         if lives.unread:
             return tally  # some of it cannot be read, and it says so

@@ -9,11 +9,12 @@ What has to be derived again begins at a key-frame: it takes the same time howev
 the run was.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
@@ -28,9 +29,11 @@ from neurosnap.recording.read.keyframes import Start, starts
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.split_files import first_path, part_path, part_paths
-from neurosnap.recording.read.stretches import stretches
+from neurosnap.recording.read.stretches import lost_before, stretches
 from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
 from neurosnap.sensorium import pack
+
+T = TypeVar("T")
 
 _DATED = (
     wire.Pulse
@@ -54,6 +57,10 @@ class _Point(NamedTuple):
     """The state after it, packed."""
 
 
+class _UnprovedError(RecordingError):
+    """A file begins with a tick of which the one before may lack something."""
+
+
 def find_resume_point(
     log: Path, most: int | None = None
 ) -> tuple[RunOptions, ResumePoint]:
@@ -71,38 +78,49 @@ def find_resume_point(
         RecordingError: There is no whole tick in it, it lacks messages before the last
             one, or it is not the run it says it is.
     """
+    return _furthest(log, most, partial(_resume_point_in, most=most))
+
+
+def _furthest(
+    log: Path, most: int | None, look: Callable[[Recording, Recording, bool], T]
+) -> T:
+    """Return what is found where a run may go on, the furthest first.
+
+    What lies behind damage may lack a key-frame to begin with, or the actions on the
+    way there; then it is what lies before.
+
+    Args:
+        log: As in `find_resume_point`.
+        most: Likewise.
+        look: Looks at a file, and a stretch of it, of which the end may be missing or
+            not; raises a `RecordingError`.
+    """
+    files = _files(log, most)
+    damaged = any(file.damage for file in files)
     why: RecordingError | None = None
-    for recording, stretch in _backwards(log, most):
-        try:
-            return _resume_point_in(recording, stretch, most)
-        except RecordingError as error:
-            why = why or error
+    lacks = False  # the file looked at, at its end
+    for last in reversed(files):
+        unproved = False
+        for stretch in reversed(stretches(last)):
+            try:
+                return look(last, stretch, lacks)
+            except RecordingError as error:
+                why = why or error
+                unproved = unproved or isinstance(error, _UnprovedError)
+        if not (unproved or damaged):
+            break
+        lacks = unproved
     raise why or RecordingError(
         f"{log}: must hold a whole tick to go on from, got none"
     )
 
 
-def _backwards(log: Path, most: int | None) -> Iterator[tuple[Recording, Recording]]:
-    """Yield where a run may go on, the furthest first: a file, and a stretch of it.
-
-    What lies behind damage may lack a key-frame to begin with, or the actions on the
-    way there; then it is what lies before.
-    """
-    files = _files(log, most)
-    while files:
-        last = files.pop()
-        for stretch in reversed(stretches(last)):
-            yield last, stretch
-        if not any(file.damage for file in (*files, last)):
-            return
-
-
 def _resume_point_in(
-    recording: Recording, stretch: Recording, most: int | None
+    recording: Recording, stretch: Recording, lacks: bool, most: int | None
 ) -> tuple[RunOptions, ResumePoint]:
     """Find out where a run can go on in one stretch of its last file."""
     options = options_of(recording)
-    tick, waves, state = _derive(stretch, most)
+    tick, waves, state = _derive(stretch, most, lacks)
     body = _body(recording, options, tick)
     return options, ResumePoint(
         log=str(recording.path),
@@ -164,12 +182,14 @@ def whole_ticks(log: Path) -> int:
     Args:
         log: As in `find_resume_point`.
     """
+
+    def look(recording: Recording, stretch: Recording, lacks: bool) -> int:
+        tick, waves, _ = _derive(stretch, None, lacks)
+        _counts(recording, stretch, tick, waves)
+        return tick
+
     with suppress(RecordingError):
-        for recording, stretch in _backwards(log, None):
-            with suppress(RecordingError):
-                tick, waves, _ = _derive(stretch, None)
-                _counts(recording, stretch, tick, waves)
-                return tick
+        return _furthest(log, None, look)
     return 0
 
 
@@ -206,22 +226,63 @@ def _is_blank(path: Path) -> bool:
     return not path.read_bytes().strip(b"\0")
 
 
-def _derive(recording: Recording, most: int | None) -> _Point:
-    """Find the last whole tick."""
+def _derive(recording: Recording, most: int | None, lacks: bool = False) -> _Point:
+    """Find the last whole tick.
+
+    Args:
+        recording: A file, or a stretch of it.
+        most: As in `find_resume_point`.
+        lacks: Its end may be missing, whatever it says.
+    """
     replay = Replay(recording, _start(recording, most))
+    replay.complete = replay.complete and not lacks
     core, point = replay.core, None
-    if replay.first and replay.first == recording.begins:
+    opens = bool(replay.first) and replay.first == recording.begins
+    if opens:
         point = _Point(core.tick, core.totals.waves, pack(core.snapshot.state))
     for tick in _ticks(replay, most):
         # Here and not behind the last one: the core has gone on by then.
         point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
+    if opens and point is not None and point.tick == recording.begins:
+        _prove(recording)
     if point is None and replay.first:
         # Nothing shows that all before the key-frame is there: so that is derived, too.
-        return _derive(recording, replay.first)
+        return _derive(recording, replay.first, lacks)
     if point is None:
         rule = "must hold a whole tick to go on from"
         raise RecordingError(f"{recording.path}: {rule}, got none")
     return point
+
+
+def _prove(recording: Recording) -> None:
+    """Derive the file before one, in which no tick is whole, up to where this begins.
+
+    A message that is lost shows in the numbers of what its sender says later. Where
+    nothing later was heard of a sender, the number would be given again, and the loss
+    be hidden.
+
+    Raises:
+        _UnprovedError: Not all is there.
+    """
+    number = recording.part or 0
+    if not number or lost_before(recording):  # it is known that something is missing
+        return
+    share, later = recording.share or {}, _begun_after(recording)
+    heard = {recorded.message.sender for recorded in recording.messages()}
+    if all(who in heard or later.get(who, 0) > share[who] for who in share):
+        return
+    before = part_path(first_path(recording.path, number), number - 1)
+    if not before.exists():  # archived: so it is taken at its word
+        return
+    reached = 0
+    with suppress(RecordingError):
+        for stretch in stretches(Recording.open(before))[-1:]:
+            reached = _derive(stretch, None, lacks=True).tick
+    if reached < recording.begins:
+        raise _UnprovedError(
+            f"{recording.path}: must follow a file that is whole up to tick"
+            f" {recording.begins}, got {before} with {reached}"
+        )
 
 
 def _ticks(replay: Replay, most: int | None) -> Iterator[int]:

@@ -5,13 +5,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.split_files import part_path
 from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
 from tests.support.course import course
+from tests.support.recorded_messages import first
 from tests.support.split_runs import (
     EVERY,
     TICKS,
@@ -70,6 +73,29 @@ def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
     assert past.tick == 2 * EVERY - 1
     core = restore(past, TICKS)
     assert (core.tick, core.in_flight) == (past.tick, ())
+    assert whole_ticks(log) == past.tick
+
+
+@pytest.mark.usefixtures("small")
+def test_nor_is_the_key_frame_that_another_file_begins_with(
+    whole: Path, tmp_path: Path
+) -> None:
+    """The last message before it is lost, and its sender says nothing behind it."""
+    recorded = list(Recording.open(whole).messages())
+    place, _ = first(recorded, wire.KeyFrame, lambda frame: frame.tick == 2 * EVERY)
+    lost, log = last_of(recorded, 2 * EVERY), tmp_path / "log.mcap"
+    with SplitWriter(log, Recording.open(whole).metadata) as writer:
+        for number, one in enumerate(recorded[: place + 1]):
+            if number != lost:
+                writer.add(one.delivery, one.log_time)
+        # So long after that nobody waits any more, and the file before gets its end.
+        late = recorded[place + 1]
+        writer.add(late.delivery, late.log_time + 10**12)
+        writer.flush(late.log_time + 10**12)
+    assert Recording.open(part_path(log, 1)).finished
+    assert Recording.open(part_path(log, 2)).begins == 2 * EVERY
+    _, past = find_resume_point(log)
+    assert (past.tick, past.part) == (2 * EVERY - 1, 1)
     assert whole_ticks(log) == past.tick
 
 
