@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 3
+SCHEMA = 4
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -439,6 +439,37 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     history: bytes = b""
     """The last readings of all sensors, as arrays, where occasions are counted and
     `agent` does not hold them."""
+    bands: Natural = 0
+    """How many bands follow, with what `snapshot` lacks; 0: it lacks nothing."""
+
+
+class Band(_Message, frozen=True, tag="band"):
+    """A stretch of one array of a snapshot, for a key-frame that would be too large.
+
+    The arrays that travel so are those with a number a pair of sensors. In the
+    key-frame's own snapshot they are there, and empty.
+    """
+
+    who: str
+    """Who holds it."""
+    tick: Natural
+    """That of the key-frame."""
+    array: str
+    """Its name in the archive."""
+    offset: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+    """Where the stretch begins in the array, row by row, in numbers."""
+    data: memoryview
+    """Its numbers, as they lie in memory on x86."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return self.who
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"band/{self.who}"
 
 
 class Recall(_Message, frozen=True, tag="recall", omit_defaults=True):
@@ -597,6 +628,7 @@ Message: TypeAlias = (
     | Recall
     | Recalled
     | Reminder
+    | Band
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -619,6 +651,7 @@ TOPICS: dict[str, type[Message]] = {
     "recall": Recall,
     "recalled": Recalled,
     "remind": Reminder,
+    "band": Band,
 }
 """The first chunk of every key, and what travels there."""
 
@@ -670,7 +703,7 @@ def decode(key: str, payload: bytes) -> Message:
 def _named(message: Message) -> str | None:
     """Return the part that a message names in a key of its own."""
     match message:
-        case Fault(who=who) | Leave(who=who) | Recalled(who=who):
+        case Fault(who=who) | Leave(who=who) | Recalled(who=who) | Band(who=who):
             return who
         case Reminder(to=to):
             return to
@@ -712,7 +745,7 @@ def worker_keys(worker: int | str) -> tuple[str, ...]:
 
 
 _BETWEEN = frozenset({"excite", "inhibit", "burst"})
-_OF_MANY = _BETWEEN | {"settle", "tally", "recalled", "fault", "leave"}
+_OF_MANY = _BETWEEN | {"settle", "tally", "recalled", "band", "fault", "leave"}
 
 
 def said_by(who: str, topic: str) -> str:

@@ -22,9 +22,9 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
-from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.search import answered
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
+from neurosnap.protocol.key_frames import snapshot_of, with_snapshot
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
@@ -33,11 +33,14 @@ from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack, selection
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.agent.memory import AgentMemory
     from neurosnap.agent.policy import Closures, Deliberation, Policy
+    from neurosnap.poc.learning.kinds import Snapshot
     from neurosnap.poc.learning.search import Answer, Search
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.protocol.run_options import RunOptions, WiringKind
@@ -57,6 +60,8 @@ class Coordinator:
         wiring: Which edges carry the pulses.
         ticks: Observations after which the run is over.
         keyframe_every: Ticks between two whole snapshots on the wire.
+        band: Numbers of an array that travel in one message, at most; where pairs are
+            not more than that, they are in the key-frame. 0: they always are.
         repeats: How often a wave that does not settle is sent again.
         workers: How many workers share the cells; 0: every cell is a part of its own.
         hold: How long to go on judging observations by the order that the first of them
@@ -80,6 +85,7 @@ class Coordinator:
         wiring: WiringKind,
         ticks: int,
         keyframe_every: int,
+        band: int = 0,
         repeats: int = 2,
         workers: int = 0,
         hold: int | None = None,
@@ -96,6 +102,7 @@ class Coordinator:
         self._wiring: WiringKind = wiring
         self._ticks = ticks
         self._keyframe_every = keyframe_every
+        self._band = band
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
         self._recalls = recall
@@ -123,27 +130,32 @@ class Coordinator:
         self._next_decision = wire.Decision(0, -1, "the run begins")
 
     @classmethod
-    def of(cls, options: RunOptions, frame: wire.KeyFrame | None = None) -> Self:
+    def of(
+        cls,
+        options: RunOptions,
+        frame: wire.KeyFrame | None = None,
+        bands: Iterable[wire.Band] = (),
+    ) -> Self:
         """Return the core of a run.
 
         Args:
             options: The run's.
             frame: One of its key-frames, for the core that has just said it; None: the
                 core has seen nothing yet.
+            bands: What belongs to the key-frame.
 
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
         memory = options.new_memory()
         core = cls(
-            options.new_snapshot()
-            if frame is None
-            else Snapshot.from_bytes(frame.snapshot),
+            options.new_snapshot() if frame is None else snapshot_of(frame, bands),
             options.policy_with(memory),
             None if memory.is_empty else memory,
             wiring=options.wiring,
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
+            band=options.band,
             workers=options.sharing,
             hold=options.hold if options.watch else None,
             support=options.support,
@@ -222,7 +234,7 @@ class Coordinator:
 
     def begin(self) -> list[wire.Message]:
         """Open the run, or go on with one from a key-frame: ask for an observation."""
-        first = [self._keyframe()] if self._tick else self._control.rewire_whole()
+        first = self._keyframe() if self._tick else self._control.rewire_whole()
         return [*first, self._next_decision]
 
     def begin_rewired(self) -> list[wire.Message]:
@@ -441,7 +453,7 @@ class Coordinator:
         if self._stopping or tick == self._ticks:
             return self._finish()
         if tick % self._keyframe_every == 0:
-            return [self._keyframe(), self._next_decision]
+            return [*self._keyframe(), self._next_decision]
         return [self._next_decision]
 
     def _grown(self, tick: int, action: int, why: str) -> wire.Decision:
@@ -490,14 +502,14 @@ class Coordinator:
             body = self._memory.body
             self.totals.grown, self.totals.retired = len(body.grown), len(body.retired)
 
-    def _keyframe(self) -> wire.KeyFrame:
+    def _keyframe(self) -> list[wire.Message]:
         """Return what somebody else may go on from: nothing older matters then."""
         judge, sensorium = self._judge, self._snapshot.sensorium
         history = b"" if judge is None else judge.to_bytes(sensorium)
         self._control.forget()
-        return wire.KeyFrame(
+        frame = wire.KeyFrame(
             tick=self._tick,
-            snapshot=self._snapshot.to_bytes(),
+            snapshot=b"",
             waves=self._control.waves,
             epochs=self._control.epochs,
             known=self._known,
@@ -511,10 +523,11 @@ class Coordinator:
             told=self.totals.told,
             history=history,
         )
+        return [*with_snapshot(frame, self._snapshot, self._band, _WHO)]
 
     def _finish(self) -> list[wire.Message]:
         self.finished = True
-        return [self._keyframe()] if self._tick else []
+        return self._keyframe() if self._tick else []
 
 
 def _fault(what: str) -> wire.Fault:

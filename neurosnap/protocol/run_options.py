@@ -1,6 +1,5 @@
 """The options of a run: enough to repeat it; stored in its recording."""
 
-import math
 from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
@@ -14,7 +13,6 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.poc.learning.history import LENGTH
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from neurosnap.poc.learning.thresholds import AUTO
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )
@@ -34,9 +32,8 @@ AUTO_CELLS: Literal["auto"] = "auto"
 FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
 
-_BYTES_A_PAIR: dict[SnapshotKind, int] = {"empirical": 8, "discounted": 13}
-"""What a snapshot keeps of two sensors, by its kind."""
-_FRAME_BESIDE = 1 << 22  # bytes of a key-frame for the names, and all that is not pairs
+_BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not counted
+_FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
 
 Ticks: TypeAlias = Annotated[
     int,
@@ -281,6 +278,10 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     retires_covered: bool = True
     """Whether a grown sensor retires where several others did as much. In recordings
     from before, which do not say so, none did."""
+    band: int = 1 << 20
+    """Numbers that travel in one band of a key-frame, at most: of so many pairs, and
+    more, the weights follow it in bands. In recordings from before, which do not say
+    so, none did."""
     retires_known: bool = True
     """Whether it does so only as long as the history goes back to when it was first on.
     In recordings from before, which do not say so, it did so later, too."""
@@ -359,22 +360,20 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     def check_frame(self) -> None:
         """Refuse a run whose key-frames would be too large to be sent.
 
-        They grow with the square of the sensors.
+        The weights of pairs travel in bands. The rest grows with the sensors.
 
         Raises:
             InvalidValueError: There are too many sensors.
         """
         count = len(self.sensors)
-        # What is tolerated is a byte more.
-        pair = _BYTES_A_PAIR[self.snapshot] + (self.threshold == AUTO)
         # Base64 takes four bytes for three.
         room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
-        if self.counts_occasions:
-            room -= count * LENGTH // 4  # two rings of bits
-        if count * count * pair > 2 * room:
-            most = math.isqrt(2 * room // pair)
+        a_sensor = _BYTES_A_SENSOR + 4 * max(map(len, self.sensors), default=0)
+        if self.counts_occasions or self.body.room:
+            a_sensor += LENGTH // 4  # two rings of bits
+        if count * a_sensor > room:
             limit = f"{LARGEST_KEYFRAME >> 20} MiB"
-            rule = f"must be at most {most:,}, for a key-frame of {limit}"
+            rule = f"must be at most {room // a_sensor:,}, for a key-frame of {limit}"
             raise InvalidValueError("sensors", rule, count)
 
     @property

@@ -50,6 +50,7 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     ),
     (3, wire.Recalled("cell/1", 1, 2, (), b"\1", bytes(4), bytes(32), b"\3")),
     (12, wire.Reminder("cell/1", 1, 64, (1,), b"", b"\1")),
+    (13, wire.Band("coordinator", 1, "joints", 2, memoryview(b"\1\2\3\4"))),
     # The world's number 1 is lost, and number 2 is its last word.
     (2, wire.Leave("world")),
 )
@@ -88,7 +89,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 13})
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 14})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

@@ -40,6 +40,7 @@ EACH: dict[str, wire.Message] = {
         "cell/3", 9, 2, (), b"\1\x81", bytes(4), bytes(32), b"\3"
     ),
     "remind": wire.Reminder("worker/1", 9, 64, (3, 4), b"\1\2", b"\2\1"),
+    "band": wire.Band("worker/1", 9, "since", 4, memoryview(bytes(range(8)))),
 }
 """One message for each topic."""
 

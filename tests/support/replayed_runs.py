@@ -68,6 +68,7 @@ def options_for(
         cells="inline",
         together=False,  # the messages of cells that are processes
         keyframe_every=7,
+        band=4 if wiring == "derived" else 1000,
     )
 
 

@@ -30,6 +30,8 @@ def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
             return st.sampled_from(kind.values)
         case kinds.BytesType():
             return st.binary(max_size=40)
+        case kinds.MemoryViewType():
+            return st.binary(max_size=40).map(memoryview)
         case kinds.StrType():
             return st.text(max_size=20)
         case kinds.BoolType():
@@ -199,7 +201,7 @@ def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
             assert message.sender == f"cell/{message.cell}"
         case wire.PulseBatch() | wire.WorkerReport():
             assert message.sender == f"worker/{message.worker}"
-        case wire.Fault() | wire.Leave() | wire.Recalled():
+        case wire.Fault() | wire.Leave() | wire.Recalled() | wire.Band():
             assert message.sender == message.who
         case _:
             assert message.sender == "coordinator"

@@ -125,6 +125,7 @@ def random_options(chance: random.Random, folder: Path) -> RunOptions:
         cells=chance.choice(["process", "worker"]),
         workers=chance.randint(1, min(3, sensors)),
         keyframe_every=chance.choice([1, 3, 1000]),
+        band=chance.choice([0, 1, 4]),
     )
 
 

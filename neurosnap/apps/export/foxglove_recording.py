@@ -29,6 +29,7 @@ from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.births import Births, births_of
+from neurosnap.recording.read.keyframes import Gathering, Start
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.ticks import InOrder, Tick
@@ -73,7 +74,7 @@ def write_drawable(path: Path, recording: Recording) -> int:
     sensors = births.names
     with Sink(path, sensors) as sink:
         drawing = _Drawing(sink, recording, births)
-        for recorded in recording.messages((*COPIED, "keyframe")):
+        for recorded in recording.messages((*COPIED, "keyframe", "band")):
             sink.copy(recorded)
             drawing.take(recorded)
         drawing.end()
@@ -95,6 +96,7 @@ class _Drawing:
         self._support = options.support
         self._names = births.names
         self._resumed = frozenset(resumed_at(recording))
+        self._frames = Gathering()
         self._order = InOrder(recording)
         self._scenes = _Scenes(sink, LearnedOrders(recording, options), births)
 
@@ -110,6 +112,8 @@ class _Drawing:
             self._draw(recorded.message, recorded.log_time)
         except (InvalidValueError, MessageError) as error:
             raise RecordingError(f"{self._path}: {error}") from error
+        if (start := self._frames.take(recorded)) is not None:
+            self._scenes.offer(start)
         self._show(self._order.add(recorded))
 
     def end(self) -> None:
@@ -139,8 +143,6 @@ class _Drawing:
                 self.height = max(self.height, message.height)
                 literals = unpack(message.literals, 2 * count)
                 self._sink.put(BELIEVED, self._signs(literals), time)
-            case wire.KeyFrame():
-                self._scenes.offer(message)
             case _:
                 pass
 
@@ -182,9 +184,9 @@ class _Scenes:
             self._settled = time
             self._draw(np.zeros(len(self._learning.graph), np.bool_))
 
-    def offer(self, frame: wire.KeyFrame) -> None:
+    def offer(self, start: Start) -> None:
         """Take note of a key-frame; see `LearnedOrders.offer`."""
-        self._learning.offer(frame)
+        self._learning.offer(start)
 
     def take(self, tick: Tick) -> None:
         """Learn from a tick, and draw it if it is time.

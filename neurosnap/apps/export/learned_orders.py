@@ -1,10 +1,9 @@
 """The learned order at every tick, derived again from the observations."""
 
-from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.keyframes import last_start
+from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.ticks import Tick
@@ -23,13 +22,13 @@ class LearnedOrders:
 
     def __init__(self, recording: Recording, options: RunOptions) -> None:
         self._learning = Learning(recording.path, options)
-        self._frames: dict[int, wire.KeyFrame] = {}  # those not passed yet
+        self._frames: dict[int, Start] = {}  # those not passed yet
         if begins := recording.begins:
             start = last_start(recording, begins)
             if start is None or start.frame.tick != begins:
                 rule = f"must begin with the key-frame of tick {begins}"
                 raise RecordingError(f"{recording.path}: {rule}, got none")
-            self._learning.restore(start.frame)
+            self._learning.restore(start.frame, start.bands)
 
     @property
     def tick(self) -> int:
@@ -41,10 +40,10 @@ class LearnedOrders:
         """The order learned so far."""
         return self._learning.snapshot.poc_graph()
 
-    def offer(self, frame: wire.KeyFrame) -> None:
+    def offer(self, start: Start) -> None:
         """Take note of a key-frame: behind a gap it is learned on from there."""
-        if frame.tick > self.tick:
-            self._frames[frame.tick] = frame
+        if start.frame.tick > self.tick:
+            self._frames[start.frame.tick] = start
 
     def take(self, tick: Tick) -> bool:
         """Learn from a tick, if it follows; return whether it does.
@@ -54,7 +53,8 @@ class LearnedOrders:
         """
         before = tick.number - 1
         if before > self.tick and before in self._frames:
-            self._learning.restore(self._frames[before])
+            start = self._frames[before]
+            self._learning.restore(start.frame, start.bands)
         self._frames = {k: v for k, v in self._frames.items() if k > before}
         if tick.number != self.tick + 1 or tick.observation is None:
             return False

@@ -86,7 +86,8 @@ class SnapshotCache:
         Raises:
             RecordingError: It holds none, or one of other sensors.
         """
-        return snapshot_in(frame, self._options, self._tick_index.files.first.path)
+        path = self._tick_index.files.first.path
+        return snapshot_in(frame, self._tick_index.bands(frame), self._options, path)
 
     def _leads(self, known: int, tick: int) -> bool:
         """Return whether every observation is there from one tick to another."""
@@ -105,7 +106,7 @@ class SnapshotCache:
             frame = self._tick_index.keyframe(tick)
             if frame is not None and frame.tick > known:
                 learning = self._blank()
-                learning.restore(frame)
+                learning.restore(frame, self._tick_index.bands(frame))
                 return learning
         if known < 0:
             return self._blank()

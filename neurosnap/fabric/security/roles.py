@@ -57,7 +57,7 @@ RIGHTS: dict[Role, Rights] = {
     "coordinator": Rights(
         publishes=(
             *("wiring", "loom", "wave", "state", "reach", "decide"),
-            *("recall", "remind", "keyframe", "anomaly", "fault", "leave"),
+            *("recall", "remind", "keyframe", "band", "anomaly", "fault", "leave"),
         ),
         reads=_topics(wire.COORDINATOR_KEYS),
         announces=True,

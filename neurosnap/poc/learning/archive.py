@@ -9,6 +9,8 @@ import abc
 import inspect
 import io
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -41,11 +43,16 @@ class Archived(abc.ABC):
 
         Equal contents give equal bytes.
         """
+        return self.packed(self.arrays())
+
+    @classmethod
+    def packed(cls, arrays: Arrays) -> bytes:
+        """Return arrays of this kind as the bytes of an ``.npz`` file."""
         head = {
             "schema": np.array(_SCHEMA, np.int64),
-            "kind": np.array(type(self).__name__),
+            "kind": np.array(cls.__name__),
         }
-        return pack_arrays(head | self.arrays())
+        return pack_arrays(head | arrays)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
@@ -72,11 +79,28 @@ class Archived(abc.ABC):
     @classmethod
     def read(cls, name: str, data: bytes) -> Self:
         """Return the archive in bytes that errors call `name`; see `from_bytes`."""
-        rule = f"must be a {cls.__name__} written by this package"
-        try:
+        with cls._read(name):
             arrays = unpack_arrays(data)
+        return cls.made_of(name, arrays)
+
+    @classmethod
+    def made_of(cls, name: str, arrays: Arrays) -> Self:
+        """Return what has the arrays of an archive that errors call `name`.
+
+        Raises:
+            InvalidValueError: They are of another kind, or make no sense.
+        """
+        with cls._read(name):
             return cls._kind(arrays).from_arrays(arrays)
+
+    @classmethod
+    @contextmanager
+    def _read(cls, name: str) -> Iterator[None]:
+        """Say of what cannot be read that it is none of this kind."""
+        try:
+            yield
         except ValueError as error:
+            rule = f"must be a {cls.__name__} written by this package"
             raise InvalidValueError(name, rule, str(error)) from error
 
     @classmethod

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.reader import Recorded, Recording
 
 EARLY = 2 * 10**9
 """Nanoseconds by which a message may overtake, or be behind, another one's; what takes
@@ -23,6 +23,8 @@ class Start(NamedTuple):
     """Its running number among the coordinator's."""
     log_time: int
     """When it was recorded, nanoseconds since the epoch."""
+    bands: tuple[wire.Band, ...] = ()
+    """What belongs to it."""
 
     @property
     def since(self) -> int:
@@ -30,18 +32,58 @@ class Start(NamedTuple):
         return max(0, self.log_time - EARLY)
 
 
-def starts(recording: Recording) -> Iterator[Start]:
-    """Yield the key-frames of a recording that one can start from, in order.
+class Gathering:
+    """Puts key-frames together with their bands.
 
-    Of a finished recording only chunks that hold one are unpacked.
+    Of one that lacks a band nothing can be made. Only the last one is in hand.
+    """
+
+    def __init__(self) -> None:
+        self._start: Start | None = None
+        self._bands: dict[tuple[str, int], wire.Band] = {}
+
+    def take(self, recorded: Recorded) -> Start | None:
+        """Take in a message; return the key-frame that is whole with it, if one is."""
+        match recorded.message:
+            case wire.KeyFrame() as frame:
+                self._start = Start(frame, recorded.sequence, recorded.log_time)
+                self._bands = {}
+            case wire.Band() as band if self._start is not None:
+                if band.tick != self._start.frame.tick:
+                    return None
+                self._bands[band.array, band.offset] = band
+            case _:
+                return None
+        start = self._start
+        if len(self._bands) < start.frame.bands:
+            return None
+        self._start = None
+        return start._replace(bands=(*self._bands.values(),))
+
+
+def keyframes(recording: Recording) -> Iterator[Start]:
+    """Yield the key-frames of a recording that are whole, in order.
+
+    Those of old are among them that say no more than what was learned. Of a finished
+    recording only chunks that hold one are unpacked.
 
     Raises:
         RecordingError: While iterating: it is damaged.
     """
-    for recorded in recording.messages(("keyframe",)):
-        frame = recorded.message
-        if isinstance(frame, wire.KeyFrame) and frame.waves:
-            yield Start(frame, recorded.sequence, recorded.log_time)
+    gathering = Gathering()
+    for recorded in recording.messages(("keyframe", "band")):
+        start = gathering.take(recorded)
+        if start is not None:
+            yield start
+
+
+def starts(recording: Recording) -> Iterator[Start]:
+    """Yield the key-frames of a recording that one can start from, in order.
+
+    Raises:
+        RecordingError: While iterating: it is damaged.
+    """
+    return (start for start in keyframes(recording) if start.frame.waves)
 
 
 def last_start(recording: Recording, tick: int) -> Start | None:

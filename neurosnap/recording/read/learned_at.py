@@ -3,7 +3,7 @@
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.recording.read.keyframes import Start
+from neurosnap.recording.read.keyframes import Start, keyframes
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
@@ -35,15 +35,12 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
 
 def _last_known(recording: Recording, last: int) -> int:
     """Return the last tick up to `last` that can be learned from what is there."""
-    frames, seen = set(), set()
-    for recorded in recording.messages(("observe", "keyframe")):
-        match recorded.message:
-            case wire.Observation(tick=tick):
-                seen.add(tick)
-            case wire.KeyFrame(tick=tick):
-                frames.add(tick)
-            case _:
-                pass
+    frames = {start.frame.tick for start in keyframes(recording)}
+    seen = {
+        recorded.message.tick
+        for recorded in recording.messages(("observe",))
+        if isinstance(recorded.message, wire.Observation)
+    }
     known = recording.begins
     for tick in sorted(tick for tick in seen | frames if tick <= last):
         if tick in frames or tick == known + 1:
@@ -67,7 +64,7 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
     """
     learning, since = Learning(recording.path, options_of(recording)), 0
     if (last := _last_frame(recording, tick)) is not None:
-        learning.restore(last.frame)
+        learning.restore(last.frame, last.bands)
         since = last.since
     observations: dict[int, wire.Observation] = {}
     decisions: dict[int, wire.Decision] = {}
@@ -91,10 +88,7 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
 def _last_frame(recording: Recording, tick: int) -> Start | None:
     """Return the last key-frame up to a tick, be it one to start from or not."""
     last: Start | None = None
-    for message, _, sequence, _, log_time in recording.messages(("keyframe",)):
-        if (
-            isinstance(message, wire.KeyFrame)
-            and (0 if last is None else last.frame.tick) <= message.tick <= tick
-        ):
-            last = Start(message, sequence, log_time)
+    for start in keyframes(recording):
+        if (0 if last is None else last.frame.tick) <= start.frame.tick <= tick:
+            last = start
     return last

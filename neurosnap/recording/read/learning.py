@@ -11,6 +11,7 @@ from neurosnap.agent.growth.sensor_changes import body_after, take_in
 from neurosnap.agent.memory import body_in
 from neurosnap.errors import MessageError, RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.protocol.key_frames import snapshot_of
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 
@@ -39,14 +40,14 @@ class Learning:
         other.snapshot = copy.deepcopy(self.snapshot)
         return other
 
-    def restore(self, frame: wire.KeyFrame) -> None:
-        """Be at the tick of a key-frame.
+    def restore(self, frame: wire.KeyFrame, bands: Iterable[wire.Band] = ()) -> None:
+        """Be at the tick of a key-frame, with the bands that belong to it.
 
         Raises:
             RecordingError: As from `snapshot_in`.
         """
         self.body = _body_in(frame, self._options, self._path)
-        self.snapshot = snapshot_in(frame, self._options, self._path)
+        self.snapshot = snapshot_in(frame, bands, self._options, self._path)
         self.tick = frame.tick
 
     def learn(
@@ -116,11 +117,14 @@ class Learning:
         return RecordingError(f"{self._path}: {rule}, got none")
 
 
-def snapshot_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Snapshot:
+def snapshot_in(
+    frame: wire.KeyFrame, bands: Iterable[wire.Band], options: RunOptions, path: Path
+) -> Snapshot:
     """Return the snapshot of a key-frame.
 
     Args:
         frame: The key-frame.
+        bands: What belongs to it.
         options: The run's.
         path: The recording, for errors.
 
@@ -129,7 +133,7 @@ def snapshot_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Snapsh
     """
     place = f"{path}: key-frame of tick {frame.tick}"
     try:
-        snapshot = Snapshot.from_bytes(frame.snapshot)
+        snapshot = snapshot_of(frame, bands)
     except ValueError as error:
         raise RecordingError(f"{place}: must hold a snapshot, {error}") from error
     if tuple(snapshot.sensorium) != _body_in(frame, options, path).sensors:

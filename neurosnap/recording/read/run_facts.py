@@ -23,6 +23,7 @@ def options_of(recording: Recording) -> RunOptions:
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
     before: dict[str, int] = {
+        "band": 0,
         "bounded": False,
         "recall": False,
         "remind": False,

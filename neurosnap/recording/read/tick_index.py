@@ -228,6 +228,18 @@ class TickIndex:
                 return max(before, key=lambda frame: frame.tick)
         return None
 
+    def bands(self, frame: wire.KeyFrame) -> list[wire.Band]:
+        """Return what there is of a key-frame's bands."""
+        found: list[wire.Band] = []
+        number = max(0, self.chunk_of(frame.tick) - 1)
+        stop = min(self.chunk_after(frame.tick + 1) + 2, len(self))
+        while len(found) < frame.bands and number < stop:
+            for _, chunk in self.readable(number, number + 1):
+                several = chunk.all("band", wire.Band)
+                found += [band for band in several if band.tick == frame.tick]
+            number += 1
+        return found
+
     def keyframe_after(self, tick: int) -> int:
         """Return the tick of the first key-frame after one; very large: none."""
         for number in range(max(0, self.chunk_of(tick) - 1), len(self)):

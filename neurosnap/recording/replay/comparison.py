@@ -3,7 +3,8 @@
 import msgspec
 
 from neurosnap import wire
-from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.archive import Arrays, pack_arrays, unpack_arrays
+from neurosnap.poc.learning.bands import OF_PAIRS
 from neurosnap.recording.read.reader import Recorded
 
 
@@ -22,6 +23,17 @@ def is_same(derived: wire.Message | None, recorded: Recorded) -> bool:
     older = wire.KeyFrame(derived.tick, message.snapshot)
     today = msgspec.structs.replace(derived, snapshot=message.snapshot)
     return message in (older, today) and _notes(derived.snapshot, message.snapshot)
+
+
+def is_stretch(band: wire.Band, arrays: Arrays) -> bool:
+    """Tell whether a band is a stretch of an array of pairs, bit for bit."""
+    if band.array not in OF_PAIRS or band.array not in arrays:
+        return False
+    flat = arrays[band.array].reshape(-1)
+    count, rest = divmod(len(band.data), flat.itemsize)
+    there = flat[band.offset : band.offset + count]
+    little = there.astype(there.dtype.newbyteorder("<"), copy=False)
+    return not rest and little.data.cast("B") == band.data
 
 
 def _notes(snapshot: bytes, older: bytes) -> bool:

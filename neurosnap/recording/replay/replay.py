@@ -31,10 +31,10 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
-from neurosnap.recording.replay.comparison import is_same
+from neurosnap.recording.replay.comparison import is_same, is_stretch
 from neurosnap.sensorium import selection, unpack
 
-_INPUTS = ("observe", "settle", "tally", "recalled")
+_INPUTS = ("observe", "settle", "tally", "recalled", "band")
 _OUTPUTS = (
     *("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly"),
     *("recall", "remind"),
@@ -81,9 +81,9 @@ class Replay:
     def __init__(self, recording: Recording, start: Start | None = None) -> None:
         self.path = recording.path
         self.options = options_of(recording)
-        frame = None if start is None else start.frame
+        frame, bands = (None, ()) if start is None else (start.frame, start.bands)
         try:
-            self.core = Coordinator.of(self.options, frame)
+            self.core = Coordinator.of(self.options, frame, bands)
             self._known = None if frame is None else known_in(frame, self.options)
         except ValueError as error:
             raise RecordingError(
@@ -105,6 +105,7 @@ class Replay:
         self._observations: dict[int, wire.Observation] = {}
         self._reports: dict[int, list[tuple[_Report, bool]]] = {}
         self._recalled: dict[tuple[int, int], list[wire.Recalled]] = {}
+        self._bands: dict[int, list[wire.Band]] = {}  # by tick
         self._told: dict[str, int] = {}  # epoch of each part's last wiring
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
@@ -132,6 +133,8 @@ class Replay:
             if derived is None and self._exhausted and not self.complete:
                 return
             self._compare(recorded, derived)
+            if isinstance(derived, wire.KeyFrame):
+                self._check_bands(derived)
             if not self._said:
                 self._let_answer()
             if self.core.tick == tick or not self._only_closing_words():
@@ -164,7 +167,7 @@ class Replay:
         return self.core.begin() if from_frame else self.core.begin_rewired()
 
     def _only_closing_words(self) -> bool:
-        closing = (wire.KeyFrame, wire.Decision)
+        closing = (wire.KeyFrame, wire.Band, wire.Decision)
         return all(isinstance(message, closing) for message in self._said)
 
     # Comparing -----------------------------------------------------------------------
@@ -214,6 +217,32 @@ class Replay:
                 f"{self._where(recorded)}: cells reported {sorted(reached)},"
                 f" the derived order gives {sorted(above)}"
             )
+
+    def _check_bands(self, frame: wire.KeyFrame) -> None:
+        """Hold the bands of a key-frame against what was learned, whoever sent them.
+
+        One that is lost shows in its sender's numbers.
+        """
+        # What the core says of them is what it has learned, which is at hand.
+        while self._said and isinstance(self._said[0], wire.Band):
+            self._said.popleft()
+        if not frame.bands:
+            return
+        found = self._bands.setdefault(frame.tick, [])
+        self._read_until(lambda: len(found) >= frame.bands or self._is_read_beyond)
+        arrays = self.core.snapshot.arrays()
+        for band in self._bands.pop(frame.tick):
+            if not is_stretch(band, arrays):
+                raise DifferenceError(
+                    f"tick {frame.tick}: /band {band.who}, {band.array:.40} from"
+                    f" {band.offset}: recorded what was not learned"
+                )
+
+    @property
+    def _is_read_beyond(self) -> bool:
+        """Whether there is the state of a later tick."""
+        ahead = (one.message for one in self._outputs)
+        return any(isinstance(m, wire.State) and m.tick > self.core.tick for m in ahead)
 
     def _differ(self, recorded: Recorded, derived: wire.Message | None) -> NoReturn:
         was = recorded.payload.decode()[:_SHOWN]
@@ -391,6 +420,8 @@ class Replay:
                 case wire.CellReport() | wire.WorkerReport() as report:
                     dated = b'"epoch":' in recorded.payload
                     self._reports.setdefault(report.wave, []).append((report, dated))
+                case wire.Band() as band:
+                    self._bands.setdefault(band.tick, []).append(band)
                 case wire.Recalled() as answer:
                     here = answer.tick, answer.round
                     self._recalled.setdefault(here, []).append(answer)
@@ -403,7 +434,11 @@ class Replay:
         if self._start is None:
             return False
         match recorded.message:
-            case wire.Observation(tick=tick) | wire.Recalled(tick=tick):
+            case (
+                wire.Observation(tick=tick)
+                | wire.Recalled(tick=tick)
+                | wire.Band(tick=tick)
+            ):
                 return tick <= self.first
             case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
                 return wave <= self._start.frame.waves

@@ -216,9 +216,20 @@ def _files(log: Path, most: int | None) -> list[Recording]:
             break
     if len(files) > 1 and files[-1].share is None:
         del files[-1]  # its beginning did not reach the disk, its name did
+    if len(files) > 1 and _lacks_bands(files[-1]):
+        del files[-1]  # nor did all of the key-frame that it begins with
     if len(files) > 1 and not files[-2].noted().completeness.whole:
         del files[-1]
     return files or [Recording.open(log)]  # which says why not
+
+
+def _lacks_bands(recording: Recording) -> bool:
+    """Tell whether a file was cut short within the key-frame that it begins with."""
+    if recording.finished or recording.damage:
+        return False
+    frames = (recorded.message for recorded in recording.messages(("keyframe",)))
+    begun = any(isinstance(frame, wire.KeyFrame) and frame.bands for frame in frames)
+    return begun and next(starts(recording), None) is None
 
 
 def _is_blank(path: Path) -> bool:

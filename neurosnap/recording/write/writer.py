@@ -292,6 +292,8 @@ class Writer:
     ) -> Completeness:
         """Write the totals, the last key-frame's snapshot and the index; close.
 
+        A snapshot that is in bands is not written once more.
+
         What was finished survives a power cut; that takes as long as the disk does.
 
         Args:
@@ -338,7 +340,7 @@ class Writer:
         try:
             self._mcap.flush()
             self._write_again()
-            if self._keyframe is not None:
+            if self._keyframe is not None and not self._keyframe[0].bands:
                 frame, sent, log_time = self._keyframe
                 self._mcap.add_attachment(
                     sent, log_time, SNAPSHOT, "application/octet-stream", frame.snapshot

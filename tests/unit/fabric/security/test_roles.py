@@ -41,6 +41,7 @@ KEYS = {
     "recall": "recall",
     "recalled": "recalled/{}",
     "remind": "remind/cell/3",
+    "band": "band/{}",
 }
 """A key of every topic, with room for who says it."""
 TO_WORKERS = {"remind": "remind/worker/3"}

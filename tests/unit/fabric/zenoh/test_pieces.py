@@ -1,14 +1,17 @@
 """A large key-frame comes whole, or not at all; nothing else comes in pieces."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+import numpy as np
 import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, Put, pieces
+from neurosnap.poc.learning.history import LENGTH
+from neurosnap.protocol.key_frames import with_snapshot
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 
 PREFIX = "neurosnap/one/"
@@ -86,9 +89,7 @@ def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:
         assert sum(map(len, assembly._parts)) == 0
 
 
-def options(
-    count: int, snapshot: SnapshotKind, threshold: Literal["auto"] | None = None
-) -> RunOptions:
+def options(count: int, snapshot: SnapshotKind = "empirical") -> RunOptions:
     names = tuple(f"a-sensor-of-some-name-{number}" for number in range(count))
     body = Body(own=names, actions=())
     return RunOptions(
@@ -96,34 +97,39 @@ def options(
         body=body,
         ticks=1,
         snapshot=snapshot,
-        threshold=threshold,
+        watch=True,
+        support=6,
     )
 
 
-@pytest.mark.parametrize(
-    ("kind", "threshold", "most"),
-    [
-        ("empirical", None, 4910),
-        ("empirical", "auto", 4630),
-        ("discounted", None, 3852),
-    ],
-)
-def test_a_run_whose_key_frames_could_not_be_sent_is_refused(
-    kind: SnapshotKind, threshold: Literal["auto"] | None, most: int
-) -> None:
-    options(most, kind, threshold).check_frame()
-    match = rf"^sensors: must be at most {most:,}, for a key-frame of 128 MiB, got 9000"
+MOST = 43_454
+
+
+def test_a_run_whose_key_frames_could_not_be_sent_is_refused() -> None:
+    options(MOST).check_frame()
+    match = rf"^sensors: must be at most {MOST:,}, for a key-frame of 128 MiB, got 9000"
     with pytest.raises(InvalidValueError, match=match):
-        options(9000, kind, threshold).check_frame()
+        options(90000).check_frame()
     with pytest.raises(InvalidValueError, match=r"^sensors: must be at most"):
-        options(most + 1, kind, threshold).check_frame()
+        options(MOST + 1).check_frame()
 
 
-@pytest.mark.parametrize(("kind", "most"), [("empirical", 4910), ("discounted", 3852)])
-def test_the_largest_key_frame_that_is_allowed_can_be_sent(
-    kind: SnapshotKind, most: int
-) -> None:
-    sensors = most // 4
-    snapshot = options(sensors, kind).new_snapshot().to_bytes()
-    size = len(wire.encode(wire.KeyFrame(1, snapshot, waves=1)))
+@pytest.mark.parametrize("kind", ["empirical", "discounted"])
+def test_the_largest_key_frame_that_is_allowed_can_be_sent(kind: SnapshotKind) -> None:
+    sensors = MOST // 16
+    chosen = options(sensors, kind)
+    frame = wire.KeyFrame(
+        tick=1,
+        snapshot=b"",
+        waves=1,
+        epochs=(1000,) * sensors,
+        history=bytes(sensors * LENGTH // 4),
+    )
+    snapshot = chosen.new_snapshot()
+    snapshot.learn(np.ones(sensors, np.bool_), np.arange(sensors) % 2 > 0)
+    head, *bands = with_snapshot(frame, snapshot, chosen.band, "coordinator")
+    size = len(wire.encode(head))
     assert 0.9 * wire.LARGEST_KEYFRAME < size * 16 <= wire.LARGEST_KEYFRAME
+    assert len(bands) > 1
+    for band in bands:
+        assert len(list(pieces(wire.Delivery(band.key, 1, 1, wire.encode(band))))) == 1

@@ -135,7 +135,7 @@ def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
     for offset, damaged in flipped(finished, 1, 800):
         lost.add(lost_from(path, damaged))
         facts = Recording.open(path).metadata
-        assert facts == {"seed": "7", "world": "Test-v0", "schema": "3"}, offset
+        assert facts == {"seed": "7", "world": "Test-v0", "schema": "4"}, offset
     assert lost == {0, 11, 20}
 
 

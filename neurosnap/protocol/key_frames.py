@@ -1,0 +1,46 @@
+"""Puts a snapshot into a key-frame, or into one and the bands that follow it."""
+
+from collections.abc import Iterable, Iterator
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.poc.learning.bands import Stretch, head_of, joined, stretches_of
+from neurosnap.poc.learning.kinds import Snapshot
+
+
+def with_snapshot(
+    frame: wire.KeyFrame, snapshot: Snapshot, most: int, who: str
+) -> Iterator[wire.KeyFrame | wire.Band]:
+    """Yield a key-frame with its snapshot, and its bands if there are any.
+
+    Args:
+        frame: Without a snapshot.
+        snapshot: It. It must not change before the last band is on its way.
+        most: Numbers of an array in a band, at most; with more pairs than that there
+            are bands. 0: there are none.
+        who: Sends them.
+    """
+    count = len(snapshot.sensorium)
+    if not most or count * (count - 1) // 2 <= most:
+        yield msgspec.structs.replace(frame, snapshot=snapshot.to_bytes())
+        return
+    bands = [
+        wire.Band(who, frame.tick, part.array, part.offset, part.data)
+        for part in stretches_of(snapshot, most)
+    ]
+    head = head_of(snapshot)
+    yield msgspec.structs.replace(frame, snapshot=head, bands=len(bands))
+    yield from bands
+
+
+def snapshot_of(frame: wire.KeyFrame, bands: Iterable[wire.Band] = ()) -> Snapshot:
+    """Return the snapshot in a key-frame and the bands that belong to it.
+
+    Raises:
+        InvalidValueError: They make none.
+    """
+    if not frame.bands:
+        return Snapshot.from_bytes(frame.snapshot)
+    stretches = (Stretch(one.array, one.offset, one.data) for one in bands)
+    return joined(frame.snapshot, stretches)
