@@ -243,6 +243,9 @@ def outcome(
             f" {escape(few(lost))}",
             soft_wrap=True,
         )
+    if balance is not None and balance.gaps:
+        where = "where the one that it goes on from was damaged"
+        console.print(f"[red]the recording lacks messages[/red] {where}")
     for path in () if balance is None else balance.vanished:
         text = "deleted, moved or replaced while it was written"
         console.print(f"[red]{text}[/red]: {escape(path)}", soft_wrap=True)

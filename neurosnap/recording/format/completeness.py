@@ -32,16 +32,19 @@ class Completeness(msgspec.Struct, frozen=True):
     """Payloads that are no message of this protocol and were left out."""
     vanished: tuple[str, ...] = ()
     """Its files that were deleted, moved or replaced while they were written."""
+    gaps: int = 0
+    """Places where messages were lost from a recording that it took over: of a sender
+    that was never heard behind one, no number shows that."""
 
     @property
     def whole(self) -> bool:
         """Nothing that was sent is missing, nor any file."""
-        return not (self.missing or self.vanished)
+        return not (self.missing or self.vanished or self.gaps)
 
 
 def added_up(balances: Iterable[Completeness]) -> Completeness:
     """Return what several files of one run hold together."""
-    messages = duplicates = foreign = 0
+    messages = duplicates = foreign = gaps = 0
     missing: Counter[str] = Counter()
     vanished: list[str] = []
     for balance in balances:
@@ -50,8 +53,9 @@ def added_up(balances: Iterable[Completeness]) -> Completeness:
         foreign += balance.foreign
         missing.update(balance.missing)
         vanished += balance.vanished
+        gaps += balance.gaps
     lost = dict(sorted(missing.items()))
-    return Completeness(messages, lost, duplicates, foreign, tuple(vanished))
+    return Completeness(messages, lost, duplicates, foreign, tuple(vanished), gaps)
 
 
 def _start(gap: tuple[int, int]) -> int:

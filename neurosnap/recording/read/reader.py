@@ -353,7 +353,8 @@ class Recording:
             noted.expected, foreign=noted.completeness.foreign
         )
         duplicates = balance.duplicates + noted.completeness.duplicates
-        return msgspec.structs.replace(balance, duplicates=duplicates)
+        gaps = len(self.layout.gaps)
+        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=gaps)
 
     def noted(self) -> Noted:
         """Return the balance as the writer noted it; empty if it did not get there.

@@ -322,9 +322,7 @@ class SplitWriter:
         self._newest.note_share()
         if not is_whole:
             older.abandon()
-            self._closed.append(
-                older.sequences.completeness(ends, foreign=older.foreign)
-            )
+            self._closed.append(older.balance(ends))
             return
         closing = self._boundary.decision
         totals = {

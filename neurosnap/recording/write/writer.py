@@ -87,6 +87,7 @@ class Writer:
         self.path = Path(path)
         self.sequences = RunningNumbers()
         self.foreign = 0
+        self._gaps = 0  # that were noted
         self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
         self._started = False
         self._again: dict[str, str] = {}  # of the run, still to be written once more
@@ -249,6 +250,7 @@ class Writer:
             RecordingError: The recording is not open, or cannot be written.
         """
         self._note(GAP, {"why": why})
+        self._gaps += 1
 
     def _note(self, name: str, facts: Mapping[str, str]) -> None:
         """Write metadata behind what has come so far."""
@@ -332,7 +334,7 @@ class Writer:
             InvalidValueError: Likewise.
         """
         self._demand(self._started and self._open, "must be started and open")
-        completeness = self.sequences.completeness(expected, foreign=self.foreign)
+        completeness = self.balance(expected)
         balance = {"completeness": completeness, "expected": dict(expected)}
         facts = _plain(totals) | {
             name: msgspec.json.encode(value).decode() for name, value in balance.items()
@@ -352,6 +354,11 @@ class Writer:
             raise self._failed(error) from error
         self._open = False
         return completeness
+
+    def balance(self, expected: Mapping[str, int]) -> Completeness:
+        """Return what it holds by now of what was sent; `expected` as in `finish`."""
+        balance = self.sequences.completeness(expected, foreign=self.foreign)
+        return msgspec.structs.replace(balance, gaps=self._gaps)
 
     def save(self) -> None:
         """Wait until the disk has what was written up to `end`; close. On any thread.

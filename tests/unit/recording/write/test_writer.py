@@ -328,3 +328,14 @@ def test_chunks_are_closed_when_full(path: Path, compression: str) -> None:
     assert len(recording.layout.chunks) > 5
     assert all(chunk.unpacked < 21_000 for chunk in recording.layout.chunks)
     assert [recorded.delivery for recorded in recording.messages()] == deliveries
+
+
+def test_a_noted_gap_is_never_whole(path: Path) -> None:
+    with Writer(path) as writer:
+        writer.start({})
+        for delivery in traffic(20):
+            writer.add(delivery, NOW)
+        writer.note_gap("bytes 5 to 9 of another file: damaged")
+        balance = writer.finish({}, {})
+    assert (balance.missing, balance.gaps, balance.whole) == ({}, 1, False)
+    assert Recording.open(path).completeness() == balance
