@@ -5,8 +5,8 @@ there, so it is whole by itself: it replays, and resumes, like any other. What t
 one holds beyond the last whole tick is left out, and so are last words. Of a run that
 is recorded in several files that goes for the last one only.
 
-What has to be derived again begins at a key-frame: it takes the same time however long
-the run was.
+What has to be derived again begins at a key-frame behind which every part was heard: as a
+rule it takes the same time however long the run was.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,7 +25,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.keyframes import Start, starts
+from neurosnap.recording.read.keyframes import Start, last_start, starts
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.split_files import first_path, part_path, part_paths
@@ -254,7 +254,7 @@ def _derive(recording: Recording, most: int | None, lacks: bool = False) -> _Poi
     for tick in _ticks(replay, most):
         # Here and not behind the last one: the core has gone on by then.
         point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
-    if opens and point is not None and point.tick == recording.begins:
+    if opens:
         _prove(recording)
     if point is None and replay.first:
         # Nothing shows that all before the key-frame is there: so that is derived, too.
@@ -266,11 +266,9 @@ def _derive(recording: Recording, most: int | None, lacks: bool = False) -> _Poi
 
 
 def _prove(recording: Recording) -> None:
-    """Derive the file before one, in which no tick is whole, up to where this begins.
+    """Derive the file before one up to where this begins, unless all report in this.
 
-    A message that is lost shows in the numbers of what its sender says later. Where
-    nothing later was heard of a sender, the number would be given again, and the loss
-    be hidden.
+    For why see `_start`.
 
     Raises:
         _UnprovedError: Not all is there.
@@ -279,8 +277,8 @@ def _prove(recording: Recording) -> None:
     if not number or lost_before(recording):  # it is known that something is missing
         return
     share, later = recording.share or {}, _begun_after(recording)
-    heard = {recorded.message.sender for recorded in recording.messages()}
-    if all(who in heard or later.get(who, 0) > share[who] for who in share):
+    silent = [who for who, wave in _reported(recording).items() if not wave]
+    if all(later.get(who, 0) > share.get(who, 0) for who in silent):
         return
     before = part_path(first_path(recording.path, number), number - 1)
     if not before.exists():  # archived: so it is taken at its word
@@ -305,25 +303,44 @@ def _ticks(replay: Replay, most: int | None) -> Iterator[int]:
 
 
 def _start(recording: Recording, most: int | None) -> Start | None:
-    """Return the last key-frame but one; None: the run is to be derived from its start.
+    """Return the key-frame to derive from; None: the start of the run.
 
-    Behind the last one there may be too little to tell whether all that came before it
-    is there. The one that a file begins with has that in another file.
+    It is the last one behind which every cell, or worker, has reported, and not the
+    last of all. A message that is lost shows in the numbers of what its sender says
+    later; where it says nothing later, only in what can no longer be derived. The
+    key-frame that a file begins with has all that came before it in another file.
     """
-    last: Start | None = None
-    before: Start | None = None
+    begun = {
+        start.frame.tick: start.frame.waves
+        for start in starts(recording)
+        if most is None or start.frame.tick <= most
+    }
     first = recording.begins
-    for start in starts(recording):
-        if most is not None and start.frame.tick > most:
-            break
-        if last is None and first:
-            before = last = start
-        elif last is None or start.frame.tick > last.frame.tick:
-            before, last = last, start
-    if before is None and first:
+    if first and not begun:
         rule = f"must hold the key-frame of tick {first}"
         raise RecordingError(f"{recording.path}: {rule}, got none")
-    return before
+    heard = min(_reported(recording).values(), default=0)
+    behind = [tick for tick, waves in begun.items() if waves < heard]
+    known = [tick for tick in behind if tick < max(begun)]
+    tick = max(known, default=min(begun, default=0) if first else 0)
+    return last_start(recording, tick) if tick else None
+
+
+def _reported(recording: Recording) -> dict[str, int]:
+    """Return the last wave that each cell, or worker, reported on; 0: on none."""
+    options = options_of(recording)
+    count = None
+    if options.body.room and not options.sharing:
+        count = options.body.first_grown  # the rest is there once it is grown
+    last = dict.fromkeys(options.host_names()[:count], 0)
+    for recorded in recording.messages(("settle", "tally")):
+        match recorded.message:
+            case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
+                who = recorded.message.sender
+                last[who] = max(last.get(who, 0), wave)
+            case _:
+                pass
+    return last
 
 
 def _actions(recording: Recording, options: RunOptions, tick: int) -> tuple[int, ...]:
