@@ -78,14 +78,17 @@ def live_on(
             raise WrongError(f"{log}: {len(lost)} damaged files must be kept")
         if lives.kept or lives.unread:
             tally.kept += 1
-            # What the disk or the network took from it, the files before may have.
-            if completeness.whole and not (tally.flips or tally.powercuts):
-                raise WrongError(f"{log}: must hold all that is in {lives.kept}")
         if lives.unread:
+            if not (tally.flips or tally.powercuts):
+                raise WrongError(f"{log}: must be read whole, not {lives.unread}")
             return tally  # some of it cannot be read, and it says so
         if past is not None and past.part:
             # The files of lives before it say what they lack by themselves.
             completeness = open_whole(log).completeness()
+        # What the disk or the network took from it, the files before may have.
+        spared = completeness.whole and not (tally.flips or tally.powercuts)
+        if lives.kept and spared:
+            raise WrongError(f"{log}: must hold all that is in {lives.kept}")
         check(log, options, completeness, sent)
         tally.ticks += options.ticks
         tally.births += _births(log)
