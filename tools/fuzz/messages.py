@@ -44,6 +44,8 @@ def value(kind: inspect.Type, chance: random.Random) -> Any:  # noqa: ANN401
             return chance.choice((0.0, -0.5, 1e300, chance.random()))
         case inspect.BytesType():
             return chance.randbytes(chance.choice((0, 1, 1, 1, 2, 3, 40)))
+        case inspect.MemoryViewType():
+            return memoryview(chance.randbytes(chance.choice((0, 1, 4, 8, 40))))
         case inspect.StrType():
             return chance.choice(("", "cell/1", "world", "x" * 300, "\U0001f9e0\0é"))
         case inspect.LiteralType():

@@ -5,8 +5,8 @@ there, so it is whole by itself: it replays, and resumes, like any other. What t
 one holds beyond the last whole tick is left out, and so are last words. Of a run that
 is recorded in several files that goes for the last one only.
 
-What has to be derived again begins at a key-frame behind which every part was heard: as a
-rule it takes the same time however long the run was.
+What has to be derived again begins at a key-frame behind which every part was heard:
+as a rule it takes the same time however long the run was.
 """
 
 from collections.abc import Callable, Iterator
