@@ -38,6 +38,7 @@ ROWS = {
     "recording": "run",
     "observe": "observe",
     "learn": "learn",
+    "lazy": "lazy",
     "cycle": "agent",
     "growth": "growth",
     "tick": "tick",

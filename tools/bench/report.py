@@ -37,7 +37,7 @@ class Sizes:
     lines: tuple[int, ...] = (20, 100, 300, 1000)
     """Sensors of the kinds row."""
     crowds: tuple[int, ...] = (1000, 3000, 10_000)
-    """Sensors of the coordinator row."""
+    """Sensors of the coordinator and lazy rows."""
     crowd: int = 500
     """Sensors of the page row: more than it draws each by itself unless asked to."""
     batches: int = 9

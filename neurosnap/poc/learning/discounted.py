@@ -79,7 +79,7 @@ class DiscountedSnapshot(Snapshot):
         return self._decay
 
     def _update(self) -> bool:
-        weights = self._weights
+        weights, tick = self._weights, self._clock + self._skipped + 1
         if weights.squares is not None:
             return bool(
                 discount_squares(
@@ -90,6 +90,8 @@ class DiscountedSnapshot(Snapshot):
                     self._by_pair,
                     self._codes,
                     self._rows,
+                    self._since,
+                    tick,
                 )
             )
         return bool(
@@ -101,6 +103,8 @@ class DiscountedSnapshot(Snapshot):
                 self._by_pair,
                 self._codes,
                 self._rows,
+                self._since,
+                tick,
             )
         )
 

@@ -24,6 +24,7 @@ from neurosnap.poc.learning.update_kernels_auto import (
     is_tolerated,
     share_of_changes,
 )
+from neurosnap.poc.learning.update_kernels_lazy import Lag, learn_lazily, settle_all
 from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.poc.order.literals import Words
@@ -77,6 +78,7 @@ class EmpiricalSnapshot(Snapshot):
         count = len(self.sensorium)
         self._weights = Weights.starting(count, np.uint32(0), np.uint32(0))
         self._persistence = Persistence(count) if auto else None
+        self._lag: Lag | None = None
 
     @property
     def threshold(self) -> float | NDArray[np.float64] | Literal["auto"]:
@@ -162,7 +164,6 @@ class EmpiricalSnapshot(Snapshot):
             self._weights.widen(0)
             self._weights.put(slice(None), ticks)
         self._count(self._clock)  # no bit is known yet: it only derives
-        self._noted[:] = self._codes
         self._since[:] = last_changes(
             columns, ticks, self._by_pair, self._codes, on_progress
         )
@@ -177,12 +178,43 @@ class EmpiricalSnapshot(Snapshot):
     def _update(self) -> bool:
         if self._persistence is not None:
             self._persistence.note(self._bits, self._known)
-        return self._count(self._clock + 1)
+        weights, clock = self._weights, self._clock + 1
+        if weights.squares is not None:
+            return self._count(clock)
+        if self._lag is None:
+            self._lag = Lag.starting(len(self.sensorium), self._clock)
+        return bool(
+            learn_lazily(
+                self._bits,
+                weights.joints,
+                weights.marginals,
+                clock,
+                clock + self._skipped,
+                self._by_pair,
+                self._codes,
+                self._rows,
+                self._since,
+                self._lag,
+                *self._choosing(),
+            )
+        )
+
+    def _settle(self) -> None:
+        if self._lag is not None:
+            settle_all(self._weights.joints, self._clock, self._lag)
+
+    def _widen(self) -> None:
+        super()._widen()
+        self._lag = None
+
+    def _choosing(self) -> tuple[NDArray[Any], ...]:
+        """Return what kernels need where thresholds choose themselves."""
+        kept = self._persistence
+        return () if kept is None else (kept.spells, kept.turns)
 
     def _count(self, clock: int) -> bool:
         """Count what is known of the bits at hand and derive the graph for `clock`."""
-        weights, kept = self._weights, self._persistence
-        choosing = () if kept is None else (kept.spells, kept.turns)
+        weights, tick = self._weights, clock + self._skipped
         if weights.squares is not None:
             return bool(
                 count_squares(
@@ -194,7 +226,9 @@ class EmpiricalSnapshot(Snapshot):
                     self._by_pair,
                     self._codes,
                     self._rows,
-                    *choosing,
+                    self._since,
+                    tick,
+                    *self._choosing(),
                 )
             )
         return bool(
@@ -206,7 +240,7 @@ class EmpiricalSnapshot(Snapshot):
                 self._by_pair,
                 self._codes,
                 self._rows,
-                *choosing,
+                *self._choosing(),
             )
         )
 

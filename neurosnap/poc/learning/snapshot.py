@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
-from neurosnap.poc.learning.edge_dates import date_changes
 from neurosnap.poc.learning.evidence import Evidence
 from neurosnap.poc.learning.newborn import Newborn
 from neurosnap.poc.learning.pair_codes import rows_of, strict
@@ -75,7 +74,6 @@ class Snapshot(Archived):
         self._bits = np.zeros(count, np.uint8)
         self._known = np.zeros(count, np.uint8)
         self._codes = np.zeros(count * (count - 1) // 2, np.uint8)
-        self._noted = self._codes.copy()
         self._since = np.zeros(self._codes.size, np.uint32)
         self._rows: Words = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
         self._born = np.zeros(count, np.uint32)
@@ -118,6 +116,7 @@ class Snapshot(Archived):
         Raises:
             InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
         """
+        self._settle()
         return self._weights.of(*self._proper(a, b), self._total())
 
     def evidence(self, a: int, b: int) -> Evidence:
@@ -139,6 +138,7 @@ class Snapshot(Archived):
             (True, 3, 1, 0, 4)
         """
         a, b = self._proper(a, b)
+        self._settle()
         pair, total = pair_of(a, b), self._total()
         both, against = self._weights.of(a, b, total), self._weights.of(a, b ^ 1, total)
         other = self._weights.of(a ^ 1, b, total)
@@ -183,12 +183,11 @@ class Snapshot(Archived):
         else:
             self._known[:] = mask
             if self._weights.squares is None and not mask.all():
-                self._weights.widen(self._total())
+                self._widen()
         changed = self._update()
         self._clock += 1
         if changed:
             self._graphs.clear()
-            self._date_changes()
         return changed
 
     def skip(self) -> None:
@@ -260,14 +259,15 @@ class Snapshot(Archived):
         if shapes != ((4, sensor), (sensor,)):
             raise ShapeError("newborn", f"must be of {sensor} pairs", shapes)
         if self._weights.squares is None:
-            self._weights.widen(self._total())
+            self._widen()
         first = sensor * (sensor - 1) // 2
         pairs = slice(first, first + sensor)
         self._weights.put(pairs, newborn.squares)
         self._sensorium = sensorium
         self._born[sensor] = self._clock - newborn.ticks
-        kernels.rewire(sensor, newborn.codes, self._codes[pairs], self._rows)
-        self._date_changes()
+        tick = self._clock + self._skipped
+        codes, rows = self._codes[pairs], self._rows
+        kernels.rewire(sensor, newborn.codes, codes, rows, self._since, tick)
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
         self._graphs.clear()
@@ -282,12 +282,13 @@ class Snapshot(Archived):
         """
         literal = as_literal("literal", 2 * sensor, len(self._state))
         if self._weights.squares is None:
-            self._weights.widen(self._total())
+            self._widen()
         others = [2 * k for k in range(len(self._sensorium)) if k != sensor]
         pairs = [pair_of(literal, other) for other in others]
         self._weights.put(pairs, self._weights.start)
+        ended = np.array(pairs)[self._codes[pairs] > 0]
+        self._since[ended] = self._clock + self._skipped
         self._codes[pairs] = 0
-        self._date_changes()
         self._rows = rows_of(self._codes, len(self._sensorium))
         self._state[[literal, literal ^ 1]] = False
         self._graphs.clear()
@@ -376,6 +377,14 @@ class Snapshot(Archived):
     def _update(self) -> bool:
         """Weigh in the known bits at hand; whether the graph changed."""
 
+    def _settle(self) -> None:
+        """Bring the weights up to date, where a kind puts off what changes no code."""
+
+    def _widen(self) -> None:
+        """Store the four weights of each pair from now on."""
+        self._settle()
+        self._weights.widen(self._total())
+
     @abc.abstractmethod
     def _newborn(
         self, sensor: int, ticks: int, on: Words, off: Words
@@ -416,6 +425,7 @@ class Snapshot(Archived):
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
+        self._settle()
         return {
             "names": np.array(self._sensorium.names, np.str_),
             "clock": np.array(self._clock, np.int64),
@@ -458,7 +468,7 @@ class Snapshot(Archived):
         octets = entry(arrays, "state", ((total + 7) // 8,), np.uint8)
         self.adopt(unpack(octets.tobytes(), total))
         self._derive(arrays)
-        self._noted[:] = self._codes
+        self._since.fill(0)
         if "since" in arrays:  # earlier files lack it
             self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
             if (self._since > self._clock + self._skipped).any():
@@ -469,11 +479,6 @@ class Snapshot(Archived):
         if self._clock + self._skipped + 1 >= 2**_BITS:
             rule = f"must stay below 2**{_BITS}, which the counts have room for"
             raise InvalidValueError("clock", rule, self._clock + self._skipped + 1)
-
-    def _date_changes(self) -> None:
-        """Note the tick for all that follows no longer, or only now."""
-        tick = self._clock + self._skipped
-        date_changes(self._codes, self._noted, self._since, tick)
 
     def _skips(self) -> Arrays:
         """Return how many observations went by, where any did."""

@@ -79,17 +79,20 @@ def learn_counts(
         if threshold.shape[0] > 1:
             for j in range(i):
                 limit[j] = np.uint32(math.ceil(threshold[start + j] * clock))
-        _judge(joint, marginals, marginals[i], ticks, limit, spells, fresh)
-        if spells is not None and turns is not None:
+        mine = marginals[i]
+        judge(joint, marginals, mine, ticks, limit, spells, fresh)
+        differ = difference(fresh, now)
+        if spells is not None and turns is not None and differ & MARK:
             if turns[i]:
-                _fill(joint, marginals, marginals[i], ticks, squares)
+                fill(joint, marginals, mine, ticks, squares)
             withstand(i, turns[i], squares, spells, now, fresh)
-        changed |= rewire(i, fresh, now, rows)
+        if differ:
+            changed |= rewire(i, fresh, now, rows, None, 0)
     return changed
 
 
 @njit()
-def _judge(
+def judge(
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
     mine: np.uint32,
@@ -130,7 +133,7 @@ def _judge(
 
 
 @njit()
-def _fill(
+def fill(
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
     mine: np.uint32,
@@ -154,6 +157,8 @@ def learn_discounted(
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
+    since: NDArray[np.uint32] | None = None,
+    tick: int = 0,
 ) -> bool:
     """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
 
@@ -170,6 +175,8 @@ def learn_discounted(
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
+        since: As of `rewire`.
+        tick: As of `rewire`.
 
     Returns:
         Whether any code changed. O(N²/2) time.
@@ -215,13 +222,32 @@ def learn_discounted(
             # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
             w11 = min(mine, yours) if up else w11
             joint[j] = max(0.0, mine + yours - 1.0) if down else w11
-        changed |= rewire(i, fresh, codes[start : start + i], rows)
+        changed |= rewire(i, fresh, codes[start : start + i], rows, since, tick)
     return changed
 
 
 @njit()
+def difference(fresh: NDArray[np.uint8], codes: NDArray[np.uint8]) -> np.uint8:
+    """Return the bits in which any code is not what it is to be.
+
+    Args:
+        fresh: ``(i,)`` or longer, what the codes are to be; they may have a `MARK`.
+        codes: ``(i,)``, without any.
+    """
+    differ = np.uint8(0)
+    for j in range(codes.shape[0]):
+        differ |= fresh[j] ^ codes[j]
+    return differ
+
+
+@njit()
 def rewire(
-    i: int, fresh: NDArray[np.uint8], codes: NDArray[np.uint8], rows: Words
+    i: int,
+    fresh: NDArray[np.uint8],
+    codes: NDArray[np.uint8],
+    rows: Words,
+    since: NDArray[np.uint32] | None,
+    tick: int,
 ) -> bool:
     """Bring one row of the codes, and the graph, up to date.
 
@@ -230,28 +256,37 @@ def rewire(
         fresh: ``(N,)``; the first `i` are what the codes are to be.
         codes: ``(i,)``, of the pairs of `i` with those before it; updated.
         rows: ``(2N, w)``, updated where codes change.
+        since: One a pair, of all rows: when its code last changed; updated. None:
+            nobody asks.
+        tick: Now; below ``2**32``.
 
     Returns:
         Whether any code changed.
     """
-    differ = np.uint8(0)
-    for j in range(codes.shape[0]):
-        differ |= fresh[j] ^ codes[j]
-    if differ == 0:
+    if difference(fresh, codes) == 0:
         return False
+    start = i * (i - 1) // 2
     for j in range(codes.shape[0]):
         flips = fresh[j] ^ codes[j]
         if flips:
             codes[j] = fresh[j]
-            for bit in range(4):
-                if (flips >> bit) & 1:
-                    # Bits 1, 2, 4, 8: sources i, j, i, i*; targets j, i, j*, j.
-                    a = 2 * (j if bit == 1 else i) + (bit == 3)
-                    b = 2 * (i if bit == 1 else j) + (bit == 2)
-                    rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
-                    a, b = b ^ 1, a ^ 1
-                    rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+            flip(i, j, flips, rows)
+            if since is not None:
+                since[start + j] = np.uint32(tick)
     return True
+
+
+@njit()
+def flip(i: int, j: int, flips: np.uint8, rows: Words) -> None:
+    """Set or clear the edges of some bits of the code of one pair."""
+    for bit in range(4):
+        if (flips >> bit) & 1:
+            # Bits 1, 2, 4, 8: sources i, j, i, i*; targets j, i, j*, j.
+            a = 2 * (j if bit == 1 else i) + (bit == 3)
+            b = 2 * (i if bit == 1 else j) + (bit == 2)
+            rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+            a, b = b ^ 1, a ^ 1
+            rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
 
 
 @njit()

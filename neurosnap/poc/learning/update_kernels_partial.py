@@ -29,6 +29,8 @@ def count_squares(
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
+    since: NDArray[np.uint32],
+    tick: int,
     spells: NDArray[np.uint32] | None = None,
     turns: NDArray[np.uint8] | None = None,
 ) -> bool:
@@ -54,6 +56,8 @@ def count_squares(
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
+        since: As of `neurosnap.poc.learning.update_kernels.rewire`.
+        tick: As there.
         spells: ``(2, 2N)``, where thresholds choose themselves: as
             `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
             threshold then is.
@@ -87,7 +91,7 @@ def count_squares(
         _judge(both, only_i, only_j, neither, age, share, spells, fresh)
         if spells is not None and turns is not None:
             withstand(i, turns[i], squares[:, start:stop], spells, now, fresh)
-        changed |= rewire(i, fresh, now, rows)
+        changed |= rewire(i, fresh, now, rows, since, tick)
     return changed
 
 
@@ -186,6 +190,8 @@ def discount_squares(
     threshold: NDArray[np.float64],
     codes: NDArray[np.uint8],
     rows: Words,
+    since: NDArray[np.uint32],
+    tick: int,
 ) -> bool:
     """Weigh in what is known of one observation, derive, truncate.
 
@@ -202,6 +208,8 @@ def discount_squares(
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
         rows: ``(2N, w)``, the derived graph, updated where codes change.
+        since: As of `neurosnap.poc.learning.update_kernels.rewire`.
+        tick: As there.
 
     Returns:
         Whether any code changed. O(N k) time for ``k`` known sensors.
@@ -225,7 +233,7 @@ def discount_squares(
             limit[:i] = threshold[start:stop]
         row = squares[:, start:stop]
         _discount(bits[i], known, row, keep, on, off, nothing, limit, shift, now, fresh)
-        changed |= rewire(i, fresh, now, rows)
+        changed |= rewire(i, fresh, now, rows, since, tick)
     return changed
 
 
