@@ -693,22 +693,21 @@ def decode(key: str, payload: bytes) -> Message:
         raise MessageError(
             f"{key}: must hold its own messages, got one for {message.key}"
         )
-    named = _named(message)
-    if named is not None and not is_part(named):
+    field = _NAMING.get(type(message))
+    if field is not None and not is_part(named := getattr(message, field)):
         rule = "must be of a part such as cell/3"
         raise MessageError(f"{key}: {rule}, got {named:.40}")
     return message
 
 
-def _named(message: Message) -> str | None:
-    """Return the part that a message names in a key of its own."""
-    match message:
-        case Fault(who=who) | Leave(who=who) | Recalled(who=who) | Band(who=who):
-            return who
-        case Reminder(to=to):
-            return to
-        case _:
-            return None
+_NAMING: dict[type[Message], str] = {
+    Fault: "who",
+    Leave: "who",
+    Recalled: "who",
+    Band: "who",
+    Reminder: "to",
+}
+"""The field in which a message names a part that stands in its key."""
 
 
 def is_part(who: str) -> bool:

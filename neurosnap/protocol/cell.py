@@ -112,24 +112,37 @@ class Cell:
         touched: dict[int, _Wave] = {}  # waves that owe a report
         for message in batch:
             try:
-                if isinstance(message, wire.Recall | wire.Reminder):
-                    self._look_back(message, out)
-                    continue
-                self._check(message)
+                self._take(message, touched, out)
             except MessageError as error:
                 out.append(wire.Fault(self._who, str(error)))
-                continue
-            match message:
-                case wire.Pulse():
-                    self._pulse(message, touched, out)
-                case wire.WaveStart():
-                    self._start(message, touched, out)
-                case wire.Observation():
-                    self._latch(message, touched, out)
-                case wire.Wiring():
-                    self._rewire(message, touched, out)
         self._report(touched, out)
         return out
+
+    def _take(
+        self, message: wire.Message, touched: dict[int, _Wave], out: list[wire.Message]
+    ) -> None:
+        """Take in a message that can be right.
+
+        Raises:
+            MessageError: It cannot; nothing has changed.
+        """
+        match message:
+            case wire.Pulse():  # first: there are by far the most
+                self._check_pulse(message)
+                self._pulse(message, touched, out)
+            case wire.WaveStart():
+                self._check_start(message)
+                self._start(message, touched, out)
+            case wire.Observation():
+                self._check_observation(message)
+                self._latch(message, touched, out)
+            case wire.Wiring():
+                self._check_wiring(message)
+                self._rewire(message, touched, out)
+            case wire.Recall() | wire.Reminder():
+                self._look_back(message, out)
+            case _:
+                raise MessageError(f"{wire.topic(message.key)}: is not for a cell")
 
     def _look_back(
         self, message: wire.Recall | wire.Reminder, out: list[wire.Message]
@@ -149,28 +162,12 @@ class Cell:
 
     # What cannot be right ------------------------------------------------------------
 
-    def _check(self, message: wire.Message) -> None:
-        """Refuse a message that cannot be right.
-
-        Raises:
-            MessageError: It cannot.
-        """
-        match message:
-            case wire.Pulse():
-                self._check_pulse(message)
-            case wire.WaveStart():
-                if message.cell not in (-1, self.cell):
-                    got = message.cell
-                    raise MessageError(f"wave: must be for this cell, got {got}")
-                check_start(message)
-                self._readings.check_tick("wave", message.tick)
-                self._check_wave("wave", message)
-            case wire.Observation():
-                self._check_observation(message)
-            case wire.Wiring():
-                self._check_wiring(message)
-            case _:
-                raise MessageError(f"{wire.topic(message.key)}: is not for a cell")
+    def _check_start(self, start: wire.WaveStart) -> None:
+        if start.cell not in (-1, self.cell):
+            raise MessageError(f"wave: must be for this cell, got {start.cell}")
+        check_start(start)
+        self._readings.check_tick("wave", start.tick)
+        self._check_wave("wave", start)
 
     def _check_pulse(self, pulse: wire.Pulse) -> None:
         if pulse.target not in self._targets:

@@ -6,7 +6,8 @@ comes with Python, and its processes hold nothing else. Prints one JSON object.
 - ``spawn N``: N processes, each with a session and one subscriber; `--memory` measures
   them once all are up.
 - ``ring N LAPS``: a message goes round N processes, each callback puts it on to the
-  next through a declared publisher: no queue, no decoding, no report.
+  next through a declared publisher: no queue, no decoding, no report. With `--reports`
+  each also puts a report, one process hears all reports, and another hears everything.
 - ``wave N WAVES --pulses P``: what a state wave exchanges, and no more: one message to
   all N processes, P from each to others, one from each once all of its own have come.
 
@@ -50,6 +51,7 @@ def main() -> None:
     parser.add_argument("laps", type=int, nargs="?", default=50)
     parser.add_argument("--memory", action="store_true")
     parser.add_argument("--pulses", type=int, default=4)
+    parser.add_argument("--reports", action="store_true")
     given = parser.parse_args()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
@@ -59,7 +61,7 @@ def main() -> None:
     elif given.what == "wave":
         measured = measure_waves(given.count, given.laps, given.pulses)
     else:
-        measured = measure_ring(given.count, given.laps)
+        measured = measure_ring(given.count, given.laps, reports=given.reports)
     print(json.dumps(measured))
 
 
@@ -77,15 +79,19 @@ def measure_spawn(count: int, *, memory: bool = False) -> dict[str, float]:
     return measured
 
 
-def measure_ring(count: int, laps: int) -> dict[str, float]:
+def measure_ring(count: int, laps: int, *, reports: bool = False) -> dict[str, float]:
     """Return the median seconds a hop of `laps` laps round `count` processes."""
     with _Family() as family:
-        endpoint = family.open_hub(count)
+        endpoint = family.open_hub(count + 2)
         up, say_up = _context.Pipe(duplex=False)
         line, line_end = _context.Pipe()
+        for keys in ("report/*", "**") if reports else ():
+            family.start(be_listener, endpoint, keys, say_up)
+            _await(up, 1)
         for number in range(count):
             end = line_end if number == 0 else None
-            family.start(be_relay, endpoint, number, count, laps, say_up, end)
+            start = (be_relay, endpoint, number, count, laps, reports)
+            family.start(*start, say_up, end)
         _await(up, count)
         line.send_bytes(b"go")
         took = json.loads(_await(line, 1))
@@ -186,11 +192,22 @@ def be_bare(endpoint: str, number: int, say_up: Connection) -> None:
     subscriber.undeclare()
 
 
+def be_listener(endpoint: str, keys: str, say_up: Connection) -> None:
+    """Hear all there is, as the coordinator hears reports, and the recorder all."""
+    _end_with_parent()
+    session = _open(endpoint)
+    callback = zenoh.handlers.Callback(_copy, indirect=False)
+    session.declare_subscriber(keys, callback)
+    say_up.send_bytes(b"1")
+    signal.pause()
+
+
 def be_relay(
     endpoint: str,
     number: int,
     count: int,
     laps: int,
+    reports: bool,
     say_up: Connection,
     line: Connection | None,
 ) -> None:
@@ -204,6 +221,9 @@ def be_relay(
 
     def relay(sample: zenoh.Sample) -> None:
         onward.put(sample.payload)
+        if reports:
+            key = f"report/{number}"
+            session.put(key, _REPORT, congestion_control=_BLOCK, attachment=_BESIDE)
 
     def count_lap(sample: zenoh.Sample) -> None:
         times.append(time.perf_counter())
@@ -315,6 +335,11 @@ def _open(endpoint: str) -> zenoh.Session:
 
 def _ignore(sample: zenoh.Sample) -> None:
     """Take in nothing."""
+
+
+def _copy(sample: zenoh.Sample) -> None:
+    """Copy a message out of Zenoh's hands, as whoever hears it must."""
+    sample.payload.to_bytes()
 
 
 def _end_with_parent() -> None:

@@ -175,11 +175,9 @@ class ZenohFabric:
             self._put(delivery)
 
     def _put(self, delivery: wire.Delivery) -> None:
-        key = self._prefix + delivery.key
+        key, put = self._prefix + delivery.key, self._session.put
         for payload, beside in pieces(delivery):
-            self._session.put(
-                key, payload, congestion_control=_BLOCK, attachment=beside
-            )
+            put(key, payload, congestion_control=_BLOCK, attachment=beside)
 
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None

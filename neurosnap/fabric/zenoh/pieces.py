@@ -7,7 +7,7 @@ one after the other, with one running number; whoever reads gets it whole.
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from neurosnap import wire
@@ -35,8 +35,8 @@ class Put(NamedTuple):
     beside: bytes
 
 
-def pieces(delivery: wire.Delivery) -> Iterator[Put]:
-    """Yield what a message is put as.
+def pieces(delivery: wire.Delivery) -> Sequence[Put]:
+    """Return what a message is put as.
 
     Raises:
         FabricError: No session would take it in.
@@ -46,12 +46,15 @@ def pieces(delivery: wire.Delivery) -> Iterator[Put]:
         if len(payload) > _WHOLE:
             rule = f"must have at most {_WHOLE:,} bytes, got {len(payload):,}"
             raise FabricError(f"message on {key}: {rule}")
-        yield Put(payload, _BESIDE.pack(number, sent))
-        return
+        return (Put(payload, _BESIDE.pack(number, sent)),)
     count = -(-len(payload) // _PIECE)
-    for index in range(count):
-        part = payload[index * _PIECE : (index + 1) * _PIECE]
-        yield Put(part, _BESIDE_A_PIECE.pack(number, sent, index, count))
+    return [
+        Put(
+            payload[index * _PIECE : (index + 1) * _PIECE],
+            _BESIDE_A_PIECE.pack(number, sent, index, count),
+        )
+        for index in range(count)
+    ]
 
 
 class Assembly:
