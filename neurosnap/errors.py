@@ -92,6 +92,10 @@ class AnswerLostError(PartDiedError):
     """Cells did not answer from their histories in time, however often asked."""
 
 
+class LearningLostError(PartDiedError):
+    """Workers that share the learning did not learn in time, however often told."""
+
+
 class RecordingError(NeurosnapError):
     """A recording cannot be read, is not one of ours, or cannot be written."""
 

@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 4
+SCHEMA = 5
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -573,6 +573,89 @@ class Reminder(_Message, frozen=True, tag="reminder"):
         return f"remind/{self.to}"
 
 
+class Learn(_Message, frozen=True, tag="learn", omit_defaults=True):
+    """What the workers learn now, where they share the learning.
+
+    Each learns the pairs of its share of the sensors. That it is said by the
+    coordinator, and not taken from the observation, makes everybody learn the same: a
+    refused observation is learned by nobody.
+    """
+
+    tick: Natural
+    """That of the observation. What is learned already is not learned again, and
+    answered again."""
+    bits: bytes = b""
+    """As in the observation."""
+    known: bytes = b""
+    """Likewise."""
+    paused: bool = False
+    """Likewise: nothing is learned."""
+    frame: Natural = 0
+    """The tick of a key-frame that they send the bands of, before they answer; that is
+    the tick learned last. 0: none."""
+    begins: bytes = b""
+    """In a run that goes on, until they have learned something: the snapshot of its
+    first key-frame, for those who know of nothing but the bands behind that."""
+    sources: Naturals = ()
+    """Literals: what spoke for these implications, and against them, before this was
+    learned?"""
+    targets: Naturals = ()
+    """What each of them implies."""
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return "learn"
+
+
+class Learned(_Message, frozen=True, tag="learned", omit_defaults=True):
+    """What a worker's learning changed in the order, and what it was asked for.
+
+    Of a row, the pairs of one sensor with those before it, in which much changes, all
+    codes are sent, two a byte; of others the pairs that do. In pieces where it is much.
+    """
+
+    worker: Natural
+    """The worker's number."""
+    tick: Natural
+    """That of what it has learned."""
+    frame: Natural = 0
+    """The tick of a key-frame of which its bands went before; 0: none was asked for."""
+    part: Natural = 0
+    """Which piece this is, from 0."""
+    parts: Numbered = 1
+    """How many there are."""
+    rows: bytes = b""
+    """The sensors of whole rows, as `numbers`."""
+    codes: bytes = b""
+    """Their codes, row after row: the first in the lower half of the first byte; each
+    row begins a byte."""
+    latter: bytes = b""
+    """The latter sensors of single pairs, as `numbers`."""
+    former: bytes = b""
+    """Their former sensors, as `numbers`."""
+    single: bytes = b""
+    """Their codes, a byte each."""
+    places: Naturals = ()
+    """Which of the implications asked for are of its pairs; in the last piece."""
+    support: tuple[float, ...] = ()
+    """What spoke for each."""
+    against: tuple[float, ...] = ()
+    """What spoke against each."""
+    since: Naturals = ()
+    """When what relates the two last changed."""
+
+    @property
+    def sender(self) -> str:
+        """Who sent it."""
+        return f"worker/{self.worker}"
+
+    @property
+    def key(self) -> str:
+        """Where it travels, below the swarm's prefix."""
+        return f"learned/worker/{self.worker}"
+
+
 class Fault(_Message, frozen=True, tag="fault"):
     """Somebody met a message that is bad or unexpected, and dropped it."""
 
@@ -629,6 +712,8 @@ Message: TypeAlias = (
     | Recalled
     | Reminder
     | Band
+    | Learn
+    | Learned
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -652,6 +737,8 @@ TOPICS: dict[str, type[Message]] = {
     "recalled": Recalled,
     "remind": Reminder,
     "band": Band,
+    "learn": Learn,
+    "learned": Learned,
 }
 """The first chunk of every key, and what travels there."""
 
@@ -724,7 +811,7 @@ def topic(key: str) -> str:
 
 
 COORDINATOR_KEYS = (
-    *("observe", "settle/**", "tally/**", "recalled/**"),
+    *("observe", "settle/**", "tally/**", "recalled/**", "learned/**"),
     *("fault/**", "leave/**"),
 )
 """The key expressions a coordinator listens to."""
@@ -743,8 +830,14 @@ def worker_keys(worker: int | str) -> tuple[str, ...]:
     return ("observe", *told, "wave", "recall", f"burst/{worker}/**")
 
 
+LEARNING_KEYS = ("learn", "band/coordinator")
+"""What a worker listens to besides, where workers share the learning."""
+
+
 _BETWEEN = frozenset({"excite", "inhibit", "burst"})
-_OF_MANY = _BETWEEN | {"settle", "tally", "recalled", "band", "fault", "leave"}
+_OF_MANY = _BETWEEN | {
+    *("settle", "tally", "recalled", "band", "learned", "fault", "leave")
+}
 
 
 def said_by(who: str, topic: str) -> str:

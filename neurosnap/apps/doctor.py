@@ -156,7 +156,7 @@ def check_platform() -> list[Finding]:
 def check_files() -> list[Finding]:
     """Compare the limit of open files with what the supervisor asks for."""
     from neurosnap.errors import SwarmError
-    from neurosnap.runtime.supervisor import allow_files
+    from neurosnap.runtime.starting.child_processes import allow_files
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     mend, ok = "", True

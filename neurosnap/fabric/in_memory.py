@@ -3,8 +3,8 @@
 Without a seed every message is delivered in the order it was published. With a seed the
 hub draws which link delivers next, so that messages of different senders overtake each
 other while each link keeps its own order, as the protocol promises; it can also repeat
-and lose messages, keep parts waiting and cut links. What is lost is counted, and leaves
-the trace the protocol promises: a gap in the sender's numbers.
+and lose messages, be slow on some links and cut others. What is lost is counted, and
+leaves the trace the protocol promises: a gap in the sender's numbers.
 
 The hub is synchronous. Simulations call `step` themselves; where a loop is running, the
 hub delivers as part of it.
@@ -31,7 +31,7 @@ from neurosnap.fabric.protocol import (
 )
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
-_TRIES = 4  # draws after which even a slow part gets what is for it
+_TRIES = 4  # draws after which even a slow link delivers
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Faults:
     """The probability that a message does not arrive at one of its receivers."""
     spared: frozenset[tuple[str, str]] = frozenset()
     """Links, sender and receiver, that `drop` leaves alone."""
-    slow: frozenset[str] = frozenset()
-    """Parts that mostly get what is for them when nobody else has anything waiting."""
+    slow: frozenset[tuple[str, str]] = frozenset()
+    """Links that mostly deliver only when no other has anything waiting."""
 
 
 @functools.lru_cache(maxsize=1 << 16)
@@ -160,7 +160,7 @@ class MemoryHub:
         """
         for _ in range(_TRIES):
             self._queue.rotate(chance.randrange(len(self._queue)))
-            if self._queue[0][1] not in self._faults.slow:
+            if self._queue[0] not in self._faults.slow:
                 return
 
     def _hand_over(self, receiver: str, delivery: wire.Delivery) -> None:

@@ -71,10 +71,11 @@ class Fabric(Protocol):
         ...
 
     async def confirm(self) -> None:
-        """Wait until every message that is published from now on comes here.
+        """Wait until every message published on this hub from now on comes here.
 
         A declaration takes its time to the hub. Who waits for another part's presence
-        need not ask for this: what that part declared before is in force by then.
+        need not ask for this: what that part declared before is in force by then, on
+        the waiting part's hub too if that is another.
 
         Raises:
             FabricError: The hub does not answer.

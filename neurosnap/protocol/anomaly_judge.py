@@ -48,16 +48,19 @@ class AnomalyJudge:
         self,
         observation: wire.Observation,
         snapshot: Snapshot,
+        weighs: bool,
         bits: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
         history: History | None,
         totals: Totals,
-    ) -> list[wire.Message]:
-        """Return what is to be said of an observation that is not learned yet.
+    ) -> wire.Anomaly | None:
+        """Return what is to be said of an observation that is not learned yet, if any.
 
         Args:
             observation: It; what is paused counts for no occasion.
             snapshot: What was learned before it.
+            weighs: Whether it knows what spoke for and against implications; else
+                that is left out.
             bits: ``(N,)``: its readings.
             known: ``(N,)``: which of them are known; None: all.
             history: The readings before it, in a run whose sensors grow.
@@ -69,18 +72,18 @@ class AnomalyJudge:
             snapshot.poc_graph(),
             bits,
             known,
-            snapshot,
+            snapshot if weighs else None,
             read if self._support else None,
         )
         if self._history is not None:
             counted = np.zeros_like(bits) if observation.paused else known
             self._history.enter(bits, counted)
         if found is None:
-            return []
+            return None
         said = announcement(found, snapshot.sensorium)
         totals.anomalies += 1
         totals.told += with_support(said, self._support) is not None
-        return [said]
+        return said
 
     def rename(self, sensorium: Sensorium) -> None:
         """Go on with other names for the same sensors: one of them was grown."""

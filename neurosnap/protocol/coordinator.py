@@ -17,14 +17,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Self
 
+import msgspec
 import numpy as np
 
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
+from neurosnap.poc.learning.bands import count_of, head_of
 from neurosnap.poc.learning.search import answered
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
 from neurosnap.protocol.key_frames import snapshot_of, with_snapshot
+from neurosnap.protocol.learn_control import LearnControl, to_weigh
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
@@ -33,7 +36,7 @@ from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack, selection
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -74,6 +77,8 @@ class Coordinator:
             that it lacks it, as runs did before.
         bounded: Whether there is a bound on the search for what is wrong; before, there
             was none on a part of it.
+        shares: The sensors whose pairs with those before them each worker learns;
+            empty: the snapshot does all of that.
     """
 
     def __init__(
@@ -93,10 +98,16 @@ class Coordinator:
         recall: bool = True,
         remind: bool = True,
         bounded: bool = True,
+        shares: Sequence[range] = (),
     ) -> None:
         self.totals = Totals()
         self.finished = False
+        if shares and len(snapshot.share):
+            snapshot = snapshot.without_pairs()
         self._snapshot = snapshot
+        # What workers that share the learning go on from, until they have learned.
+        self._begins = b""
+        self._passed_on: list[wire.Band] = []
         self._policy = policy
         self._memory = memory
         self._wiring: WiringKind = wiring
@@ -107,10 +118,12 @@ class Coordinator:
         self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
         self._recalls = recall
         self._reminds = recall and remind
-        self._graph: PocGraph = snapshot.poc_graph()
+        self._graph: PocGraph = self._snapshot.poc_graph()
+        self._learning = LearnControl(shares, repeats)
+        self._anomaly: wire.Anomaly | None = None  # to be told once that is
         self._tick = 0
         self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
-        self._regrown = False  # the graph changed behind the last observation
+        self._changed = False  # whether the graph did since the last wiring
         self._known = b""  # which readings of the last observation were known
         self._grows = memory is not None and memory.body.room > 0
         self._judge: AnomalyJudge | None = None
@@ -127,6 +140,7 @@ class Coordinator:
         self._deliberation: Deliberation  # of the tick under way
         self._search: Search[None]  # for what to grow, in the tick under way
         self._stopping = False
+        self._ending = False  # waits for the last words of workers that learn
         self._next_decision = wire.Decision(0, -1, "the run begins")
 
     @classmethod
@@ -147,21 +161,26 @@ class Coordinator:
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
-        memory = options.new_memory()
+        memory, shares = options.new_memory(), options.learning_shares
+        if frame is not None:
+            snapshot = snapshot_of(frame, bands)
+        else:
+            snapshot = options.new_snapshot(range(0) if shares else None)
         core = cls(
-            options.new_snapshot() if frame is None else snapshot_of(frame, bands),
+            snapshot,
             options.policy_with(memory),
             None if memory.is_empty else memory,
             wiring=options.wiring,
             ticks=options.ticks,
             keyframe_every=options.keyframe_every,
-            band=options.band,
+            band=options.largest_band if shares else options.band,
             workers=options.sharing,
             hold=options.hold if options.watch else None,
             support=options.support,
             recall=options.recall,
             remind=options.remind,
             bounded=options.bounded,
+            shares=shares,
         )
         if frame is not None:
             core._start_at(frame)
@@ -202,8 +221,16 @@ class Coordinator:
 
     @property
     def snapshot(self) -> Snapshot:
-        """What has been learned."""
+        """What has been learned; without the pairs, where workers share them."""
         return self._snapshot
+
+    def pass_on(self, bands: Iterable[wire.Band]) -> None:
+        """Let `begin` tell workers that share the learning what they go on from.
+
+        Args:
+            bands: Of the tick that the run is at.
+        """
+        self._passed_on = [msgspec.structs.replace(band, who=_WHO) for band in bands]
 
     @property
     def memory(self) -> AgentMemory | None:
@@ -222,10 +249,14 @@ class Coordinator:
 
     @property
     def in_flight(self) -> tuple[int, ...]:
-        """What has not come to its end: waves by number, a question as its -round."""
+        """What has not come to its end.
+
+        Waves by number; a question as its -round; and 0, if the workers learn.
+        """
         recall = self._recall.recall
         asked = () if recall is None else (-recall.round,)
-        return *self._control.in_flight, *asked
+        learning = () if self._learning.under_way is None else (0,)
+        return *self._control.in_flight, *asked, *learning
 
     @property
     def questions(self) -> RecallControl:
@@ -235,7 +266,15 @@ class Coordinator:
     def begin(self) -> list[wire.Message]:
         """Open the run, or go on with one from a key-frame: ask for an observation."""
         first = self._keyframe() if self._tick else self._control.rewire_whole()
-        return [*first, self._next_decision]
+        self._learning.forget()
+        for frame in first:
+            if isinstance(frame, wire.KeyFrame):
+                self.begin_with(frame)
+        return [*first, *self._passed_on, self._next_decision]
+
+    def begin_with(self, frame: wire.KeyFrame) -> None:
+        """Let workers that share the learning go on from a key-frame that was said."""
+        self._begins = frame.snapshot if self._learning.shares else b""
 
     def begin_rewired(self) -> list[wire.Message]:
         """Go on as runs did before they could start from key-frames: rewire the cells.
@@ -252,7 +291,7 @@ class Coordinator:
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
         self._ticks = ticks
-        self.finished = self._stopping = False
+        self.finished = self._stopping = self._ending = False
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
         """Take in one message and return what is to be sent for it, in order.
@@ -268,6 +307,8 @@ class Coordinator:
                 return self._settle(message)
             case wire.Recalled():
                 return self._hear(message)
+            case wire.Learned():
+                return self._take_learned(message)
             case wire.Fault():  # anybody's: its own come back to it, too
                 self.totals.faults += 1
                 return []
@@ -285,7 +326,10 @@ class Coordinator:
         Raises:
             WaveLostError: A wave was sent often enough.
             AnswerLostError: A question was.
+            LearningLostError: What to learn was.
         """
+        if not number:
+            return [*self._passed_on, *self._learning.repeat()]
         if number < 0:
             return self._recall.repeat()
         messages = self._control.repeat(number, self._signal)
@@ -296,12 +340,12 @@ class Coordinator:
     def stop(self) -> list[wire.Message]:
         """End the run after the tick under way, if there is one."""
         self._stopping = True
-        if self.finished or self._signal:
+        if self.finished or self._ending or self._signal:
             return []
         return self._finish()
 
     def _observe(self, observation: wire.Observation) -> list[wire.Message]:
-        if self.finished or self._stopping:
+        if self.finished or self._stopping or self._ending:
             return []
         expected = self._tick + 1
         if observation.tick != expected or self._signal:
@@ -317,34 +361,61 @@ class Coordinator:
         if observation.paused and self._grows:
             rule = "must not be paused in a run that grows sensors"
             return [_fault(f"observe: {rule}, got tick {observation.tick}")]
-        messages: list[wire.Message] = []
+        said: wire.Anomaly | None = None
         if self._judge is not None:
             history = None if self._memory is None else self._memory.history
-            messages = self._judge.judge(
-                observation, self._snapshot, bits, known, history, self.totals
-            )
+            weighs = not self._learning.shares
+            step = observation, self._snapshot, weighs, bits, known, history
+            said = self._judge.judge(*step, self.totals)
         self._known = observation.known
         if self._memory is not None:
             # Nobody saw what the action would have led to.
             action = -1 if observation.cut else self._next_decision.action
-            step = action, observation.begins, self._snapshot.state
+            before = action, observation.begins, self._snapshot.state
             believed = self._snapshot.poc_graph()
             self._search = self._memory.observe(
-                *step, believed, bits, known, self._snapshot
+                *before, believed, bits, known, self._snapshot
             )
-        changed = False
         if observation.paused:
             self._snapshot.skip()
         else:
-            changed = self._snapshot.learn(bits, known)
-        changed, self._regrown = changed or self._regrown, False
+            self._changed |= self._snapshot.learn(bits, known)
+        self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
+        if self._learning.shares:
+            self._anomaly = said
+            return self._learning.ask(_to_learn(observation, said, self._begins))
+        return self._follow(said)
+
+    def _take_learned(self, message: wire.Learned) -> list[wire.Message]:
+        """Take in what a worker learned; go on once all have."""
+        learn = self._learning.under_way
+        try:
+            pairs = self._learning.receive(message)
+        except MessageError as error:
+            return [_fault(str(error))]
+        if pairs is None or learn is None:
+            return []
+        if not learn.frame:  # else they say once more what is known
+            self._changed |= self._snapshot.relate(*pairs)
+        if self._learning.under_way is not None:
+            return []
+        self._begins, self._passed_on = b"", []
+        if learn.frame:
+            self.finished = self._ending
+            return [] if self.finished else [self._next_decision]
+        said, self._anomaly = self._anomaly, None
+        return self._follow(None if said is None else self._learning.weighed(said))
+
+    def _follow(self, said: wire.Anomaly | None) -> list[wire.Message]:
+        """Let the wiring follow what was learned, and the state wave begin."""
+        messages: list[wire.Message] = [] if said is None else [said]
+        changed, self._changed = self._changed, False
         if changed:
             self._graph = self._snapshot.poc_graph()
         if changed or self._control.is_forgotten:
             messages += self._control.follow(self._graph, self._wiring)
-        self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
-        start = self._control.start("state", observation.tick, seeds=len(self._signal))
-        return [*messages, *start]
+        tick, seeds = self._tick + 1, len(self._signal)
+        return [*messages, *self._control.start("state", tick, seeds=seeds)]
 
     def _settle(
         self, report: wire.CellReport | wire.WorkerReport
@@ -452,9 +523,11 @@ class Coordinator:
         self.totals.waves = self._control.waves
         if self._stopping or tick == self._ticks:
             return self._finish()
-        if tick % self._keyframe_every == 0:
-            return [*self._keyframe(), self._next_decision]
-        return [self._next_decision]
+        if tick % self._keyframe_every:
+            return [self._next_decision]
+        if self._learning.shares:
+            return [*self._keyframe(), *self._learning.ask_bands(tick, b"")]
+        return [*self._keyframe(), self._next_decision]
 
     def _grown(self, tick: int, action: int, why: str) -> wire.Decision:
         """Return the decision, once all is as it says: a sensor grown, or retired.
@@ -467,7 +540,7 @@ class Coordinator:
         decision = wire.Decision(tick, action, why, **memory.changes)
         if memory.follow(decision, self._snapshot):
             self._policy.grow(memory.body)
-            self._regrown = True
+            self._changed = True
             self._count_grown()
             if self._judge is not None:
                 self._judge.rename(self._snapshot.sensorium)
@@ -523,11 +596,39 @@ class Coordinator:
             told=self.totals.told,
             history=history,
         )
-        return [*with_snapshot(frame, self._snapshot, self._band, _WHO)]
+        shares = self._learning.shares
+        if not shares:
+            return [*with_snapshot(frame, self._snapshot, self._band, _WHO)]
+        head, bands = (
+            head_of(self._snapshot),
+            count_of(self._snapshot, self._band, shares),
+        )
+        return [msgspec.structs.replace(frame, snapshot=head, bands=bands)]
 
     def _finish(self) -> list[wire.Message]:
+        """End: at once, or when the workers that learn have sent their bands."""
+        if self._tick and self._learning.shares:
+            self._ending = True
+            ask = self._learning.ask_bands(self._tick, self._begins)
+            return [*self._keyframe(), *ask]
         self.finished = True
         return self._keyframe() if self._tick else []
+
+
+def _to_learn(
+    observation: wire.Observation, said: wire.Anomaly | None, begins: bytes
+) -> wire.Learn:
+    """Return what tells the workers to learn an observation."""
+    sources, targets = ((), ()) if said is None else to_weigh(said)
+    return wire.Learn(
+        tick=observation.tick,
+        bits=observation.bits,
+        known=observation.known,
+        paused=observation.paused,
+        begins=begins,
+        sources=sources,
+        targets=targets,
+    )
 
 
 def _fault(what: str) -> wire.Fault:

@@ -1,6 +1,6 @@
 """Puts a snapshot into a key-frame, or into one and the bands that follow it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
@@ -25,13 +25,18 @@ def with_snapshot(
     if not most or count * (count - 1) // 2 <= most:
         yield msgspec.structs.replace(frame, snapshot=snapshot.to_bytes())
         return
-    bands = [
-        wire.Band(who, frame.tick, part.array, part.offset, part.data)
-        for part in stretches_of(snapshot, most)
-    ]
+    bands = [*bands_of(snapshot, frame.tick, most, who)]
     head = head_of(snapshot)
     yield msgspec.structs.replace(frame, snapshot=head, bands=len(bands))
     yield from bands
+
+
+def bands_of(
+    snapshot: Snapshot, tick: int, most: int, who: str, shares: Sequence[range] = ()
+) -> Iterator[wire.Band]:
+    """Yield the bands of a key-frame; see `stretches_of`."""
+    for part in stretches_of(snapshot, most, shares):
+        yield wire.Band(who, tick, part.array, part.offset, part.data)
 
 
 def snapshot_of(frame: wire.KeyFrame, bands: Iterable[wire.Band] = ()) -> Snapshot:

@@ -75,7 +75,7 @@ def check_start(start: wire.WaveStart) -> None:
         raise MessageError(f"wave: {rule}, got all below {start.settled_below}")
 
 
-def check_readings(observation: wire.Observation) -> None:
+def check_readings(observation: wire.Observation | wire.Learn) -> None:
     """Refuse an observation whose two masks contradict each other.
 
     An observation without any known reading is refused, too: it would start no wave.

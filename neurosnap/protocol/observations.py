@@ -8,7 +8,7 @@ from neurosnap.sensorium import unpack
 
 
 def readings(
-    observation: wire.Observation, count: int
+    observation: wire.Observation | wire.Learn, count: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
     """Return what the sensors read, and of which of them that is known.
 

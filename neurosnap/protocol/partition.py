@@ -1,5 +1,6 @@
 """The partition of cells over workers, and the names of the parts."""
 
+import math
 from itertools import pairwise
 
 from neurosnap.errors import InvalidValueError
@@ -28,6 +29,27 @@ def shares(cells: int, workers: int) -> list[range]:
     size, longer = divmod(cells, workers)
     starts = [size * worker + min(worker, longer) for worker in range(workers + 1)]
     return [range(*pair) for pair in pairwise(starts)]
+
+
+def learning_shares(sensors: int, workers: int) -> list[range]:
+    """Divide the pairs of sensors among `workers`, as evenly as whole rows can be.
+
+    A row is the pairs of a sensor with those before it, so the first worker has the
+    most rows.
+
+    Args:
+        sensors: How many sensors there are.
+        workers: How many share them; at least 1.
+
+    Returns:
+        The sensors of each worker, ascending; some may have none.
+
+    Example:
+        >>> learning_shares(10, 2)
+        [range(0, 7), range(7, 10)]
+    """
+    ends = [round(sensors * math.sqrt(k / workers)) for k in range(workers + 1)]
+    return [range(*pair) for pair in pairwise(ends)]
 
 
 def hosts(cells: int, workers: int) -> list[str]:

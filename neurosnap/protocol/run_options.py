@@ -17,7 +17,8 @@ from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )
 from neurosnap.protocol.option import option
-from neurosnap.protocol.partition import hosts, shares
+from neurosnap.protocol.partition import hosts, learning_shares, shares
+from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import LARGEST_KEYFRAME
 
@@ -27,12 +28,14 @@ its header."""
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
 HostChoice: TypeAlias = Literal["auto", "process", "worker"]
+LearningKind: TypeAlias = Literal["coordinator", "spread"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
 AUTO_CELLS: Literal["auto"] = "auto"
 FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
 
 _BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not counted
+_BAND = 1 << 20  # numbers
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
 
 Ticks: TypeAlias = Annotated[
@@ -135,6 +138,15 @@ Workers: TypeAlias = Annotated[
         "With cells in workers: how many processes share them.",
         default="2, or as many as there are cells",
         ge=1,
+    ),
+]
+Learning: TypeAlias = Annotated[
+    LearningKind,
+    option(
+        "Who learns. Coordinator: one process keeps the weights of all pairs of sensors."
+        " Spread: the workers share the pairs, so that they fit on several machines; for"
+        " cells in workers, and sensors that do not grow. What is learned is the same.",
+        flag="learning",
     ),
 ]
 Wiring: TypeAlias = Annotated[
@@ -253,6 +265,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     wiring: Wiring = "hasse"
     cells: CellKind = "process"
     workers: Workers = 2
+    learning: Learning = "coordinator"
     keyframe_every: KeyframeEvery = 1000
     split: Split = 0
     keep: Keep = 0
@@ -278,7 +291,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     retires_covered: bool = True
     """Whether a grown sensor retires where several others did as much. In recordings
     from before, which do not say so, none did."""
-    band: int = 1 << 20
+    band: int = _BAND
     """Numbers that travel in one band of a key-frame, at most: of so many pairs, and
     more, the weights follow it in bands. In recordings from before, which do not say
     so, none did."""
@@ -298,6 +311,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             # Whoever goes on after a death does all of them again.
             rule = "must go with a source that takes no actions"
             raise InvalidValueError("keep", rule, self.keep)
+        if self.learning == "spread" and self.cells != "worker":
+            rule = "must go with cells in workers (worker)"
+            raise InvalidValueError("learning", rule, f"spread with {self.cells}")
+        if self.learning == "spread" and self.body.room:
+            rule = "must be coordinator where sensors grow"
+            raise InvalidValueError("learning", rule, self.learning)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -381,8 +400,33 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         """Whether it is counted on how many occasions an implication held."""
         return self.watch and self.support > 0
 
-    def new_snapshot(self) -> Snapshot:
+    @property
+    def learning_shares(self) -> list[range]:
+        """The sensors whose pairs with those before them each worker learns.
+
+        Empty where the coordinator learns.
+        """
+        if self.learning == "coordinator":
+            return []
+        return learning_shares(len(self.sensors), self.sharing)
+
+    def new_worker_learning(self, worker: int) -> WorkerLearning | None:
+        """Return what a worker learns when the run starts; None: nothing."""
+        if not (shares := self.learning_shares):
+            return None
+        snapshot = self.new_snapshot(shares[worker])
+        return WorkerLearning(worker, snapshot, shares, self.largest_band)
+
+    @property
+    def largest_band(self) -> int:
+        """Numbers in a band at most, where there are bands whatever the size."""
+        return self.band or _BAND
+
+    def new_snapshot(self, share: range | None = None) -> Snapshot:
         """Return the snapshot the run starts with.
+
+        Args:
+            share: As of `Snapshot`.
 
         Raises:
             InvalidValueError: The threshold or the decay is out of range, or a decay is
@@ -390,11 +434,11 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         """
         sensorium = Sensorium(self.sensors)
         if self.snapshot == "discounted":
-            return DiscountedSnapshot(sensorium, **self.in_force)
+            return DiscountedSnapshot(sensorium, **self.in_force, share=share)
         if self.decay is not None:
             rule = "must go with a discounted snapshot only"
             raise InvalidValueError("decay", rule, self.decay)
-        return EmpiricalSnapshot(sensorium, **self.in_force)
+        return EmpiricalSnapshot(sensorium, **self.in_force, share=share)
 
     @property
     def in_force(self) -> dict[str, Any]:

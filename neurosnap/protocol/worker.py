@@ -37,6 +37,7 @@ from neurosnap.protocol.worker_kernels import (
     outgoing,
     spread,
 )
+from neurosnap.protocol.worker_learning import WorkerLearning
 
 _HELD = 1 << 24  # pulses that may wait for what their waves take
 _BURSTS = 1 << 17  # a worker remembers of all waves together
@@ -73,14 +74,21 @@ class Worker:
     Args:
         worker: Its number.
         hosted: The cells of every worker, ascending, without a gap.
+        learning: What it learns, where workers share the learning; None: nothing.
     """
 
-    def __init__(self, worker: int, hosted: Sequence[range]) -> None:
+    def __init__(
+        self,
+        worker: int,
+        hosted: Sequence[range],
+        learning: WorkerLearning | None = None,
+    ) -> None:
         self.worker = worker
         self._who = f"worker/{worker}"
         self._hosted = hosted
         self._cells = hosted[worker]
         self._edges = WorkerEdges(hosted, worker)
+        self._learning = learning
         self._epoch = 0
         self._wired = True
         # The literals that were on, of the cells whose reading is known.
@@ -130,6 +138,15 @@ class Worker:
                 out += self._history.answer(message)
             case wire.Reminder():
                 self._history.take(message)
+            case _ if self._learning is None:
+                raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
+            case wire.Learn():
+                if message.bits:  # the observation itself may have been lost
+                    self._check_observation(message)
+                    self._latch(message)
+                out += self._learning.learn(message)
+            case wire.Band():
+                self._learning.take_band(message)
             case _:
                 raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
 
@@ -258,7 +275,7 @@ class Worker:
 
     # What the coordinator and the world say ------------------------------------------
 
-    def _check_observation(self, observation: wire.Observation) -> None:
+    def _check_observation(self, observation: wire.Observation | wire.Learn) -> None:
         size = (self._hosted[-1].stop + 7) // 8
         if len(observation.bits) != size:
             got = f"got {len(observation.bits)}"
@@ -266,7 +283,7 @@ class Worker:
         check_readings(observation)
         self._readings.check_tick("observe", observation.tick)
 
-    def _latch(self, observation: wire.Observation) -> None:
+    def _latch(self, observation: wire.Observation | wire.Learn) -> None:
         if observation.tick in self._readings:
             return
         cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)

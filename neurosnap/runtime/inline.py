@@ -206,7 +206,8 @@ class _Inline:
         if not workers:
             return lambda fabric: run_cell(number, fabric, self._leave)
         hosted = shares(len(self._options.sensors), workers)
-        return lambda fabric: run_worker(number, hosted, fabric, self._leave)
+        learning = self._options.new_worker_learning(number)
+        return lambda fabric: run_worker(number, hosted, fabric, self._leave, learning)
 
     async def _world(self, fabric: MemoryFabric) -> None:
         body = self._options.body

@@ -1,4 +1,4 @@
-"""Launches a swarm, one process per part, and ends it in order.
+"""Launches a swarm, part by part, and ends it in order.
 
 The order of starting is hub, recorder, coordinator, world, cells; that of ending is
 coordinator, world and cells, recorder, hub, so that the recorder receives the last
@@ -23,6 +23,7 @@ from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.health.news import Standing
 from neurosnap.protocol.partition import hosts
 from neurosnap.protocol.resume_point import ResumePoint, first_number
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import PRIVATE, Network
@@ -33,7 +34,9 @@ from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.registry import noted
-from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
+from neurosnap.runtime.starting.child_processes import ChildProcesses
+from neurosnap.runtime.starting.starter import Starter
+from neurosnap.runtime.supervisor import RunningPart, Supervisor
 
 _SERVICES = 5  # hub, recorder, coordinator, world, status publisher
 _GRACE = 10.0  # seconds a part may take to end
@@ -53,6 +56,8 @@ class Plan:
     hub the coordinator is ready once it knows that no other swarm has its id."""
     workers: int = 0
     """How many processes share the cells; 0: every cell is one."""
+    learning: RunOptions | None = None
+    """The run whose learning they share, too; None: they do not."""
     world: Job | None = None
     """The world's job, where there is one."""
     status: Job | None = None
@@ -74,6 +79,8 @@ class Plan:
     elsewhere: frozenset[str] = frozenset()
     """The names of the parts that are started elsewhere. If the recorder is one, the
     coordinator waits for it, too."""
+    starter: Callable[[], Starter] = ChildProcesses
+    """Makes what starts all other parts."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +92,7 @@ class Ending:
     completeness: Completeness | None
     """The recording's balance; None where nothing was recorded."""
     seconds: float
-    """From the start of the first process until the coordinator was done."""
+    """From the start of the first part until the coordinator was done."""
     stopped: bool
     """It was asked to stop before it was done."""
     lost: int = 0
@@ -128,8 +135,11 @@ async def run_processes(
         # taken.
         endpoint = f"unixsock-stream/{folder}/hub"
         plan.network.check(*_parts_here(plan))
-        async with Supervisor() as supervisor:
-            launch = _Launch(plan, supervisor, endpoint, folder)
+        starter = plan.starter()
+        async with Supervisor(starter) as supervisor:
+            located = starter.located or bool(plan.elsewhere)
+            connections = Connections(plan.network, endpoint, located=located)
+            launch = _Launch(plan, supervisor, connections, folder)
             heard = _Heard(supervisor, on_progress, on_change, on_health)
             reporting = asyncio.create_task(heard.pass_on(), name="launch/progress")
             source = plan.metadata.get("source", "")
@@ -147,15 +157,17 @@ class _Launch:
     """One run of a plan."""
 
     def __init__(
-        self, plan: Plan, supervisor: Supervisor, endpoint: str, folder: str
+        self,
+        plan: Plan,
+        supervisor: Supervisor,
+        connections: Connections,
+        folder: str,
     ) -> None:
         self._plan = plan
         self._supervisor = supervisor
-        self._connections = Connections(
-            plan.network, endpoint, located=bool(plan.elsewhere)
-        )
+        self._connections = connections
         self._folder = folder
-        self._recorder: Child | None = None
+        self._recorder: RunningPart | None = None
         self.swarm = plan.swarm or new_swarm_id()
         self._hosts = hosts(plan.cells, plan.workers)
 
@@ -170,6 +182,7 @@ class _Launch:
         if self._plan.network.connect and not await self._connections.await_hub(stop):
             raise NothingBegunError("swarm: must reach its hub, got a stop request")
         try:
+            await self._supervisor.make_room(_parts_here(self._plan), stop)
             await self._start_hub(stop)
             coordinator, world, recorder = await self._start_parts(stop)
             ends = (
@@ -195,10 +208,9 @@ class _Launch:
         return Ending(_result(coordinator), completeness, ended - began, stopped, lost)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
-        sessions = len(self._hosts) + _SERVICES
-        allow_files(sessions)
         if self._plan.network.connect:
             return
+        sessions = len(self._hosts) + _SERVICES
         hub = await self._supervisor.start(
             HubJob(sessions, self._folder, self._plan.network.audit),
             self._connection("hub"),
@@ -207,7 +219,7 @@ class _Launch:
 
     async def _start_parts(
         self, stop: asyncio.Event
-    ) -> tuple[Child, Child | None, Child | None]:
+    ) -> tuple[RunningPart, RunningPart | None, RunningPart | None]:
         """Start the coordinator, the world and the recorder, and then the cells.
 
         The cells are started to the last even if `stop` is set meanwhile: a recording
@@ -257,7 +269,7 @@ class _Launch:
         plan = self._plan
         if not plan.workers:
             return CellJob(number)
-        return WorkerJob(number, plan.cells, plan.workers)
+        return WorkerJob(number, plan.cells, plan.workers, plan.learning)
 
     async def _end(self) -> list[str]:
         """End everything in order; return who had to be killed.
@@ -299,11 +311,11 @@ def _parts_here(plan: Plan) -> set[str]:
     return services.union(hosts(plan.cells, plan.workers)) - plan.elsewhere
 
 
-def _result(child: Child) -> bytes:
-    """Return the result that a child reported."""
-    if child.result is None:
-        raise SwarmError(f"{child.process.name}: must report a result, got none")
-    return child.result
+def _result(part: RunningPart) -> bytes:
+    """Return the result that a part reported."""
+    if part.result is None:
+        raise SwarmError(f"{part.who}: must report a result, got none")
+    return part.result
 
 
 class _Heard:

@@ -8,7 +8,7 @@ memory, in the coordinator or, inline, in the one process there is.
 import math
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.runtime.supervisor import allow_files
+from neurosnap.runtime.starting.child_processes import allow_files
 from neurosnap.system.resources import (
     BYTES_A_CELL,
     BYTES_A_PAIR,

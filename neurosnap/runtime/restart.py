@@ -29,6 +29,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.launch import new_swarm_id
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.world_process import WayIn
+from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Restarts, Supervision
 from neurosnap.runtime.run import Outcome, run
@@ -63,6 +64,7 @@ async def run_with_restarts(
     swarm: str = "",
     elsewhere: frozenset[str] = frozenset(),
     way_in: WayIn | None = None,
+    placement: Placement = HERE,
     on_change: Callable[[Changed], None] = lambda _: None,
     on_health: Callable[[Standing], None] = lambda _: None,
 ) -> Outcome:
@@ -83,6 +85,7 @@ async def run_with_restarts(
             incarnation of this id.
         elsewhere: As in `run`; these parts must be started anew for every incarnation.
         way_in: As in `run`.
+        placement: As in `run`.
         on_change: As in `run`; of ticks that are done again it is not told again.
         on_health: As in `run`; a swarm that goes on says first how they were before.
 
@@ -131,6 +134,7 @@ async def run_with_restarts(
                         incarnation=restarts,
                         elsewhere=elsewhere,
                         way_in=way_in,
+                        placement=placement,
                         on_change=tell,
                         on_health=on_health,
                     )

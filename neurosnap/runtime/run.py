@@ -22,6 +22,7 @@ from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
 from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.status_publisher import StatusJob, has_status
 from neurosnap.runtime.parts.world_process import WayIn, WorldJob
+from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.system.distribution import version
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
@@ -74,6 +75,7 @@ async def run(
     elsewhere: frozenset[str] = frozenset(),
     patience: float | None = None,
     way_in: WayIn | None = None,
+    placement: Placement = HERE,
     on_change: Callable[[Changed], None] = lambda _: None,
     on_health: Callable[[Standing], None] = lambda _: None,
 ) -> Outcome:
@@ -93,6 +95,7 @@ async def run(
             many.
         way_in: How outside readings get to the world, where they are kept; see
             `neurosnap.runtime.journaled_run`.
+        placement: What starts the parts, and where.
         on_change: Told of each sensor that is grown or retired, but by the decision of
             the last tick, which nobody follows.
         on_health: Told how the sensors of the home are, when that is new.
@@ -125,6 +128,7 @@ async def run(
         plan = Plan(
             cells=len(options.sensors),
             workers=options.sharing,
+            learning=options if options.learning_shares else None,
             coordinator=partial(CoordinatorJob, description, patience),
             world=WorldJob(options, past, way_in),
             status=StatusJob(options, past) if has_status(options) else None,
@@ -136,6 +140,7 @@ async def run(
             swarm=swarm,
             incarnation=incarnation,
             elsewhere=elsewhere,
+            starter=partial(placement.starter, network, again=incarnation > 0),
         )
         ending = await run_processes(plan, stop, on_progress, on_change, on_health)
         result = msgspec.json.decode(ending.result, type=Result)

@@ -51,6 +51,14 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (3, wire.Recalled("cell/1", 1, 2, (), b"\1", bytes(4), bytes(32), b"\3")),
     (12, wire.Reminder("cell/1", 1, 64, (1,), b"", b"\1")),
     (13, wire.Band("coordinator", 1, "joints", 2, memoryview(b"\1\2\3\4"))),
+    (14, wire.Learn(1, b"\x05", b"\x05", False, 1, b"PK", (0,), (2,))),
+    (
+        1,
+        wire.Learned(
+            *(0, 1, 1, 1, 2, bytes((0, 0, 0, 0)), b"\1", b"\2\0\0\0", bytes(4)),
+            *(b"\3", (0,), (2.5,), (1.0,), (1,)),
+        ),
+    ),
     # The world's number 1 is lost, and number 2 is its last word.
     (2, wire.Leave("world")),
 )
@@ -89,7 +97,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 14})
+        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 15})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

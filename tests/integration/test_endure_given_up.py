@@ -9,7 +9,7 @@ from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.recording.replay.resume import whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.supervisor import Child, Supervisor
+from neurosnap.runtime.supervisor import RunningPart, Supervisor
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
@@ -51,12 +51,14 @@ def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
     start = Supervisor.start
 
     # Once it goes on, its hub dies before there is a coordinator: nothing is recorded.
-    async def started(self: Supervisor, job: Job, connection: PartConnection) -> Child:
-        child = await start(self, job, connection)
+    async def started(
+        self: Supervisor, job: Job, connection: PartConnection
+    ) -> RunningPart:
+        part = await start(self, job, connection)
         if connection.who == "recorder" and disturbed.restarts:
             (hub,) = [one for one in parts() if one.name() == "hub"]
             hub.send_signal(signal.SIGKILL)
-        return child
+        return part
 
     monkeypatch.setattr(Supervisor, "start", started)
     with pytest.raises(PartDiedError, match=r"^hub: must not end before"):

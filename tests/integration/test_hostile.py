@@ -50,7 +50,7 @@ KEYS: dict[str, list[str]] = {
     "remind/cell/2": ["cell/2"],
     **{
         topic: ["coordinator"]
-        for topic in ("settle", "tally", "recalled", "fault", "leave")
+        for topic in ("settle", "tally", "recalled", "learned", "fault", "leave")
     },
     "recalled/cell/1": ["coordinator"],
     "settle/cell/1": ["coordinator"],

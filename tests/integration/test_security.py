@@ -42,15 +42,15 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 # What the table allows and this run need not do: nothing goes wrong, no sensor looks
-# back at a state, none is read outside or grown, no cells share a worker, and no
-# key-frame is large.
+# back at a state, none is read outside or grown, no cells share a worker, nor workers
+# the learning, and no key-frame is large.
 UNSAID = {
-    "coordinator": {"fault", "loom", "anomaly", "recall", "remind", "band"},
+    "coordinator": {"fault", "loom", "anomaly", "recall", "remind", "band", "learn"},
     "cell": {"fault", "recalled"},
     **{role: {"fault"} for role in ("world", "recorder")},
 }
 UNHEARD = {
-    "coordinator": {"tally", "recalled"},
+    "coordinator": {"tally", "recalled", "learned"},
     "cell": {"recall", "remind"},
     "world": {"state", "reading"},
 }

@@ -28,7 +28,7 @@ from typing import Any, Self, TextIO
 
 from neurosnap.__main__ import main
 from neurosnap.runtime.parts import child_process as parts
-from neurosnap.runtime.supervisor import _without_main
+from neurosnap.runtime.starting.child_processes import without_main
 from tests.support import preloaded
 
 
@@ -71,7 +71,7 @@ class Command:
             target=_be,
             args=(self.args, where, dict(environment), own_session, largest, theirs),
         )
-        with _without_main():
+        with without_main():
             self._process.start()
         for end in theirs:
             end.close()

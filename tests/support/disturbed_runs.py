@@ -111,11 +111,8 @@ class Disturbed:
                 flushed = on_disk(self._log)
                 if flushed < begun + ticks:
                     return
-                found = {one.name(): one for one in parts()}
-                if found.keys() >= set(victims):
+                if self.strike(victims):
                     self.flushed.append(flushed)
-                    for victim in victims:
-                        found[victim].send_signal(signal.SIGKILL)
             elif killings and life == len(killings) and tick > begun:
                 stop.set()
 
@@ -128,6 +125,15 @@ class Disturbed:
             on_restart=self.restarts.append,
             **where,
         )
+
+    def strike(self, victims: tuple[str, ...]) -> bool:
+        """Kill these parts at once; tell whether all of them were there."""
+        found = {one.name(): one for one in parts()}
+        if not found.keys() >= set(victims):
+            return False
+        for victim in victims:
+            found[victim].send_signal(signal.SIGKILL)
+        return True
 
     def _has_grown(self) -> bool:
         """Tell whether more of the recording is on disk than when this last said so."""

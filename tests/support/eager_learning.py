@@ -1,7 +1,5 @@
 """Learning as the kernels have it that judge every pair at every observation."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,7 +17,7 @@ class EagerCounts:
     def __init__(self, sensors: int, threshold: ArrayLike) -> None:
         pairs, auto = sensors * (sensors - 1) // 2, is_auto(threshold)
         share = checked_threshold(SHARE if auto else threshold, sensors)
-        self.threshold = by_pair(share)
+        self.threshold = by_pair(share, range(pairs))
         self.clock = self.skipped = 0
         self.joints = np.zeros(pairs, np.uint32)
         self.marginals = np.zeros(sensors, np.uint32)
@@ -30,10 +28,10 @@ class EagerCounts:
 
     def learn(self, bits: NDArray[np.uint8]) -> bool:
         """Observe; return whether any code changed."""
-        choosing: tuple[NDArray[Any], ...] = ()
+        spells = turns = None
         if self.persistence is not None:
             self.persistence.note(bits, np.ones_like(bits))
-            choosing = self.persistence.spells, self.persistence.turns
+            spells, turns = self.persistence.spells, self.persistence.turns
         self.clock += 1
         before = self.codes.copy()
         changed = learn_counts(
@@ -44,7 +42,8 @@ class EagerCounts:
             self.threshold,
             self.codes,
             self.rows,
-            *choosing,
+            spells,
+            turns,
         )
         self.since[self.codes != before] = self.clock + self.skipped
         return changed

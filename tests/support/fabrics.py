@@ -2,9 +2,12 @@
 
 import asyncio
 import secrets
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
+from itertools import permutations
 
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
@@ -59,7 +62,7 @@ class Seen:
 BE_HUB = """
 import sys
 from neurosnap.fabric.zenoh.hub import open_hub
-session = open_hub([sys.argv[1]], sessions=20)
+session = open_hub([sys.argv[1]], sessions=20, links=sys.argv[2:])
 print("ready", flush=True)
 sys.stdin.read()
 session.close()
@@ -76,6 +79,42 @@ class Hub:
 
     endpoint: str
     pid: int
+
+    def end(self, who: str, swarm: str = "linked") -> ZenohFabric:
+        return ZenohFabric(who, swarm, self.endpoint, patience=PATIENCE)
+
+
+@contextmanager
+def hub_in_process(endpoint: str, *links: str) -> Iterator[Hub]:
+    """A hub in a process of its own."""
+    command = [sys.executable, "-c", BE_HUB, endpoint, *links]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        yield Hub(endpoint, process.pid)
+        process.communicate()
+    assert process.returncode == 0
+
+
+async def are_one_network(*ends: Callable[[str], Fabric]) -> None:
+    """Return once parts on any of several hubs are heard on all others.
+
+    Declarations of before two hubs were linked are passed on in no order: who is seen
+    through a new link may not be heard yet.
+
+    Args:
+        ends: For each hub, what returns the end of a part on it.
+    """
+    for one, other in permutations(ends, 2):
+        heard = Heard()
+        async with one("recorder") as recorder, other("world") as world:
+            await recorder.subscribe(("**",), heard)
+            async with asyncio.timeout(PATIENCE):
+                while not heard.deliveries:
+                    world.publish(wire.Leave("world"))
+                    await recorder.confirm()
 
 
 class Network:
@@ -95,16 +134,21 @@ class MemoryNetwork(Network):
 
 
 class ZenohNetwork(Network):
-    def __init__(self, hub: Hub, *, swift: bool) -> None:
+    """Parts on one hub; given a far one, those that only speak are there."""
+
+    def __init__(self, hub: Hub, *, swift: bool, far: Hub | None = None) -> None:
         self._endpoint = hub.endpoint
+        self._far = hub.endpoint if far is None else far.endpoint
         self._swift = swift
         self._run = secrets.token_hex(4)  # a hub may still hold an earlier test's
 
     def end(self, who: str, *, swarm: str = "one", first: int = 0) -> Fabric:
+        # Who listens is seen by an usher, and heard by whoever is on the usher's hub.
+        far = who in ("sender", "a", "b", "c") or who.startswith("usher")
         return ZenohFabric(
             who,
             f"{self._run}-{swarm}",
-            self._endpoint,
+            self._far if far else self._endpoint,
             first=first,
             patience=PATIENCE,
             swift=self._swift,

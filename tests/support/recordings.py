@@ -41,6 +41,11 @@ EACH: dict[str, wire.Message] = {
     ),
     "remind": wire.Reminder("worker/1", 9, 64, (3, 4), b"\1\2", b"\2\1"),
     "band": wire.Band("worker/1", 9, "since", 4, memoryview(bytes(range(8)))),
+    "learn": wire.Learn(9, b"\1", b"\3", False, 8, b"\5", (4,), (1,)),
+    "learned": wire.Learned(
+        *(1, 9, 8, 1, 2, b"\2\0\0\0", b"\x21", b"\4\0\0\0", b"\1\0\0\0", b"\x0c"),
+        *((0,), (3.0,), (0.25,), (7,)),
+    ),
 }
 """One message for each topic."""
 

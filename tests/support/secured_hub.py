@@ -27,7 +27,8 @@ from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.denied_log import telling_refusals
 with telling_refusals(audit=True):
     credentials = read_credentials(Path(sys.argv[2]), "hub")
-    session = open_hub([sys.argv[1]], 30, credentials=credentials)
+    links = sys.argv[3:]
+    session = open_hub([sys.argv[1]], 30, credentials=credentials, links=links)
     print("ready", flush=True)
     sys.stdin.read()
     session.close()
@@ -54,9 +55,10 @@ class Hub:
 
 
 @contextmanager
-def hub_with(keys: Path) -> Iterator[Hub]:
+def hub_with(keys: Path, *links: Hub) -> Iterator[Hub]:
     hub = Hub(f"tls/127.0.0.1:{free_port()}", keys)
     command = [sys.executable, "-c", BE_HUB, hub.endpoint, str(keys)]
+    command += [other.endpoint for other in links]
     with subprocess.Popen(
         command,
         stdin=subprocess.PIPE,

@@ -62,7 +62,7 @@ class _Judge(AnomalyJudge):
 
     spent = 0.0
 
-    def judge(self, *args: object) -> list[wire.Message]:
+    def judge(self, *args: object) -> wire.Anomaly | None:
         began = time.perf_counter()
         try:
             return super().judge(*args)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.recording.read.reader import Recording
-from neurosnap.runtime.supervisor import allow_files
+from neurosnap.runtime.starting.child_processes import allow_files
 from tools.bench.kinds import line_options
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 from tools.bench.run import run_once

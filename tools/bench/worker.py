@@ -5,7 +5,7 @@ import os
 import statistics
 
 from neurosnap.depth.probe import ProbePlan
-from neurosnap.runtime.supervisor import allow_files
+from neurosnap.runtime.starting.child_processes import allow_files
 from tools.bench.bare import mean_pss
 from tools.bench.probe import probe, rows_of, weighed_while_up
 from tools.bench.report import Line, Sizes

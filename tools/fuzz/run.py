@@ -64,6 +64,8 @@ def honest_run(folder: Path, workers: int = 0) -> Honest:
         threshold=0.2,
         cells="worker" if workers else "process",
         workers=max(workers, 1),
+        learning="spread" if workers else "coordinator",
+        keyframe_every=5,
     )
 
     async def once() -> None:

@@ -184,7 +184,10 @@ class Twins:
                 raise FuzzError(f"said {got!r:.500} and not {expected!r:.500}")
 
     def _meddle(self, chance: random.Random, count: Count, come: int) -> None:
-        kind, past = chance.random(), self._script[:come]
+        # What was learned is said again to whoever asks.
+        came, kind = self._script[:come], chance.random()
+        past: list[wire.Message]
+        past = [one for one in came if not isinstance(one, wire.Learn)]
         again = bool(past) and kind < 0.15
         if again:
             hostile = chance.choice(past)

@@ -26,17 +26,20 @@ _INSIDE = (-(2**31), DEEPEST, DEEPEST + 1, 2**31 - 1)
 
 
 class WorkerTarget:
-    """A worker, among what it heard in a run that workers shared."""
+    """A worker, among what it heard in a run where workers shared the learning, too."""
 
     def __init__(self, honest: Honest) -> None:
+        self._options = honest.options
         self._scripts = [
-            honest.heard_by(wire.worker_keys(worker)) for worker in range(WORKERS)
+            honest.heard_by((*wire.worker_keys(worker), *wire.LEARNING_KEYS))
+            for worker in range(WORKERS)
         ]
 
     def round(self, chance: random.Random, count: Count) -> None:
         """Take one worker through the run."""
         worker = chance.randrange(WORKERS)
-        core = Worker(worker, shares(SENSORS, WORKERS))
+        learning = self._options.new_worker_learning(worker)
+        core = Worker(worker, shares(SENSORS, WORKERS), learning)
         script = self._scripts[worker]
         # A burst ahead of its wave is not looked at more closely until that begins.
         twins = Twins(core, script, lambda m: [m], repacked, after=len(script))

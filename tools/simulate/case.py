@@ -117,6 +117,8 @@ def random_options(chance: random.Random, folder: Path) -> RunOptions:
     else:
         made = _path(chance) if kind < 0.8 else _growing(chance)
     sensors, empirical = len(made.sensors), chance.random() < 0.5
+    cells = chance.choice(["process", "worker"])
+    spreads = cells == "worker" and not made.body.room and chance.random() < 0.5
     return msgspec.structs.replace(
         made,
         seed=chance.getrandbits(32),
@@ -125,7 +127,8 @@ def random_options(chance: random.Random, folder: Path) -> RunOptions:
         threshold=chance.choice([0.01, 0.1, 0.25]) if empirical else 1 / 16,
         decay=None if empirical else 0.75,
         wiring=chance.choice(["hasse", "derived"]),
-        cells=chance.choice(["process", "worker"]),
+        cells=cells,
+        learning="spread" if spreads else "coordinator",
         workers=chance.randint(1, min(3, sensors)),
         keyframe_every=chance.choice([1, 3, 1000]),
         band=chance.choice([0, 1, 4]),

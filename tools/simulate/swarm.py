@@ -8,11 +8,17 @@ and every event is drawn from one generator.
 
 import random
 from collections.abc import Callable, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 from neurosnap import wire
-from neurosnap.errors import AnswerLostError, MessageError, SwarmError, WaveLostError
+from neurosnap.errors import (
+    AnswerLostError,
+    LearningLostError,
+    MessageError,
+    SwarmError,
+    WaveLostError,
+)
 from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import shares
@@ -27,12 +33,14 @@ from neurosnap.runtime.parts.participant import decoded
 from neurosnap.sources.protocol import Source
 from tools.simulate.check import WrongError
 from tools.simulate.disk import Disk
+from tools.simulate.hubs import Link, between
 from tools.simulate.recorder import Recorder
 from tools.simulate.source import source_of
 from tools.simulate.weather import Tally, Weather
 
 Transition = Callable[[wire.Message], list[wire.Message]]
 
+_OTHER = "a hub that is not the recorder's"
 _MOST = 200_000  # deliveries in one life; more, and it does not end
 
 
@@ -70,11 +78,14 @@ class Life:
         self._tally = tally
         self._hosts = options.host_names()
         self._parts = ("coordinator", "world", *self._hosts)
+        # The recorder is at the first hub.
+        self._at = {who: chance.randrange(weather.hubs) for who in self._parts}
+        self._at["recorder"] = 0
+        self._links, self._hub_links = self._breakable()
         self._hub = MemoryHub(chance.getrandbits(32), self._faults())
         self._ends: dict[str, MemoryFabric] = {}
         self._gone: set[str] = set()
-        self._links = self._breakable()
-        self._cut: list[tuple[str, str]] = []
+        self._cut: list[Link] = []
         self._known_lost = 0
         self._dead: list[str] = []
         self._core = coordinator_process.coordinator_for(options, past)
@@ -83,10 +94,11 @@ class Life:
             log, facts, past, self._parts, chunk, split, disk, weather
         )
 
-    def _breakable(self) -> list[tuple[str, str]]:
-        """Return the pairs of parts whose link may be cut."""
+    def _breakable(self) -> tuple[list[Link], list[Link]]:
+        """Return what may be cut between two parts, and between two hubs."""
         parts = (*self._parts, "recorder") if self._weather.deaf else self._parts
-        return list(combinations(parts, 2))
+        hubs = [between(hub, self._at, parts) for hub in range(1, self._weather.hubs)]
+        return [(pair,) for pair in combinations(parts, 2)], list(filter(None, hubs))
 
     def _faults(self) -> Faults:
         weather, chance = self._weather, self._chance
@@ -94,7 +106,12 @@ class Life:
         # Only waves and questions have deadlines: only what they are made of may be
         # dropped.
         spared = {pair, pair[::-1], *((who, "recorder") for who in self._parts)}
-        slow = {who for who in self._parts if chance.random() < weather.slow}
+        late = [who for who in self._parts if chance.random() < weather.slow]
+        slow = set(product(self._parts, late))
+        for hub in range(1, weather.hubs):
+            if chance.random() < weather.slow:
+                for pair in between(hub, self._at, tuple(self._at)):
+                    slow |= {pair, pair[::-1]}
         return Faults(
             weather.duplicate, weather.drop, frozenset(spared), frozenset(slow)
         )
@@ -153,8 +170,11 @@ class Life:
         workers = self._options.sharing
         if workers:
             hosted = shares(len(self._options.sensors), workers)
-            core: Cell | Worker = Worker(number, hosted)
+            learning = self._options.new_worker_learning(number)
+            core: Cell | Worker = Worker(number, hosted, learning)
             keys = wire.worker_keys(number)
+            if learning is not None:
+                keys += wire.LEARNING_KEYS
         else:
             core, keys = Cell(number), wire.cell_keys(number)
         self._listen(who, keys, lambda message: core.receive([message]))
@@ -203,18 +223,28 @@ class Life:
         """Let happen what may after any delivery."""
         weather, chance = self._weather, self._chance
         if chance.random() < weather.cut:
-            self._cut.append(chance.choice(self._links))
-            self._hub.cut(*self._cut[-1])
+            parting = bool(self._hub_links) and chance.random() < 0.5
+            link = chance.choice(self._hub_links if parting else self._links)
+            self._part(link)
+            self._cut.append(link)
             self._tally.cuts += 1
+            self._tally.parted += parting
         if self._cut and chance.random() < weather.heal:
             self._heal(self._cut[0])
         if chance.random() < weather.late and self._core.in_flight:
             self._deadline(chance.choice(self._core.in_flight))
         self._maybe_crash()
 
-    def _heal(self, pair: tuple[str, str]) -> None:
-        self._cut = [other for other in self._cut if other != pair]
-        self._hub.heal(*pair)
+    def _part(self, link: Link) -> None:
+        for pair in link:
+            self._hub.cut(*pair)
+
+    def _heal(self, link: Link) -> None:
+        self._cut = [other for other in self._cut if other != link]
+        still = {pair for other in self._cut for pair in other}
+        for pair in link:
+            if pair not in still:
+                self._hub.heal(*pair)
         self._tally.healed += 1
 
     def _silence(self) -> None:
@@ -228,9 +258,9 @@ class Life:
         if self._core.in_flight and lost == self._known_lost:
             raise WrongError(f"waves: must settle, got {self._core.in_flight} late")
         self._known_lost = lost
-        for pair in dict.fromkeys(self._cut):
+        for link in dict.fromkeys(self._cut):
             if self._chance.random() < 0.5:
-                self._heal(pair)
+                self._heal(link)
         for number in self._core.in_flight:
             self._deadline(number)
         if not self._hub.pending and not self._core.finished:
@@ -241,14 +271,14 @@ class Life:
         """Let a wave be late, or a question: `number` is as in `in_flight`."""
         try:
             self._say(*self._core.overdue(number))
-        except (AnswerLostError, WaveLostError) as error:
+        except (AnswerLostError, LearningLostError, WaveLostError) as error:
             self._tally.given_up += 1
             self._say(wire.Fault("coordinator", str(error)), wire.Leave("coordinator"))
             raise
         self._tally.repeats += 1
 
     def _maybe_crash(self) -> None:
-        """Let one or two parts die, and the others go on until it is noticed.
+        """Let one or two parts or hubs die, and the others go on until it is noticed.
 
         Raises:
             SwarmError: It is noticed.
@@ -256,8 +286,12 @@ class Life:
         chance = self._chance
         if chance.random() >= self._weather.crash:
             return
-        mortal = ("hub", "recorder", "coordinator", "world", self._hosts[0])
+        mortal = ["hub", "recorder", "coordinator", "world", self._hosts[0]]
+        mortal += [_OTHER] * bool(self._hub_links)
         for who in chance.sample(mortal, chance.choice([1, 1, 2])):
+            if who == _OTHER:
+                self._lose_hub()
+                continue
             kin = self._hosts if who == self._hosts[0] else [who]
             self._dead.append(victim := chance.choice(kin))
             self._tally.crashes += 1
@@ -266,6 +300,16 @@ class Life:
             for _ in range(chance.choice([0, 1, 10, 100])):
                 self._tally.deliveries += self._hub.step()
         raise SwarmError(f"{self._dead[0]}: must not end before it is asked to")
+
+    def _lose_hub(self) -> None:
+        """Let one die that is not the recorder's, and with it the parts behind it."""
+        link = self._chance.choice(self._hub_links)
+        self._part(link)
+        for who in dict.fromkeys(far for _, far in link):
+            self._dead.append(who)
+            self._hub.leave(who)
+        self._tally.crashes += 1
+        self._tally.hubs_lost += 1
 
     # How it ends ---------------------------------------------------------------------
 

@@ -8,12 +8,14 @@ import msgspec
 class Weather(msgspec.Struct, frozen=True, kw_only=True):
     """How bad it gets; each a probability, by delivery where nothing else is said."""
 
+    hubs: int = 1
+    """How many there are, linked in a line; the parts are spread over them."""
     duplicate: float = 0.0
     drop: float = 0.0
     slow: float = 0.0
-    """That a part gets its messages late, by part."""
+    """That a part gets its messages late, by part; that a link between hubs does."""
     cut: float = 0.0
-    """That a link between two parts is cut."""
+    """That a link between two parts is cut, or between two hubs."""
     heal: float = 0.0
     """That a link which is cut is healed; where all is silent, a half."""
     deaf: bool = False
@@ -43,8 +45,12 @@ class Tally(msgspec.Struct):
     """Files of the recordings in the end."""
     deliveries: int = 0
     crashes: int = 0
+    hubs_lost: int = 0
+    """Crashes of a hub that cost only the parts behind it."""
     restarts: int = 0
     cuts: int = 0
+    parted: int = 0
+    """Cuts between hubs."""
     healed: int = 0
     losses: int = 0
     deaf: int = 0
@@ -72,6 +78,7 @@ class Tally(msgspec.Struct):
 def random_weather(chance: random.Random) -> Weather:
     """Draw what goes wrong; in most schedules only some of it does."""
     return Weather(
+        hubs=chance.choice([1, 1, 2, 3]),
         duplicate=chance.choice([0.0, 0.05, 0.3]),
         drop=chance.choice([0.0, 0.0, 0.002, 0.01]),
         slow=chance.choice([0.0, 0.0, 0.3]),

@@ -137,7 +137,8 @@ async def soak(
     finally:
         hunting.cancel()
     ticks = outcome.totals.ticks
-    inline = msgspec.structs.replace(options, ticks=ticks, cells="inline", split=0)
+    alone = {"cells": "inline", "learning": "coordinator", "split": 0}
+    inline = msgspec.structs.replace(options, ticks=ticks, **alone)
     await run(inline, calm, asyncio.Event())
     found = _look(log, killer, time.perf_counter() - began)
     found.equal = _course(calm, ticks) == _course(log, ticks)
@@ -269,6 +270,7 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
         seed=given.seed,
         cells=given.cells,
         workers=min(2, given.sensors),
+        learning=given.learning,
         split=given.split,
         keyframe_every=given.keyframe_every,
     )
@@ -310,6 +312,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--sensors", type=int, default=8, help="cells of the swarm")
     parser.add_argument(
         "--cells", choices=("process", "worker"), default="process", help="as in run"
+    )
+    parser.add_argument(
+        "--learning",
+        choices=("coordinator", "spread"),
+        default="coordinator",
+        help="as in run, with cells in workers",
     )
     parser.add_argument("--split", type=in_bytes, default=0, help="as in run")
     parser.add_argument(

@@ -34,6 +34,7 @@ from neurosnap.protocol.run_options import HostChoice
 @with_run_options(
     *("out", "folder", "split", "keep", "sync"),
     *("restart", "max_restarts", "restart_window", "backoff", "listen", "audit"),
+    *("place", "ray_address"),
 )
 def coordinate(
     context: typer.Context,

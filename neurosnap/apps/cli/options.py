@@ -32,6 +32,7 @@ CELLS = "Cells"
 RECORDING = "Recording"
 NETWORK = "Network"
 SUPERVISION = "Supervision"
+PLACEMENT = "Placement"
 FLAG = ""
 """What stands beside a flag that takes no value."""
 
@@ -45,6 +46,7 @@ _PANELS = {
     "recording": RECORDING,
     "supervision": SUPERVISION,
     "network": NETWORK,
+    "placement": PLACEMENT,
 }
 """The panel of each table of a description, in the order of the help."""
 _OPTION = re.compile(r"`([a-z_]+)`")

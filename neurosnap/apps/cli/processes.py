@@ -1,12 +1,13 @@
 """``neurosnap hub``, ``ps`` and ``stop``: a separate hub, and local swarms."""
 
 import asyncio
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import NETWORK, option
+from neurosnap.apps.cli.options import FLAG, NETWORK, option
 from neurosnap.apps.cli.shared import (
     Json,
     app,
@@ -34,6 +35,15 @@ def hub(
             " a flood of connections to one endpoint leaves the others free.",
         ),
     ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where another hub listens, to be one network with it: parts connect to"
+            " either. May be repeated. Hubs make a tree: one link between any two.",
+        ),
+    ] = None,
     tls: str = option("tls"),
     insecure: bool = option("insecure"),
     audit: bool = option("audit"),
@@ -44,6 +54,16 @@ def hub(
             help="How many parts and programs may be connected at once.",
         ),
     ] = 10_000,
+    print_config: Annotated[
+        bool,
+        typer.Option(
+            "--print-config",
+            metavar=FLAG,
+            rich_help_panel=NETWORK,
+            help="Print the configuration with which a Zenoh router of your own is such"
+            " a hub (zenohd -c FILE), and start none.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Start a hub, through which the parts of swarms reach each other, until Ctrl-C.
@@ -51,10 +71,13 @@ def hub(
     `neurosnap run` starts one itself, unless it is given --connect.
     """
     from neurosnap.fabric.zenoh.denied_log import telling_refusals
-    from neurosnap.fabric.zenoh.hub import open_hub
+    from neurosnap.fabric.zenoh.hub import hub_document, open_hub
+    from neurosnap.fabric.zenoh.links import follow_links
 
     with errors():
-        endpoints = listen or [_HERE]
+        endpoints, links = listen or [_HERE], link or []
+        if print_config and tls:
+            tls = str(Path(tls).absolute())  # for a router started anywhere
         networks = [
             convert(Network, listen=endpoint, tls=tls, insecure=insecure)
             for endpoint in endpoints
@@ -62,19 +85,28 @@ def hub(
         for network in networks:
             network.check()
         credentials = networks[0].credentials("hub")
+        document = hub_document(
+            endpoints, sessions, links=links, credentials=credentials, insecure=insecure
+        )
+        if print_config:
+            typer.echo(msgspec.json.format(msgspec.json.encode(document)))
+            return
+
+        def tell(text: str) -> None:
+            screen.print(text, markup=False, soft_wrap=True)
 
         async def serve(stop: asyncio.Event) -> None:
             session = await asyncio.to_thread(
                 open_hub,
                 endpoints,
                 sessions,
+                links=links,
                 credentials=credentials,
                 insecure=insecure,
             )
             try:
-                where = ", ".join(endpoints)
-                screen.print(f"listening on {where}", markup=False)
-                await stop.wait()
+                tell(f"listening on {', '.join(endpoints)}")
+                await follow_links(session, links, stop, tell, credentials)
             finally:
                 await asyncio.to_thread(session.close)
 

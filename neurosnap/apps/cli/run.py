@@ -100,6 +100,7 @@ def run(
         if view and log is None:
             rule = "must go with a recording, which is what is looked at"
             raise InvalidValueError("view", rule, "--no-record")
+        prepared.placement.check_installed()
         away = _away(elsewhere, swarm, network, options)
         if options.cells == "process":
             check_cells(len(options.sensors) - len(away))
@@ -136,6 +137,7 @@ def run(
                         swarm=swarm,
                         elsewhere=away,
                         way_in=way_in,
+                        placement=prepared.placement,
                         on_change=on_change,
                         on_health=on_health,
                     )
@@ -150,6 +152,7 @@ def run(
                     swarm=swarm,
                     elsewhere=away,
                     way_in=way_in,
+                    placement=prepared.placement,
                     on_change=on_change,
                     on_health=on_health,
                 )

@@ -33,7 +33,7 @@ def schema() -> dict[str, Any]:
         table["description"] = inspect.getdoc(kind)
         # Unknown keys are refused, whatever a struct does with them elsewhere.
         table["additionalProperties"] = False
-        for name, text in (*_docstrings(kind), *_option_texts(kind)):
+        for name, text in (*texts_below(kind), *_option_texts(kind)):
             table["properties"][name]["description"] = text
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -89,7 +89,7 @@ def _option_texts(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
             yield name, shown.text + default
 
 
-def _docstrings(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
+def texts_below(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
     """Return the fields that have a text below them, inherited ones too, and the text.
 
     Python does not keep these texts; they are read from the source.

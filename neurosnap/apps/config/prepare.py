@@ -35,6 +35,7 @@ from neurosnap.protocol.run_options import (
 )
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.network import Network
+from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.preflight import check_sensors
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.sources.open import Argument, open_source
@@ -67,6 +68,8 @@ class Prepared(msgspec.Struct, frozen=True):
     """What happens when a part dies."""
     network: Network
     """How the parts reach each other."""
+    placement: Placement = HERE
+    """Where the parts are."""
     chosen: str = ""
     """Where the cells are, and why; empty: as was asked for, or a process each."""
 
@@ -110,13 +113,15 @@ def prepare(loaded: Loaded) -> Prepared:
         with judge.of("cells"):
             rest.host_names()
             _check_cells(rest)
+    with judge.of("placement", "cells"):
+        config.placement.check(rest.cells)
     with judge.of("network"):
         network.check()
     found = [*loaded.found, *judge.found]
     if found or options is None:
         raise loaded.origin.error(found)
     _, _, chosen = _cells(config, len(options.sensors))
-    return Prepared(options, log, config.supervision, network, chosen)
+    return Prepared(options, log, config.supervision, network, config.placement, chosen)
 
 
 def _warn_of_secrets(config: Config, folder: Path) -> None:
@@ -216,6 +221,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         imagine=config.agent.imagine,
         seed=config.run.seed,
         snapshot=config.snapshot.kind,
+        learning=config.snapshot.learning,
         wiring=config.cells.wiring,
         deadline=config.cells.deadline,
         watch=config.anomalies.watch,
@@ -237,15 +243,17 @@ def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
     workers = table.workers or min(_WORKERS, max(1, count))
     if table.kind != AUTO_CELLS:
         return table.kind, workers, why
+    some = "1 worker" if workers == 1 else f"{workers} workers"
+    if config.placement.place == "ray":
+        return "worker", workers, f"cells: in {some}, which Ray places"
     if isinstance(config.source, MqttTable):  # a home's machine is small
         why = "for an MQTT broker"
     elif count > FEW_CELLS:
         why = f"as there are {count:,} sensors, more than {FEW_CELLS}"
-    elif table.workers is None:
+    elif table.workers is None and config.snapshot.learning == "coordinator":
         return "process", workers, why
     else:
         return "worker", workers, why
-    some = "1 worker" if workers == 1 else f"{workers} workers"
     return "worker", workers, f"cells: in {some}, {why} (--cells process: one each)"
 
 

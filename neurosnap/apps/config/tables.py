@@ -26,6 +26,7 @@ from neurosnap.protocol.run_options import (
     Imagine,
     Keep,
     KeyframeEvery,
+    Learning,
     RunOptions,
     Seed,
     SnapshotOption,
@@ -38,6 +39,7 @@ from neurosnap.protocol.run_options import (
     Workers,
 )
 from neurosnap.runtime.network import PRIVATE, Network
+from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.restart_policy import Supervision
 
 _DEFAULTS: dict[str, Any] = {
@@ -81,6 +83,7 @@ class SnapshotTable(
     kind: SnapshotOption = _DEFAULTS["snapshot"]
     threshold: Threshold | None = None
     decay: Decay | None = None
+    learning: Learning = _DEFAULTS["learning"]
 
 
 class CellsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -173,3 +176,5 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """What happens when a part dies."""
     network: Network = PRIVATE
     """How the parts reach each other."""
+    placement: Placement = HERE
+    """Where the parts are."""

@@ -56,6 +56,15 @@ def _is_loopback(address: str) -> bool:
         return False
 
 
+def stays_here(endpoint: str) -> bool:
+    """Tell whether parts that are told this endpoint must be on the hub's own machine.
+
+    So they must where it listens on every address: see `nearest`.
+    """
+    protocol, _, address = nearest(endpoint).partition("/")
+    return protocol == "unixsock-stream" or _is_loopback(address)
+
+
 def nearest(endpoint: str) -> str:
     """Return how a part on the hub's own machine reaches a hub on `endpoint`.
 

@@ -34,8 +34,9 @@ class Rights(NamedTuple):
     one subscription to everything."""
     announces: bool = False
     """It may show itself as alive, and where."""
-    plays: bool = False
-    """It may say what others said."""
+    passes: bool = False
+    """It passes on whatever the others say and hear, either way, and says what others
+    said."""
     watches: bool = False
     """It may follow who is alive, and where."""
     briefs: bool = False
@@ -52,12 +53,14 @@ def _topics(keys: Iterable[str]) -> tuple[str, ...]:
 
 
 RIGHTS: dict[Role, Rights] = {
-    # Plays recordings back as whoever spoke, over a session beside the router's own.
-    "hub": Rights(publishes=ALL, plays=True),
+    # A hub that is linked to another: each holds its own parts to this table. And who
+    # plays recordings back, over a session beside the router's own.
+    "hub": Rights(passes=True),
     "coordinator": Rights(
         publishes=(
             *("wiring", "loom", "wave", "state", "reach", "decide"),
-            *("recall", "remind", "keyframe", "band", "anomaly", "fault", "leave"),
+            *("recall", "remind", "keyframe", "band", "learn"),
+            *("anomaly", "fault", "leave"),
         ),
         reads=_topics(wire.COORDINATOR_KEYS),
         announces=True,
@@ -76,8 +79,8 @@ RIGHTS: dict[Role, Rights] = {
         announces=True,
     ),
     "worker": Rights(
-        publishes=("burst", "tally", "recalled", "fault", "leave"),
-        reads=_topics(wire.worker_keys("*")),
+        publishes=("burst", "tally", "recalled", "learned", "band", "fault", "leave"),
+        reads=_topics((*wire.worker_keys("*"), *wire.LEARNING_KEYS)),
         announces=True,
     ),
     # Looks on, and leaves no trace.
@@ -95,6 +98,12 @@ who it is, in ``place/cell/3/oak/4711``."""
 
 FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that nobody has it."""
+
+MESSAGES = (
+    *("put", "declare_subscriber", "query", "declare_queryable", "reply"),
+    *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
+)
+"""What parts send, as Zenoh's rules call it: nothing is ever deleted."""
 
 _EVERY = f"{wire.ROOT}/*/"  # below any swarm's prefix
 MANY = ("cell", "worker")
@@ -156,8 +165,16 @@ def access_list(names: Mapping[str, str] = EVERY_ROLE) -> dict[str, object]:
 def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
     """Yield the rules for a certificate that speaks for `who`."""
     rights = RIGHTS[role_of(who)]
-    speaker = "**" if rights.plays else who
-    publishes = tuple(wire.said_by(speaker, topic) for topic in rights.publishes)
+    if rights.passes:
+        yield {
+            "id": common_name,
+            "permission": "allow",
+            "messages": list(MESSAGES),
+            "flows": ["ingress", "egress"],
+            "key_exprs": [f"{_EVERY}**"],
+        }
+        return
+    publishes = tuple(wire.said_by(who, topic) for topic in rights.publishes)
     reads = _read_by(who, rights)
     alive = (f"alive/{who}",) if rights.announces else ()
     places = (f"{PLACE}/{who}/*/*",) if rights.announces else ()
@@ -195,7 +212,7 @@ def _read_by(who: str, rights: Rights) -> tuple[str, ...]:
     if kind == "cell":
         return wire.cell_keys(number)
     if kind == "worker":
-        return wire.worker_keys(number)
+        return (*wire.worker_keys(number), *wire.LEARNING_KEYS)
     if rights.reads == ALL:
         return ("**",)
     return tuple(f"{topic}/**" for topic in rights.reads)

@@ -44,6 +44,7 @@ T = TypeVar("T")
 _BLOCK = zenoh.CongestionControl.BLOCK
 _FLUSH = 5.0  # seconds the hub may take to have taken everything
 _ANSWER = 10.0  # seconds others may take to answer
+_PAUSE = 0.05  # seconds until one that is there is asked again
 _CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
 
 
@@ -227,8 +228,9 @@ class ZenohFabric:
     async def confirm(self) -> None:
         """Wait until the hub has what was declared here; see the protocol.
 
-        It takes what one session sends in order, so its answer to a query comes after
-        the declarations.
+        The part's own hub. Another that is linked to it has it by the time it shows
+        this part's presence. A hub takes what one session sends in order, so its answer
+        to a query comes after the declarations.
 
         Raises:
             FabricError: The hub does not answer.
@@ -275,7 +277,11 @@ class ZenohFabric:
         )
 
     async def ask(self) -> bytes | None:
-        """Return what the coordinator says the run is; None: it has gone."""
+        """Return what the coordinator says the run is; None: it has gone.
+
+        Where hubs were linked a moment ago, a coordinator may be seen through the new
+        link before it can be asked.
+        """
 
         def get() -> bytes | None:
             for reply in self._session.get(
@@ -285,7 +291,14 @@ class ZenohFabric:
                     return reply.ok.payload.to_bytes()
             return None
 
-        return await self._off_loop(get)
+        until = time.monotonic() + _ANSWER
+        content = await self._off_loop(get)
+        while content is None and "coordinator" in await self.present():
+            if time.monotonic() > until:
+                break
+            await asyncio.sleep(_PAUSE)
+            content = await self._off_loop(get)
+        return content
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens, those already there included."""

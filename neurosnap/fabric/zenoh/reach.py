@@ -63,7 +63,7 @@ async def reach(
             )
         if waited > _SAID_AFTER and not said:
             said = True
-            _log.warning("%s", await _absence(endpoint))
+            _log.warning("%s", await absence(endpoint))
         await wait_at_most(stop, _PAUSE)
     return None
 
@@ -106,7 +106,7 @@ class _Attempt:
             return self._session
 
 
-async def _absence(endpoint: str) -> str:
+async def absence(endpoint: str) -> str:
     """Return what to say of a hub that cannot be reached."""
     if await _listens(endpoint):
         return (

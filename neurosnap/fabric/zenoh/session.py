@@ -1,6 +1,8 @@
 """The configuration of every Zenoh session: no multicast, bounded messages."""
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import zenoh
 
@@ -15,14 +17,13 @@ _UNHURRIED = {
 }
 
 
-def configuration(mode: str, **settings: object) -> zenoh.Config:
-    """Return a Zenoh configuration that listens to nobody and looks for nobody.
+def settings(mode: str, **more: object) -> dict[str, object]:
+    """Return Zenoh's keys and values for who listens to nobody and looks for nobody.
 
     Args:
         mode: ``client`` or ``router``.
-        settings: More of Zenoh's keys, ``__`` for ``/``; values as JSON can say them.
+        more: More of Zenoh's keys, ``__`` for ``/``; values as JSON can say them.
     """
-    config = zenoh.Config()
     defaults: dict[str, object] = {
         "mode": mode,
         "listen/endpoints": [],
@@ -32,10 +33,30 @@ def configuration(mode: str, **settings: object) -> zenoh.Config:
         # On, no more than some 350 sessions connect to one router.
         "transport/shared_memory/enabled": False,
     }
-    named = {key.replace("__", "/"): value for key, value in settings.items()}
-    for key, value in (defaults | _BOUNDED | _UNHURRIED | named).items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+    named = {key.replace("__", "/"): value for key, value in more.items()}
+    return defaults | _BOUNDED | _UNHURRIED | named
+
+
+def configuration(mode: str, **more: object) -> zenoh.Config:
+    """Return `settings` as Zenoh takes them."""
+    return zenoh.Config.from_json5(json.dumps(nested(settings(mode, **more))))
+
+
+def nested(flat: Mapping[str, object]) -> dict[str, Any]:
+    """Return Zenoh's keys and values as objects in objects.
+
+    Example:
+        >>> nested({"mode": "router", "listen/endpoints": [], "listen/timeout_ms": 0})
+        {'mode': 'router', 'listen': {'endpoints': [], 'timeout_ms': 0}}
+    """
+    document: dict[str, Any] = {}
+    for key, value in flat.items():
+        *folders, name = key.split("/")
+        place = document
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        place[name] = value
+    return document
 
 
 def connecting(

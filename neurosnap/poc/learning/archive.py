@@ -81,17 +81,7 @@ class Archived(abc.ABC):
         """Return the archive in bytes that errors call `name`; see `from_bytes`."""
         with cls._read(name):
             arrays = unpack_arrays(data)
-        return cls.made_of(name, arrays)
-
-    @classmethod
-    def made_of(cls, name: str, arrays: Arrays) -> Self:
-        """Return what has the arrays of an archive that errors call `name`.
-
-        Raises:
-            InvalidValueError: They are of another kind, or make no sense.
-        """
-        with cls._read(name):
-            return cls._kind(arrays).from_arrays(arrays)
+            return cls.kind_of(arrays).from_arrays(arrays)
 
     @classmethod
     @contextmanager
@@ -104,8 +94,12 @@ class Archived(abc.ABC):
             raise InvalidValueError(name, rule, str(error)) from error
 
     @classmethod
-    def _kind(cls, arrays: Arrays) -> type[Self]:
-        """Return the class that wrote the arrays."""
+    def kind_of(cls, arrays: Arrays) -> type[Self]:
+        """Return the class that wrote the arrays.
+
+        Raises:
+            ValueError: It is none of this kind.
+        """
         if entry(arrays, "schema", (), np.int64).item() != _SCHEMA:
             raise ValueError(f"schema: must be {_SCHEMA}")
         kind = cls._kinds.get(str(entry(arrays, "kind", (), np.str_).item()))

@@ -4,7 +4,9 @@ What grows with the square of the sensors are the arrays with a number a pair. I
 *head* they are there, and empty; their numbers are in *bands*, stretches of one array.
 """
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +14,8 @@ import numpy as np
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, rows_in, unpack_arrays
 from neurosnap.poc.learning.kinds import Snapshot
-
-OF_PAIRS = ("joints", "squares", "codes", "since")
-"""The arrays whose last axis is the pairs."""
+from neurosnap.poc.learning.snapshot import OF_PAIRS
+from neurosnap.poc.learning.weight_store import pairs_of
 
 
 class Stretch(NamedTuple):
@@ -35,49 +36,116 @@ def head_of(snapshot: Snapshot) -> bytes:
     return snapshot.packed(arrays | empty)
 
 
-def stretches_of(snapshot: Snapshot, most: int) -> Iterator[Stretch]:
+def stretches_of(
+    snapshot: Snapshot, most: int, shares: Sequence[range] = ()
+) -> Iterator[Stretch]:
     """Yield what the head lacks. They show the snapshot's own memory, and copy nothing.
 
     Args:
-        snapshot: Must not change before the last of them was used.
+        snapshot: Must not change before the last of them was used. One that has a share
+            of the pairs yields what is in there, of others nothing.
         most: Numbers in one, at most.
+        shares: The shares that there are, for each stretch to be of one of them.
+    """
+    arrays, own = snapshot.arrays(), pairs_of(snapshot.share)
+    every = len(pairs_of(range(len(snapshot.sensorium))))
+    for pairs in map(pairs_of, shares or (snapshot.share,)):
+        if not (own.start <= pairs.start <= pairs.stop <= own.stop):
+            continue
+        cut = slice(pairs.start - own.start, pairs.stop - own.start)
+        for name in OF_PAIRS:
+            part = arrays.get(name, np.zeros(0))[..., cut]
+            # Where nobody shares, the rows of an array are one stretch.
+            several = part.reshape(
+                (-1, len(pairs)) if shares and len(pairs) else (1, -1)
+            )
+            for row, numbers in enumerate(several):
+                for place in range(0, numbers.size, most):
+                    some = numbers[place : place + most]
+                    little = some.astype(some.dtype.newbyteorder("<"), copy=False)
+                    offset = row * every + pairs.start + place
+                    yield Stretch(name, offset, little.data.cast("B"))
+
+
+def count_of(snapshot: Snapshot, most: int, shares: Sequence[range]) -> int:
+    """Return how many stretches all who share the learning yield together.
+
+    Args:
+        snapshot: Of any of them.
+        most: As for `stretches_of`.
+        shares: Likewise.
     """
     arrays = snapshot.arrays()
-    for name in OF_PAIRS:
-        flat = arrays.get(name, np.zeros(0)).reshape(-1)
-        for offset in range(0, flat.size, most):
-            part = flat[offset : offset + most]
-            little = part.astype(part.dtype.newbyteorder("<"), copy=False)
-            yield Stretch(name, offset, little.data.cast("B"))
+    rows = sum(
+        math.prod(arrays[name].shape[:-1]) for name in OF_PAIRS if name in arrays
+    )
+    return rows * sum(-(-len(pairs_of(share)) // most) for share in shares)
 
 
-def joined(head: bytes, stretches: Iterable[Stretch]) -> Snapshot:
+def lacking(head: bytes, share: range) -> int:
+    """Return how many bytes of numbers of pairs a head lacks.
+
+    Args:
+        head: From `head_of`.
+        share: The sensors whose pairs with those before them count.
+
+    Raises:
+        InvalidValueError: It is none.
+    """
+    arrays = _arrays_in(head)
+    return len(pairs_of(share)) * sum(
+        math.prod(arrays[name].shape[:-1]) * arrays[name].itemsize
+        for name in OF_PAIRS
+        if name in arrays
+    )
+
+
+def joined(
+    head: bytes, stretches: Iterable[Stretch], share: range | None = None
+) -> Snapshot:
     """Return the snapshot that was cut.
 
     Args:
         head: From `head_of`.
         stretches: From `stretches_of`, in any order, all of them.
+        share: Of which sensors the snapshot is to have the pairs, and the stretches
+            are; None: all.
 
     Raises:
         InvalidValueError: They make no snapshot.
     """
+    arrays = _arrays_in(head)
+    with _reading():
+        _fill(arrays, stretches, share)
+        return Snapshot.kind_of(arrays).from_arrays(arrays, share)
+
+
+def _arrays_in(head: bytes) -> Arrays:
+    """Return the arrays of a head."""
+    with _reading():
+        return unpack_arrays(head)
+
+
+@contextmanager
+def _reading() -> Iterator[None]:
+    """Say of what cannot be read that it is no snapshot of ours."""
     try:
-        arrays = unpack_arrays(head)
-        _fill(arrays, stretches)
+        yield
     except ValueError as error:
         rule = "must be a Snapshot written by this package"
         raise InvalidValueError("bands", rule, str(error)) from error
-    return Snapshot.made_of("bands", arrays)
 
 
-def _fill(arrays: Arrays, stretches: Iterable[Stretch]) -> None:
+def _fill(arrays: Arrays, stretches: Iterable[Stretch], share: range | None) -> None:
     """Put the numbers of pairs where they belong.
 
     Raises:
         ValueError: One is missing, or there is more than one for a place.
     """
     count = rows_in(arrays, "names")
-    pairs = count * (count - 1) // 2
+    every = len(pairs_of(range(count)))
+    own = pairs_of(range(count) if share is None else share)
+    pairs = len(own)
     for name in OF_PAIRS:
         if name in arrays:
             empty = arrays[name]
@@ -92,6 +160,11 @@ def _fill(arrays: Arrays, stretches: Iterable[Stretch]) -> None:
             raise ValueError(f"{name:.40}: must be of pairs, and in the head")
         flat = arrays[name].reshape(-1)
         numbers = np.frombuffer(data, flat.dtype.newbyteorder("<"))
+        if pairs < every:
+            row, place = divmod(offset, every)
+            if not own.start <= place <= own.stop - numbers.size:
+                raise ValueError(f"{name}: must be of the share")
+            offset = row * pairs + place - own.start
         if numbers.size > flat.size - offset:
             raise ValueError(f"{name}: must have {flat.size} numbers, got more")
         flat[offset : offset + numbers.size] = numbers

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.pair_codes import excluded, rows_of
+from neurosnap.poc.learning.pair_codes import excluded
 from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import is_auto, saved_threshold
@@ -59,18 +59,19 @@ class DiscountedSnapshot(Snapshot):
         sensors: int | Sensorium,
         threshold: ArrayLike = THRESHOLD,
         decay: float = DECAY,
+        share: range | None = None,
     ) -> None:
         if is_auto(threshold):
             rule = "must be a number for a discounted snapshot"
             raise InvalidValueError("threshold", rule, threshold)
-        super().__init__(sensors, threshold)
+        super().__init__(sensors, threshold, share)
         if isinstance(decay, bool) or not isinstance(decay, float | int | np.number):
             raise InvalidValueError("decay", "must be a number", decay)
         if not 0 <= decay < 1:
             raise InvalidValueError("decay", "must be in [0, 1)", decay)
         self._decay = float(decay)
         self._weights = Weights.starting(
-            len(self.sensorium), np.float64(0.25), np.float64(0.5)
+            len(self.sensorium), np.float64(0.25), np.float64(0.5), self._share
         )
 
     @property
@@ -91,7 +92,9 @@ class DiscountedSnapshot(Snapshot):
                     self._codes,
                     self._rows,
                     self._since,
+                    self._latest,
                     tick,
+                    self._share.start,
                 )
             )
         return bool(
@@ -104,7 +107,9 @@ class DiscountedSnapshot(Snapshot):
                 self._codes,
                 self._rows,
                 self._since,
+                self._latest,
                 tick,
+                self._share.start,
             )
         )
 
@@ -132,9 +137,9 @@ class DiscountedSnapshot(Snapshot):
         return super().arrays() | {"decay": decay, "codes": self._codes}
 
     @classmethod
-    def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
+    def _blank(cls, sensorium: Sensorium, arrays: Arrays, share: range | None) -> Self:
         decay = entry(arrays, "decay", (), np.float64).item()
-        return cls(sensorium, saved_threshold(arrays, len(sensorium)), decay)
+        return cls(sensorium, saved_threshold(arrays, len(sensorium)), decay, share)
 
     def _derive(self, arrays: Arrays) -> None:
         squares, marginals = self._weights.all(1.0), self._weights.marginals
@@ -148,4 +153,4 @@ class DiscountedSnapshot(Snapshot):
         if not (zero <= _ROUNDING).all() or (not self._clock and codes.any()):
             raise ValueError("codes: must go with the weights")
         self._codes[:] = codes
-        self._rows[:] = rows_of(codes, len(self._sensorium))
+        self._redraw()

@@ -12,7 +12,6 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.pair_codes import rows_of
 from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
 from neurosnap.poc.learning.persistence import Persistence
 from neurosnap.poc.learning.search import Count, Question, Search
@@ -52,6 +51,7 @@ class EmpiricalSnapshot(Snapshot):
         sensors: A sensorium, or how many sensors there are.
         threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4]. Or
             ``"auto"``.
+        share: As of `Snapshot`.
 
     Raises:
         ShapeError: `threshold` has another shape.
@@ -71,12 +71,15 @@ class EmpiricalSnapshot(Snapshot):
     """Where none is given."""
 
     def __init__(
-        self, sensors: int | Sensorium, threshold: ArrayLike = THRESHOLD
+        self,
+        sensors: int | Sensorium,
+        threshold: ArrayLike = THRESHOLD,
+        share: range | None = None,
     ) -> None:
         auto = is_auto(threshold)
-        super().__init__(sensors, SHARE if auto else threshold)
-        count = len(self.sensorium)
-        self._weights = Weights.starting(count, np.uint32(0), np.uint32(0))
+        super().__init__(sensors, SHARE if auto else threshold, share)
+        count, zero = len(self.sensorium), np.uint32(0)
+        self._weights = Weights.starting(count, zero, zero, self._share)
         self._persistence = Persistence(count) if auto else None
         self._lag: Lag | None = None
 
@@ -182,7 +185,7 @@ class EmpiricalSnapshot(Snapshot):
         if weights.squares is not None:
             return self._count(clock)
         if self._lag is None:
-            self._lag = Lag.starting(len(self.sensorium), self._clock)
+            self._lag = Lag.starting(len(self.sensorium), self._codes.size, self._clock)
         return bool(
             learn_lazily(
                 self._bits,
@@ -194,6 +197,7 @@ class EmpiricalSnapshot(Snapshot):
                 self._codes,
                 self._rows,
                 self._since,
+                self._latest,
                 self._lag,
                 *self._choosing(),
             )
@@ -201,16 +205,17 @@ class EmpiricalSnapshot(Snapshot):
 
     def _settle(self) -> None:
         if self._lag is not None:
-            settle_all(self._weights.joints, self._clock, self._lag)
+            first = self._share.start
+            settle_all(self._weights.joints, self._clock, self._lag, first)
 
     def _widen(self) -> None:
         super()._widen()
         self._lag = None
 
-    def _choosing(self) -> tuple[NDArray[Any], ...]:
-        """Return what kernels need where thresholds choose themselves."""
-        kept = self._persistence
-        return () if kept is None else (kept.spells, kept.turns)
+    def _choosing(self) -> tuple[NDArray[Any] | None, NDArray[Any] | None, int]:
+        """Return what choosing thresholds takes, if any do, and the first row."""
+        kept, first = self._persistence, self._share.start
+        return (None, None, first) if kept is None else (kept.spells, kept.turns, first)
 
     def _count(self, clock: int) -> bool:
         """Count what is known of the bits at hand and derive the graph for `clock`."""
@@ -227,6 +232,7 @@ class EmpiricalSnapshot(Snapshot):
                     self._codes,
                     self._rows,
                     self._since,
+                    self._latest,
                     tick,
                     *self._choosing(),
                 )
@@ -280,10 +286,10 @@ class EmpiricalSnapshot(Snapshot):
         return sum(square)
 
     @classmethod
-    def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
+    def _blank(cls, sensorium: Sensorium, arrays: Arrays, share: range | None) -> Self:
         if not is_auto(arrays.get("threshold")):
-            return cls(sensorium, saved_threshold(arrays, len(sensorium)))
-        snapshot = cls(sensorium, AUTO)
+            return cls(sensorium, saved_threshold(arrays, len(sensorium)), share)
+        snapshot = cls(sensorium, AUTO, share)
         if snapshot._persistence is not None:
             snapshot._persistence.restore(arrays)
         return snapshot
@@ -295,7 +301,7 @@ class EmpiricalSnapshot(Snapshot):
             raise ValueError("weights: must be consistent with the clock")
         if self._persistence is not None:
             self._codes[:] = entry(arrays, "codes", self._codes.shape, np.uint8)
-            self._rows[:] = rows_of(self._codes, len(self.sensorium))
+            self._redraw()
         before = self._codes.copy()
         # Neither bit nor reading at hand: nothing is counted.
         if self._clock:

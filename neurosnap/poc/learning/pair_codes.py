@@ -31,6 +31,14 @@ def strict(codes: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.where(both, np.uint8(0), codes)
 
 
+def leads(code: int, a: int, b: int) -> bool:
+    """Return whether a pair's code says that `a` implies `b`, two of its literals."""
+    if a >> 1 < b >> 1:
+        a, b = b ^ 1, a ^ 1
+    bit = {(0, 0): 1, (1, 1): 2, (0, 1): 4, (1, 0): 8}[a & 1, b & 1]
+    return bool(code & bit)
+
+
 def rows_of(codes: NDArray[np.uint8], sensors: int) -> Words:
     """Return the packed edges that codes stand for.
 

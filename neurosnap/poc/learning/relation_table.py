@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.pair_codes import rows_of
+from neurosnap.poc.learning.pair_codes import leads, rows_of
 from neurosnap.poc.learning.pair_counts import OnProgress, PairCounts, count_pairs
 from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -253,8 +253,7 @@ class _Found:
 
     def _leads(self, a: int, b: int) -> bool:
         """Return whether there is an edge from one literal to another."""
-        bit = 1 << _bit(a, b)
-        return bool(self._code(a, b) & bit)
+        return leads(self._code(a, b), a, b)
 
     def _row(self, a: int, b: int) -> Relation:
         """Return the row of two related sensors, given by any of their literals."""
@@ -294,13 +293,6 @@ class _Found:
             return last + 1
         firsts = [self._span(i, j, cell)[0] for cell in range(4)]
         return min((first for first in firsts if first), default=0)
-
-
-def _bit(a: int, b: int) -> int:
-    """Return which bit of a code says that one literal implies another."""
-    if a >> 1 < b >> 1:
-        a, b = b ^ 1, a ^ 1
-    return {(0, 0): 0, (1, 1): 1, (0, 1): 2, (1, 0): 3}[a & 1, b & 1]
 
 
 def _at_most(failed: int, tested: int) -> float:

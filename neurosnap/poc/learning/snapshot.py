@@ -6,7 +6,7 @@ last adopted. How observations are weighed is up to each kind.
 
 import abc
 from collections.abc import Sequence
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,15 +16,41 @@ from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.evidence import Evidence
 from neurosnap.poc.learning.newborn import Newborn
-from neurosnap.poc.learning.pair_codes import rows_of, strict
+from neurosnap.poc.learning.pair_codes import leads, rows_of, strict
 from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
-from neurosnap.poc.learning.weight_store import Weights, pair_of
+from neurosnap.poc.learning.weight_store import (
+    Weights,
+    pair_of,
+    pairs_of,
+)
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 
+OF_PAIRS = ("joints", "squares", "codes", "since")
+"""The arrays of a snapshot whose last axis is the pairs."""
 _BITS = 32
+_WHOLE = 16  # a row has changed much if more than one in so many of its pairs have
+
+
+class Changes(NamedTuple):
+    """What relates pairs of sensors in another way now.
+
+    Of a row, the pairs of one sensor with those before it, in which much changed, there
+    are all codes; of others the pairs that did.
+    """
+
+    rows: NDArray[np.intp]
+    """``(R,)``: the sensors of whole rows, ascending."""
+    packed: NDArray[np.uint8]
+    """Their codes, two a byte, the first in the lower half; each row begins a byte."""
+    latter: NDArray[np.int32]
+    """``(C,)``: the latter sensors of single pairs, ascending."""
+    former: NDArray[np.int32]
+    """``(C,)``: their former ones."""
+    codes: NDArray[np.uint8]
+    """``(C,)``: what relates them."""
 
 
 class Snapshot(Archived):
@@ -54,6 +80,10 @@ class Snapshot(Archived):
             implication must be; one number or a symmetric ``(N, N)`` array with one a
             pair of sensors; each in (0, 1/4]. With unknown readings it is a share of
             the observations in which both sensors were known.
+        share: The sensors whose pairs with those before them are learned here, where
+            several share the pairs; None: all. `learn`, `skip`, `evidence` of these
+            pairs and `arrays` are then as ever, and there is no graph; of no sensor
+            there is one, which `relate` makes.
 
     Raises:
         ShapeError: `threshold` has another shape.
@@ -62,20 +92,30 @@ class Snapshot(Archived):
 
     _weights: Weights
 
-    def __init__(self, sensors: int | Sensorium, threshold: ArrayLike) -> None:
+    def __init__(
+        self,
+        sensors: int | Sensorium,
+        threshold: ArrayLike,
+        share: range | None = None,
+    ) -> None:
         if not isinstance(sensors, Sensorium):
             sensors = Sensorium.of(sensors)
         count = len(sensors)
         self._sensorium = sensors
         self._threshold = checked_threshold(threshold, count)
-        self._by_pair = by_pair(self._threshold)
+        self._share = range(count) if share is None else share
+        pairs = pairs_of(self._share)
+        self._by_pair = by_pair(self._threshold, pairs)
         self._clock = 0
         self._skipped = 0
         self._bits = np.zeros(count, np.uint8)
         self._known = np.zeros(count, np.uint8)
-        self._codes = np.zeros(count * (count - 1) // 2, np.uint8)
+        self._codes = np.zeros(len(pairs), np.uint8)
         self._since = np.zeros(self._codes.size, np.uint32)
-        self._rows: Words = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
+        self._latest = np.zeros(count, np.uint32)
+        self._rows: Words = np.zeros((0, 0), np.uint64)
+        if len(self._share) in (0, count):
+            self._rows = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
         self._born = np.zeros(count, np.uint32)
         self._state = np.zeros(2 * count, np.bool_)
         self._graphs: dict[bool, PocGraph] = {}
@@ -84,6 +124,16 @@ class Snapshot(Archived):
     def sensorium(self) -> Sensorium:
         """The names of the sensors."""
         return self._sensorium
+
+    @property
+    def share(self) -> range:
+        """The sensors whose pairs with those before them are learned here."""
+        return self._share
+
+    @property
+    def tick(self) -> int:
+        """The number of observations so far, with those that were skipped."""
+        return self._clock + self._skipped
 
     @property
     def clock(self) -> int:
@@ -139,7 +189,8 @@ class Snapshot(Archived):
         """
         a, b = self._proper(a, b)
         self._settle()
-        pair, total = pair_of(a, b), self._total()
+        total = self._total()
+        pair = pair_of(a, b) - pairs_of(self._share).start
         both, against = self._weights.of(a, b, total), self._weights.of(a, b ^ 1, total)
         other = self._weights.of(a ^ 1, b, total)
         neither = self._weights.of(a ^ 1, b ^ 1, total)
@@ -151,7 +202,7 @@ class Snapshot(Archived):
             other=other,
             against=against,
             limit=self._limit(a, b, (both, against, other, neither)),
-            holds=bool(self._rows[a, b >> 6] >> np.uint64(b & 63) & np.uint64(1)),
+            holds=leads(self._codes[pair].item(), a, b),
             since=self._since[pair].item(),
         )
 
@@ -189,6 +240,56 @@ class Snapshot(Archived):
         if changed:
             self._graphs.clear()
         return changed
+
+    def changes(self) -> Changes:
+        """Return what the last observation changed.
+
+        Only of the latest changes of a row it is known when they were, so this is of no
+        use after a `grow`.
+
+        O(N) time, and O(i) for each row `i` in which something changed.
+        """
+        tick, first = self._clock + self._skipped, self._share.start
+        counts = kernels.count_changes(self._since, self._latest, tick, first)
+        if not tick:
+            counts[:] = 0
+        whole = _WHOLE * counts > np.arange(counts.size)
+        rows, some = np.flatnonzero(whole), np.flatnonzero(~whole & (counts > 0))
+        size = int(counts[some].sum())
+        latter, former = np.empty(size, np.int32), np.empty(size, np.int32)
+        codes = np.empty(size, np.uint8)
+        found = latter, former, codes
+        kernels.pick_changes(some, self._since, self._codes, tick, first, *found)
+        return Changes(rows, kernels.pack_rows(rows, self._codes, first), *found)
+
+    def relate(
+        self,
+        latter: NDArray[np.intp],
+        former: NDArray[np.intp],
+        codes: NDArray[np.uint8],
+    ) -> bool:
+        """Let the graph have what others learned.
+
+        Args:
+            latter: ``(C,)``, the latter sensors of the pairs that are related anew.
+            former: ``(C,)``, their former ones.
+            codes: ``(C,)``, what relates them.
+
+        Returns:
+            Whether there is anything. O(C) time.
+        """
+        kernels.relate(latter, former, codes, self._rows)
+        if codes.size:
+            self._graphs.clear()
+        return codes.size > 0
+
+    def without_pairs(self) -> Self:
+        """Return what is left of a snapshot whose pairs others have: with its graph."""
+        arrays = self.arrays()
+        empty = {name: arrays[name][..., :0] for name in OF_PAIRS if name in arrays}
+        rest = self.from_arrays(arrays | empty, range(0))
+        rest._rows[:] = self._rows  # noqa: SLF001 - its own class
+        return rest
 
     def skip(self) -> None:
         """Let an observation go by: it has a tick, and nothing is learned from it.
@@ -267,7 +368,8 @@ class Snapshot(Archived):
         self._born[sensor] = self._clock - newborn.ticks
         tick = self._clock + self._skipped
         codes, rows = self._codes[pairs], self._rows
-        kernels.rewire(sensor, newborn.codes, codes, rows, self._since, tick)
+        since, latest = self._since[pairs], self._latest
+        kernels.rewire(sensor, newborn.codes, codes, rows, since, latest, tick)
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
         self._graphs.clear()
@@ -377,6 +479,11 @@ class Snapshot(Archived):
     def _update(self) -> bool:
         """Weigh in the known bits at hand; whether the graph changed."""
 
+    def _redraw(self) -> None:
+        """Let the graph be what the codes say, where all are there."""
+        if len(self._share) == len(self._sensorium):
+            self._rows[:] = rows_of(self._codes, len(self._sensorium))
+
     def _settle(self) -> None:
         """Bring the weights up to date, where a kind puts off what changes no code."""
 
@@ -411,12 +518,13 @@ class Snapshot(Archived):
             b: One of another sensor.
             square: The weights ``w_ab, w_ab*, w_a*b, w_a*b*``.
         """
-        share = self._by_pair[pair_of(a, b) if self._threshold.ndim else 0].item()
+        pair = pair_of(a, b) - pairs_of(self._share).start
+        share = self._by_pair[pair if self._threshold.ndim else 0].item()
         return float(share * self._whole(*square))
 
     @classmethod
     @abc.abstractmethod
-    def _blank(cls, sensorium: Sensorium, arrays: Arrays) -> Self:
+    def _blank(cls, sensorium: Sensorium, arrays: Arrays, share: range | None) -> Self:
         """Return a new snapshot with the parameters of a saved one."""
 
     @abc.abstractmethod
@@ -438,15 +546,19 @@ class Snapshot(Archived):
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Arrays) -> Self:
+    def from_arrays(cls, arrays: Arrays, share: range | None = None) -> Self:
         """Return the snapshot that has these arrays.
+
+        Args:
+            arrays: As `arrays` gave them.
+            share: As of the class.
 
         Raises:
             ValueError: They make no sense.
         """
         count = arrays["names"].size if "names" in arrays else 0
         names = entry(arrays, "names", (count,), np.str_).tolist()
-        snapshot = cls._blank(Sensorium(names), arrays)
+        snapshot = cls._blank(Sensorium(names), arrays, share)
         snapshot._restore(arrays)  # noqa: SLF001 - its own class
         return snapshot
 

@@ -51,8 +51,12 @@ def checked_threshold(threshold: ArrayLike, count: int) -> NDArray[np.float64]:
     return array
 
 
-def by_pair(threshold: NDArray[np.float64]) -> NDArray[np.float64]:
+def by_pair(threshold: NDArray[np.float64], pairs: range) -> NDArray[np.float64]:
     """Return a checked threshold as the kernels want it.
+
+    Args:
+        threshold: One number, or one a pair of sensors.
+        pairs: Those it is wanted of.
 
     Returns:
         ``(1,)`` if it is one number; one a pair and a last one of no meaning
@@ -60,7 +64,8 @@ def by_pair(threshold: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     if threshold.ndim == 0:
         return threshold.reshape(1)
-    return np.append(threshold[np.tril_indices(len(threshold), -1)], 0.25)
+    every = threshold[np.tril_indices(len(threshold), -1)]
+    return np.append(every[pairs.start : pairs.stop], 0.25)
 
 
 def saved_threshold(arrays: Arrays, count: int) -> NDArray[np.float64]:

@@ -34,6 +34,7 @@ def learn_counts(
     rows: Words,
     spells: NDArray[np.uint32] | None = None,
     turns: NDArray[np.uint8] | None = None,
+    first: int = 0,
 ) -> bool:
     """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
 
@@ -43,16 +44,18 @@ def learn_counts(
 
     Args:
         bits: ``(N,)``, 0 or 1.
-        joints: ``(N (N - 1) / 2,)``, updated.
+        joints: ``(N (N - 1) / 2,)``, updated; or as many as some rows have.
         marginals: ``(N,)``, updated.
         clock: The number of observations, this one included; at least 1.
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
-        rows: ``(2N, w)``, the derived graph, updated where codes change.
+        rows: ``(2N, w)``, the derived graph, updated where codes change; ``(0, 0)``:
+            nobody keeps it.
         spells: ``(2, 2N)``, where thresholds choose themselves: as
             `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
             threshold then is.
         turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
+        first: The first of the rows that there are numbers of.
 
     Returns:
         Whether any code changed. O(N²/2) time.
@@ -70,8 +73,8 @@ def learn_counts(
     for j in range(count):
         marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))
     changed = False
-    for i in range(1, count):
-        start = i * (i - 1) // 2
+    for i in range(first, end_of(first, codes.shape[0])):
+        start = place_of(i, first)
         joint, now = joints[start : start + i], codes[start : start + i]
         if bits[i]:
             for j in range(i):
@@ -87,8 +90,23 @@ def learn_counts(
                 fill(joint, marginals, mine, ticks, squares)
             withstand(i, turns[i], squares, spells, now, fresh)
         if differ:
-            changed |= rewire(i, fresh, now, rows, None, 0)
+            changed |= rewire(i, fresh, now, rows, None, None, 0)
     return changed
+
+
+@njit()
+def place_of(i: int, first: int) -> int:
+    """Return where a row begins in numbers of pairs that begin with row `first`."""
+    return i * (i - 1) // 2 - first * (first - 1) // 2
+
+
+@njit()
+def end_of(first: int, pairs: int) -> int:
+    """Return the number after the last row that so many pairs from `first` on have."""
+    end = first
+    while place_of(end, first) < pairs:
+        end += 1
+    return end
 
 
 @njit()
@@ -158,7 +176,9 @@ def learn_discounted(
     codes: NDArray[np.uint8],
     rows: Words,
     since: NDArray[np.uint32] | None = None,
+    latest: NDArray[np.uint32] | None = None,
     tick: int = 0,
+    first: int = 0,
 ) -> bool:
     """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
 
@@ -169,14 +189,16 @@ def learn_discounted(
 
     Args:
         bits: ``(N,)``, 0 or 1.
-        joints: ``(N (N - 1) / 2,)``, updated.
+        joints: ``(N (N - 1) / 2,)``, updated; or as many as some rows have.
         marginals: ``(N,)``, updated.
         decay: ``q`` in [0, 1).
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
-        rows: ``(2N, w)``, the derived graph, updated where codes change.
-        since: As of `rewire`.
+        rows: As of `learn_counts`.
+        since: One a pair, updated; None: nobody asks.
+        latest: As of `rewire`.
         tick: As of `rewire`.
+        first: As of `learn_counts`.
 
     Returns:
         Whether any code changed. O(N²/2) time.
@@ -189,9 +211,10 @@ def learn_discounted(
         gain[j] = (1.0 - decay) * bits[j]
         marginals[j] = decay * marginals[j] + gain[j]
     changed = False
-    for i in range(1, count):
-        start = i * (i - 1) // 2
-        joint = joints[start : start + i]
+    for i in range(first, end_of(first, codes.shape[0])):
+        start = place_of(i, first)
+        joint, now = joints[start : start + i], codes[start : start + i]
+        dates = None if since is None else since[start : start + i]
         on = float(bits[i])
         if threshold.shape[0] > 1:
             limit[:i] = threshold[start : start + i]
@@ -222,7 +245,7 @@ def learn_discounted(
             # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
             w11 = min(mine, yours) if up else w11
             joint[j] = max(0.0, mine + yours - 1.0) if down else w11
-        changed |= rewire(i, fresh, codes[start : start + i], rows, since, tick)
+        changed |= rewire(i, fresh, now, rows, dates, latest, tick)
     return changed
 
 
@@ -247,6 +270,7 @@ def rewire(
     codes: NDArray[np.uint8],
     rows: Words,
     since: NDArray[np.uint32] | None,
+    latest: NDArray[np.uint32] | None,
     tick: int,
 ) -> bool:
     """Bring one row of the codes, and the graph, up to date.
@@ -255,9 +279,9 @@ def rewire(
         i: The row, a sensor.
         fresh: ``(N,)``; the first `i` are what the codes are to be.
         codes: ``(i,)``, of the pairs of `i` with those before it; updated.
-        rows: ``(2N, w)``, updated where codes change.
-        since: One a pair, of all rows: when its code last changed; updated. None:
-            nobody asks.
+        rows: ``(2N, w)``, updated where codes change; ``(0, 0)``: nobody keeps them.
+        since: ``(i,)``, when each code last changed; updated. None: nobody asks.
+        latest: ``(N,)``, when a code of each row last did; updated. None: likewise.
         tick: Now; below ``2**32``.
 
     Returns:
@@ -265,20 +289,23 @@ def rewire(
     """
     if difference(fresh, codes) == 0:
         return False
-    start = i * (i - 1) // 2
     for j in range(codes.shape[0]):
         flips = fresh[j] ^ codes[j]
         if flips:
             codes[j] = fresh[j]
             flip(i, j, flips, rows)
             if since is not None:
-                since[start + j] = np.uint32(tick)
+                since[j] = np.uint32(tick)
+    if latest is not None:
+        latest[i] = np.uint32(tick)
     return True
 
 
 @njit()
 def flip(i: int, j: int, flips: np.uint8, rows: Words) -> None:
     """Set or clear the edges of some bits of the code of one pair."""
+    if rows.shape[0] == 0:
+        return
     for bit in range(4):
         if (flips >> bit) & 1:
             # Bits 1, 2, 4, 8: sources i, j, i, i*; targets j, i, j*, j.
@@ -287,6 +314,109 @@ def flip(i: int, j: int, flips: np.uint8, rows: Words) -> None:
             rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
             a, b = b ^ 1, a ^ 1
             rows[a, b >> 6] ^= _ONE << np.uint64(b & 63)
+
+
+@njit()
+def count_changes(
+    since: NDArray[np.uint32], latest: NDArray[np.uint32], tick: int, first: int
+) -> NDArray[np.int64]:
+    """Return ``(N,)``: how many codes of each row changed at a tick.
+
+    Args:
+        since: As `rewire` has it, of all rows.
+        latest: Likewise.
+        tick: When.
+        first: As of `learn_counts`.
+    """
+    counts = np.zeros(latest.shape[0], np.int64)
+    for i in range(first, end_of(first, since.shape[0])):
+        start = place_of(i, first)
+        for j in range(i if latest[i] == tick else 0):
+            counts[i] += since[start + j] == tick
+    return counts
+
+
+@njit()
+def pick_changes(
+    rows: NDArray[np.intp],
+    since: NDArray[np.uint32],
+    codes: NDArray[np.uint8],
+    tick: int,
+    first: int,
+    latter: NDArray[np.int32],
+    former: NDArray[np.int32],
+    picked: NDArray[np.uint8],
+) -> None:
+    """Write the pairs in some rows whose codes changed at a tick, and these.
+
+    Args:
+        rows: The rows.
+        since: As `rewire` has it, of all rows.
+        codes: Likewise.
+        tick: When.
+        first: As of `learn_counts`.
+        latter: ``(C,)``, overwritten.
+        former: ``(C,)``, overwritten.
+        picked: ``(C,)``, overwritten.
+    """
+    place = 0
+    for i in rows:
+        start = place_of(i, first)
+        for j in range(i):
+            if since[start + j] == tick:
+                latter[place], former[place] = i, j
+                picked[place] = codes[start + j]
+                place += 1
+
+
+@njit()
+def pack_rows(
+    rows: NDArray[np.intp], codes: NDArray[np.uint8], first: int
+) -> NDArray[np.uint8]:
+    """Return the codes of some rows, two a byte; each row begins a byte.
+
+    Args:
+        rows: The rows.
+        codes: Of all pairs.
+        first: As of `learn_counts`.
+    """
+    size = 0
+    for i in rows:
+        size += (i + 1) // 2
+    packed, begin = np.zeros(size, np.uint8), 0
+    for i in rows:
+        start = place_of(i, first)
+        for j in range(i):
+            half = np.uint8(codes[start + j] << np.uint8(4 * (j & 1)))
+            packed[begin + j // 2] |= half
+        begin += (i + 1) // 2
+    return packed
+
+
+@njit()
+def relate(
+    latter: NDArray[np.intp],
+    former: NDArray[np.intp],
+    codes: NDArray[np.uint8],
+    rows: Words,
+) -> None:
+    """Let the edges of some pairs be what their codes say.
+
+    Args:
+        latter: ``(C,)``, the pairs' latter sensors.
+        former: ``(C,)``, their former ones.
+        codes: ``(C,)``.
+        rows: ``(2N, w)``, updated.
+    """
+    for k in range(codes.shape[0]):
+        i, j = latter[k], former[k]
+        was = np.uint8(0)
+        for bit, (a, b) in enumerate(
+            ((2 * i, 2 * j), (2 * j, 2 * i), (2 * i, 2 * j + 1), (2 * i + 1, 2 * j))
+        ):
+            edge = rows[a, b >> 6] >> np.uint64(b & 63) & _ONE
+            was = np.uint8(was | np.uint8(edge) << np.uint8(bit))
+        flip(i, j, np.uint8(was ^ codes[k]), rows)
 
 
 @njit()

@@ -51,7 +51,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.pair_counts import population
-from neurosnap.poc.learning.update_kernels import difference, fill, flip, judge, rewire
+from neurosnap.poc.learning.update_kernels import (
+    difference,
+    end_of,
+    fill,
+    flip,
+    judge,
+    place_of,
+    rewire,
+)
 from neurosnap.poc.learning.update_kernels_auto import MARK, START, TURNS, withstand
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
@@ -88,9 +96,8 @@ class Lag(NamedTuple):
     """``(1,)``: how many these are."""
 
     @classmethod
-    def starting(cls, sensors: int, clock: int) -> "Lag":
+    def starting(cls, sensors: int, pairs: int, clock: int) -> "Lag":
         """Return that of rows which are up to date, and planned at their turns."""
-        pairs = sensors * (sensors - 1) // 2
         return cls(
             np.zeros(sensors, np.uint64),
             np.full(sensors, clock, np.int64),
@@ -112,25 +119,30 @@ def learn_lazily(
     codes: NDArray[np.uint8],
     rows: Words,
     since: NDArray[np.uint32],
+    latest: NDArray[np.uint32],
     lag: Lag,
     spells: NDArray[np.uint32] | None = None,
     turns: NDArray[np.uint8] | None = None,
+    first: int = 0,
 ) -> bool:
     """Count one observation and derive the graph anew, where it may change.
 
     Args:
         bits: ``(N,)``, 0 or 1.
-        joints: ``(N (N - 1) / 2,)``, each row as `lag` says; updated.
+        joints: ``(N (N - 1) / 2,)``, each row as `lag` says; updated. Or as many as
+            some rows have.
         marginals: ``(N,)``, updated.
         clock: The number of observations, this one included; at least 1.
         tick: What changes are dated with.
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
-        rows: ``(2N, w)``, the derived graph, updated where codes change.
+        rows: As of `neurosnap.poc.learning.update_kernels.rewire`.
         since: One a pair, the tick at which its code last changed; updated.
+        latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
         lag: Updated.
         spells: As of `neurosnap.poc.learning.update_kernels.learn_counts`.
         turns: As there.
+        first: As there.
 
     Returns:
         Whether any code changed.
@@ -141,19 +153,32 @@ def learn_lazily(
     for i in range(count):
         turn[i] = turns[i] if turns is not None else (clock + i) % WINDOW == 0
     _read(bits, clock, marginals, lag)
-    busy = _RARE * _list_changed(bits, clock, turn, lag) > count
+    end = end_of(first, codes.shape[0])
+    busy = _RARE * _list_changed(bits, clock, turn, lag, first, end) > count
     changed = _judge_listed(
-        joints, marginals, clock, tick, threshold, auto, codes, rows, since, turn, lag
+        joints,
+        marginals,
+        clock,
+        tick,
+        threshold,
+        auto,
+        codes,
+        rows,
+        since,
+        latest,
+        turn,
+        lag,
+        first,
     )
     ticks = np.uint32(clock)
     limit = np.full(count, limit_of(threshold[0], clock, auto))
     high = np.full(count, limit_of(threshold[0], clock + window, auto))
     fresh = np.empty(count, np.uint8)
     squares = np.empty((4, count if auto else 0), np.uint32)
-    for i in range(1, count):
+    for i in range(first, end):
         if lag.modes[i] != DENSE and not turn[i]:
             continue
-        start = i * (i - 1) // 2
+        start = place_of(i, first)
         joint, now = joints[start : start + i], codes[start : start + i]
         if lag.upto[i] < clock - 1:
             settle(i, joint, clock, lag)
@@ -172,12 +197,16 @@ def learn_lazily(
                 fill(joint, marginals, mine, ticks, squares)
             withstand(i, turn[i], squares, spells, now, fresh)
         if differ:
-            changed |= rewire(i, fresh, now, rows, since, tick)
+            dates = since[start : start + i]
+            changed |= rewire(i, fresh, now, rows, dates, latest, tick)
         if turn[i]:
             if threshold.shape[0] > 1:
                 for j in range(i):
                     high[j] = limit_of(threshold[start + j], clock + window, auto)
-            _plan(i, bits, joint, marginals, ticks, limit, high, window, busy, lag)
+            slack = lag.slack[start : start + i]
+            _plan(
+                i, bits, joint, marginals, ticks, limit, high, window, busy, slack, lag
+            )
     return changed
 
 
@@ -207,9 +236,16 @@ def _read(
 
 @njit()
 def _list_changed(
-    bits: NDArray[np.uint8], clock: int, turn: NDArray[np.bool_], lag: Lag
+    bits: NDArray[np.uint8],
+    clock: int,
+    turn: NDArray[np.bool_],
+    lag: Lag,
+    first: int,
+    end: int,
 ) -> int:
     """List the pairs in which a sensor changed, or let their row be dense.
+
+    The rows are those from `first` to before `end`.
 
     Returns:
         How many sensors changed.
@@ -218,8 +254,8 @@ def _list_changed(
     changes, found = np.empty(bits.shape[0], np.int64), 0
     for i in range(bits.shape[0]):
         differs = (lag.readings[i] >> before & _ONE) != bits[i]
-        if lag.modes[i] == CALM and not turn[i]:
-            start = i * (i - 1) // 2
+        if first <= i < end and lag.modes[i] == CALM and not turn[i]:
+            start = place_of(i, first)
             dense = differs or _RARE * found > i
             for j in changes[: 0 if dense else found]:
                 if lag.slack[start + j] == CALM:
@@ -244,8 +280,10 @@ def _judge_listed(
     codes: NDArray[np.uint8],
     rows: Words,
     since: NDArray[np.uint32],
+    latest: NDArray[np.uint32],
     turn: NDArray[np.bool_],
     lag: Lag,
+    first: int,
 ) -> bool:
     """Judge the listed pairs, none of which is at its turn; the calm leave the list.
 
@@ -261,7 +299,7 @@ def _judge_listed(
         i, j = int(lag.listed[0, entry]), int(lag.listed[1, entry])
         if turn[i] or lag.modes[i] == DENSE:
             continue
-        pair = i * (i - 1) // 2 + j
+        pair = place_of(i, first) + j
         if threshold.shape[0] > 1:
             low = limit_of(threshold[pair], clock, auto)
             high = limit_of(threshold[pair], clock + window, auto)
@@ -276,6 +314,7 @@ def _judge_listed(
         if code != was:
             flip(i, j, code ^ was, rows)
             codes[pair], since[pair], changed = code, np.uint32(tick), True
+            latest[i] = np.uint32(tick)
         on = (lag.readings[i] >> place & _ONE) > 0
         also = (lag.readings[j] >> place & _ONE) > 0
         slack = _slack_of(on, also, w11, w10, w01, w00, low, high, length)
@@ -337,10 +376,12 @@ def settle(i: int, joint: NDArray[np.uint32], clock: int, lag: Lag) -> None:
 
 
 @njit()
-def settle_all(joints: NDArray[np.uint32], clock: int, lag: Lag) -> None:
-    """Bring the counts of all rows up to date."""
-    for i in range(1, lag.upto.shape[0]):
-        start = i * (i - 1) // 2
+def settle_all(
+    joints: NDArray[np.uint32], clock: int, lag: Lag, first: int = 0
+) -> None:
+    """Bring the counts of all rows up to date, of which `first` is the first."""
+    for i in range(first, end_of(first, joints.shape[0])):
+        start = place_of(i, first)
         settle(i, joints[start : start + i], clock, lag)
 
 
@@ -394,11 +435,11 @@ def _plan(
     high: NDArray[np.uint32],
     window: int,
     busy: bool,
+    slack: NDArray[np.uint8],
     lag: Lag,
 ) -> None:
     """Find out which pairs of one row may change until its next turn."""
-    start = i * (i - 1) // 2
-    slack, mine = lag.slack[start : start + i], marginals[i]
+    mine = marginals[i]
     on = bits[i] > 0
     # Where much changes, a row that is not free becomes dense at once: a few of its
     # pairs tell.

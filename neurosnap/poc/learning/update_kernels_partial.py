@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.one_pair import SLACK, TINY
-from neurosnap.poc.learning.update_kernels import rewire
+from neurosnap.poc.learning.update_kernels import end_of, place_of, rewire
 from neurosnap.poc.learning.update_kernels_auto import MARK, START, withstand
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
@@ -30,9 +30,11 @@ def count_squares(
     codes: NDArray[np.uint8],
     rows: Words,
     since: NDArray[np.uint32],
+    latest: NDArray[np.uint32],
     tick: int,
     spells: NDArray[np.uint32] | None = None,
     turns: NDArray[np.uint8] | None = None,
+    first: int = 0,
 ) -> bool:
     """Count what is known of one observation and derive the graph anew.
 
@@ -49,19 +51,21 @@ def count_squares(
         bits: ``(N,)``, 0 or 1; any where unknown.
         known: ``(N,)``, 0 or 1.
         squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to less than
-            ``2**32``.
+            ``2**32``. Or as many as some rows have.
         clock: Observations so far, this one included.
         born: ``(N,)``, the clock when each sensor began, ascending; 0 for those that
             were there from the start.
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
-        rows: ``(2N, w)``, the derived graph, updated where codes change.
-        since: As of `neurosnap.poc.learning.update_kernels.rewire`.
+        rows: As of `neurosnap.poc.learning.update_kernels.rewire`.
+        since: One a pair, updated.
+        latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
         tick: As there.
         spells: ``(2, 2N)``, where thresholds choose themselves: as
             `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
             threshold then is.
         turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
+        first: The first of the rows that there are numbers of.
 
     Returns:
         Whether any code changed. O(N²/2) time.
@@ -71,12 +75,12 @@ def count_squares(
     share = np.full(count, threshold[0])
     fresh = np.empty(count, np.uint8)
     changed, reads = False, known.any()
-    for i in range(1, count):
-        start = i * (i - 1) // 2
+    for i in range(first, end_of(first, codes.shape[0])):
+        start = place_of(i, first)
         stop = start + i
         now = codes[start:stop]
         # Of a sensor that is not read nothing new follows, but what grew too old.
-        if reads and not known[i] and _implies_nothing(rows, i):
+        if reads and not known[i] and not now.any():
             continue
         both, only_i = squares[0][start:stop], squares[1][start:stop]
         only_j, neither = squares[2][start:stop], squares[3][start:stop]
@@ -91,17 +95,8 @@ def count_squares(
         _judge(both, only_i, only_j, neither, age, share, spells, fresh)
         if spells is not None and turns is not None:
             withstand(i, turns[i], squares[:, start:stop], spells, now, fresh)
-        changed |= rewire(i, fresh, now, rows, since, tick)
+        changed |= rewire(i, fresh, now, rows, since[start:stop], latest, tick)
     return changed
-
-
-@njit()
-def _implies_nothing(rows: Words, sensor: int) -> bool:
-    """Return whether no literal of a sensor implies any; then nor is it implied."""
-    edges = np.uint64(0)
-    for word in range(rows.shape[1]):
-        edges |= rows[2 * sensor, word] | rows[2 * sensor + 1, word]
-    return bool(edges == 0)
 
 
 @njit()
@@ -191,7 +186,9 @@ def discount_squares(
     codes: NDArray[np.uint8],
     rows: Words,
     since: NDArray[np.uint32],
+    latest: NDArray[np.uint32],
     tick: int,
+    first: int = 0,
 ) -> bool:
     """Weigh in what is known of one observation, derive, truncate.
 
@@ -203,13 +200,16 @@ def discount_squares(
     Args:
         bits: ``(N,)``, 0 or 1; any where unknown.
         known: ``(N,)``, 0 or 1.
-        squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to 1.
+        squares: ``(4, N (N - 1) / 2)``, updated; each column adds up to 1. Or as many
+            as some rows have.
         decay: ``q`` in [0, 1).
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
-        rows: ``(2N, w)``, the derived graph, updated where codes change.
-        since: As of `neurosnap.poc.learning.update_kernels.rewire`.
+        rows: As of `neurosnap.poc.learning.update_kernels.rewire`.
+        since: One a pair, updated.
+        latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
         tick: As there.
+        first: The first of the rows that there are numbers of.
 
     Returns:
         Whether any code changed. O(N k) time for ``k`` known sensors.
@@ -223,17 +223,17 @@ def discount_squares(
     shift = np.empty(count, np.float64)
     fresh = np.empty(count, np.uint8)
     changed = False
-    for i in range(1, count):
+    for i in range(first, end_of(first, codes.shape[0])):
         if not known[i]:
             continue
-        start = i * (i - 1) // 2
+        start = place_of(i, first)
         stop = start + i
         now = codes[start:stop]
         if threshold.shape[0] > 1:
             limit[:i] = threshold[start:stop]
         row = squares[:, start:stop]
         _discount(bits[i], known, row, keep, on, off, nothing, limit, shift, now, fresh)
-        changed |= rewire(i, fresh, now, rows, since, tick)
+        changed |= rewire(i, fresh, now, rows, since[start:stop], latest, tick)
     return changed
 
 

@@ -23,6 +23,8 @@ class Weights:
     Args:
         joints: ``(P,)``: what ``w_ij`` is at first.
         marginals: ``(N,)``: what ``w_i`` is at first; of the same type.
+        share: The sensors whose pairs with those before them are stored; others are
+            not.
 
     Attributes:
         joints: ``(P,)``: ``w_ij``; empty when wide.
@@ -30,16 +32,21 @@ class Weights:
         squares: ``(4, P)``: ``w_ij, w_ij*, w_i*j, w_i*j*``; None when narrow.
     """
 
-    def __init__(self, joints: NDArray[Any], marginals: NDArray[Any]) -> None:
+    def __init__(
+        self, joints: NDArray[Any], marginals: NDArray[Any], share: range
+    ) -> None:
         self.joints = joints
         self.marginals = marginals
+        self._share = share
         self.squares: NDArray[Any] | None = None
 
     @classmethod
-    def starting(cls, count: int, joint: np.generic, marginal: np.generic) -> "Weights":
+    def starting(
+        cls, count: int, joint: np.generic, marginal: np.generic, share: range
+    ) -> "Weights":
         """Return the weights of `count` sensors that are all alike."""
-        joints = np.full(count * (count - 1) // 2, joint)
-        return cls(joints, np.full(count, marginal))
+        joints = np.full(len(pairs_of(share)), joint)
+        return cls(joints, np.full(count, marginal), share)
 
     def widen(self, total: float) -> None:
         """Store the four weights of each pair from now on; none changes."""
@@ -67,7 +74,7 @@ class Weights:
         wide = np.int64 if self.joints.dtype.kind == "u" else np.float64
         if self.squares is not None:
             return self.squares.astype(wide)
-        i, j = np.tril_indices(len(self.marginals), -1)
+        i, j = sensors_of(self._share)
         both, mine = self.joints.astype(wide), self.marginals.astype(wide)
         rest = total - mine[i] - mine[j] + both
         return np.stack([both, mine[i] - both, mine[j] - both, rest])
@@ -75,7 +82,7 @@ class Weights:
     def of(self, a: int, b: int, total: float) -> float:
         """Return the weight of two literals of different sensors, int or float."""
         high, low = max(a, b), min(a, b)
-        pair = pair_of(high, low)
+        pair = pair_of(high, low) - pairs_of(self._share).start
         if self.squares is not None:
             return self.squares[2 * (high & 1) + (low & 1), pair].item()  # type: ignore[no-any-return]
         joint = self.joints[pair].item()
@@ -117,3 +124,16 @@ def pair_of(a: int, b: int) -> int:
     """Return the number of the pair of the sensors of two literals."""
     i, j = max(a, b) >> 1, min(a, b) >> 1
     return i * (i - 1) // 2 + j
+
+
+def pairs_of(share: range) -> range:
+    """Return the numbers of the pairs of some sensors with those before them."""
+    return range(*(k * (k - 1) // 2 for k in (share.start, share.stop)))
+
+
+def sensors_of(share: range) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the sensors of these pairs: ``(P,)`` the latter ones, and the former."""
+    sizes = np.arange(share.start, share.stop)
+    latter = np.repeat(sizes, sizes)
+    former = np.arange(len(latter)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return latter, former

@@ -331,6 +331,11 @@ class Recording:
             sequences.receive(recorded.message.sender, recorded.sequence)
         return sequences
 
+    @property
+    def gaps(self) -> int:
+        """At how many places its writer noted that messages are missing."""
+        return len(self.layout.gaps)
+
     def completeness(self) -> Completeness:
         """Read all messages and return whether any is missing.
 
@@ -353,8 +358,7 @@ class Recording:
             noted.expected, foreign=noted.completeness.foreign
         )
         duplicates = balance.duplicates + noted.completeness.duplicates
-        gaps = len(self.layout.gaps)
-        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=gaps)
+        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=self.gaps)
 
     def noted(self) -> Noted:
         """Return the balance as the writer noted it; empty if it did not get there.

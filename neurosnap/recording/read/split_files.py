@@ -135,6 +135,11 @@ class Whole(Recording):
         return tuple(lines)
 
     @property
+    def gaps(self) -> int:
+        """At how many places their writers noted that messages are missing."""
+        return sum(part.gaps for part in self.parts)
+
+    @property
     def whole(self) -> bool:
         """All of them are whole, and nothing is missing in between."""
         return all(part.whole for part in self.parts) and super().whole

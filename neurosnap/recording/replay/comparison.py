@@ -4,7 +4,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.poc.learning.archive import Arrays, pack_arrays, unpack_arrays
-from neurosnap.poc.learning.bands import OF_PAIRS
+from neurosnap.poc.learning.snapshot import OF_PAIRS
 from neurosnap.recording.read.reader import Recorded
 
 

@@ -15,6 +15,7 @@ passed on the way is compared like the rest.
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from typing import NoReturn, TypeAlias
 
 import msgspec
@@ -28,16 +29,17 @@ from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.replay.comparison import is_same, is_stretch
 from neurosnap.sensorium import selection, unpack
 
-_INPUTS = ("observe", "settle", "tally", "recalled", "band")
+_INPUTS = ("observe", "settle", "tally", "recalled", "band", "learned")
 _OUTPUTS = (
     *("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly"),
-    *("recall", "remind"),
+    *("recall", "remind", "learn"),
 )
 _SHOWN = 300  # characters of a message shown in a difference
 
@@ -89,6 +91,7 @@ class Replay:
             raise RecordingError(
                 f"{recording.path}: keyframe: must be of this run, got {error}"
             ) from error
+        self.workers = _workers(self.options, frame, bands)
         self.first = self.core.tick
         self._start = start
         self._body = self.options.body
@@ -106,11 +109,15 @@ class Replay:
         self._reports: dict[int, list[tuple[_Report, bool]]] = {}
         self._recalled: dict[tuple[int, int], list[wire.Recalled]] = {}
         self._bands: dict[int, list[wire.Band]] = {}  # by tick
+        self._learned: dict[int, list[wire.Learned]] = {}  # likewise
+        self._would: list[wire.Learned] = []  # what workers should say of a tick
         self._told: dict[str, int] = {}  # epoch of each part's last wiring
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
         # A key-frame to begin with has been said.
         said = self.core.begin() if frame is None else [self.core.decision]
+        if frame is not None and self.workers and self.first in resumed_at(recording):
+            self.core.begin_with(frame)
         self._said: deque[wire.Message] = deque(said)
         self._under_way = self.first  # the tick of what is derived now
         self._exhausted = False  # read to the end in search of an input
@@ -135,6 +142,8 @@ class Replay:
             self._compare(recorded, derived)
             if isinstance(derived, wire.KeyFrame):
                 self._check_bands(derived)
+            if isinstance(derived, wire.Learn):
+                self._learn(derived)
             if not self._said:
                 self._let_answer()
             if self.core.tick == tick or not self._only_closing_words():
@@ -167,7 +176,7 @@ class Replay:
         return self.core.begin() if from_frame else self.core.begin_rewired()
 
     def _only_closing_words(self) -> bool:
-        closing = (wire.KeyFrame, wire.Band, wire.Decision)
+        closing = (wire.KeyFrame, wire.Band, wire.Learn, wire.Decision)
         return all(isinstance(message, closing) for message in self._said)
 
     # Comparing -----------------------------------------------------------------------
@@ -230,13 +239,19 @@ class Replay:
             return
         found = self._bands.setdefault(frame.tick, [])
         self._read_until(lambda: len(found) >= frame.bands or self._is_read_beyond)
-        arrays = self.core.snapshot.arrays()
+        arrays = {} if self.workers else self.core.snapshot.arrays()
+        derived = {(one.array, one.offset): one.data for one in self.bands()}
         for band in self._bands.pop(frame.tick):
-            if not is_stretch(band, arrays):
+            data = derived.get((band.array, band.offset))
+            if data != band.data and not is_stretch(band, arrays):
                 raise DifferenceError(
                     f"tick {frame.tick}: /band {band.who}, {band.array:.40} from"
                     f" {band.offset}: recorded what was not learned"
                 )
+
+    def bands(self) -> Iterator[wire.Band]:
+        """Yield the bands of workers that share the learning, for a key-frame now."""
+        return chain.from_iterable(worker.bands() for worker in self.workers)
 
     @property
     def _is_read_beyond(self) -> bool:
@@ -263,6 +278,8 @@ class Replay:
         """Give the core what made it say `recorded`; return what it says now."""
         if (recall := self.core.questions.recall) is not None:
             return self._feed_recalled(recall, recorded.message)
+        if 0 in self.core.in_flight:
+            return self._feed_learned(recorded.message)
         match recorded.message:
             case wire.State(wave=wave) | wire.Reached(wave=wave):
                 return self._feed_reports(wave)
@@ -271,7 +288,11 @@ class Replay:
             ):
                 return self._feed_deadline(recorded)
             case (
-                wire.Anomaly() | wire.Wiring() | wire.WorkerWiring() | wire.WaveStart()
+                wire.Learn()
+                | wire.Anomaly()
+                | wire.Wiring()
+                | wire.WorkerWiring()
+                | wire.WaveStart()
             ):
                 return self._feed_observation()
             case _:
@@ -332,6 +353,38 @@ class Replay:
                 if said:
                     return said
         return []
+
+    def _feed_learned(self, following: wire.Message) -> list[wire.Message]:
+        """Give the core what workers learned until it says something."""
+        if isinstance(following, wire.Learn):
+            return self.core.overdue(0)
+        tick = self._under_way
+        while self._read_until(lambda: tick in self._learned):
+            for learned in self._learned.pop(tick):
+                said = self.core.receive(learned)
+                if any(isinstance(message, wire.Fault) for message in said):
+                    continue  # it was refused then, too
+                self._check_learned(learned)
+                if said:
+                    return said
+        return []
+
+    def _learn(self, learn: wire.Learn) -> None:
+        """Let workers learn, as they were told to."""
+        self._would = [said for said in self._would if said.tick == learn.tick]
+        for worker in self.workers:
+            for said in worker.learn(learn):
+                if isinstance(said, wire.Learned):
+                    self._would.append(said)
+
+    def _check_learned(self, learned: wire.Learned) -> None:
+        """Hold what a worker learned against what it should have."""
+        if learned not in self._would:
+            raise DifferenceError(
+                f"tick {learned.tick}: /learned {learned.sender}, part {learned.part}:"
+                f" recorded {wire.encode(learned).decode()[:_SHOWN]}, which does not"
+                " follow from what it was told"
+            )
 
     def _feed_recalled(
         self, recall: wire.Recall, following: wire.Message | None
@@ -422,6 +475,8 @@ class Replay:
                     self._reports.setdefault(report.wave, []).append((report, dated))
                 case wire.Band() as band:
                     self._bands.setdefault(band.tick, []).append(band)
+                case wire.Learned() as learned:
+                    self._learned.setdefault(learned.tick, []).append(learned)
                 case wire.Recalled() as answer:
                     here = answer.tick, answer.round
                     self._recalled.setdefault(here, []).append(answer)
@@ -438,12 +493,30 @@ class Replay:
                 wire.Observation(tick=tick)
                 | wire.Recalled(tick=tick)
                 | wire.Band(tick=tick)
+                | wire.Learn(tick=tick)
+                | wire.Learned(tick=tick)
             ):
                 return tick <= self.first
             case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
                 return wave <= self._start.frame.waves
             case _:
                 return recorded.sequence <= self._start.sequence
+
+
+def _workers(
+    options: RunOptions, frame: wire.KeyFrame | None, bands: Iterable[wire.Band]
+) -> list[WorkerLearning]:
+    """Return those that share the learning of a run, as they are at a key-frame."""
+    found = []
+    for number in range(len(options.learning_shares)):
+        worker = options.new_worker_learning(number)
+        if worker is not None and frame is not None:
+            for band in bands:
+                worker.take_band(band)
+            worker.begin(frame.snapshot)
+        if worker is not None:
+            found.append(worker)
+    return found
 
 
 def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:

@@ -432,6 +432,8 @@ def _counts(
 
 def _belongs(message: wire.Message, tick: int, waves: int) -> bool:
     """Tell whether a message shows that it is of a tick, or of one before."""
+    if isinstance(message, wire.Learned):
+        return message.tick <= tick and not message.frame
     if isinstance(message, _TICKED):
         return message.tick <= tick
     return isinstance(message, _DATED) and message.wave <= waves
@@ -470,5 +472,7 @@ def restore(past: ResumePoint, ticks: int) -> Coordinator:
     replay = Replay(stretch, start_of(stretch, before))
     for _ in _ticks(replay, past.tick):
         pass
-    replay.core.go_on(ticks)
-    return replay.core
+    core = replay.core
+    core.go_on(ticks)
+    core.pass_on(replay.bands())
+    return core

@@ -1,8 +1,8 @@
 """Reorders messages so that each reply follows its request.
 
 The coordinator asks for an observation by the decision before it, starts every wave,
-and asks the cells for what they have read; whatever is said of any of these was sent
-later, and may yet come earlier.
+asks the cells for what they have read, tells workers what to learn, and says when there
+is a key-frame. Whatever answers any of these was sent later, and may yet come earlier.
 """
 
 from collections.abc import Iterator
@@ -20,6 +20,61 @@ class Heard(NamedTuple):
     """When it came, nanoseconds since the epoch."""
 
 
+class Said(NamedTuple):
+    """How far the coordinator has come, by what it has said."""
+
+    tick: int = 0
+    """The last tick of which it asked for the observation."""
+    wave: int = 0
+    """The last wave it started."""
+    recalled: tuple[int, int] = (0, 0)
+    """Tick and round of its last question to the histories."""
+    learn: int = 0
+    """The last tick it told workers to learn."""
+    frame: int = 0
+    """The tick of its last key-frame."""
+
+    def after(self, message: wire.Message) -> "Said":
+        """Return how far it is with one more message of anybody."""
+        match message:
+            case wire.WaveStart(wave=wave) if wave > self.wave:
+                return self._replace(wave=wave)
+            case wire.Decision(tick=tick) if tick >= self.tick:
+                return self._replace(tick=tick + 1)
+            case wire.Recall(tick=tick, round=number):
+                return self._replace(recalled=max(self.recalled, (tick, number)))
+            case wire.Learn(tick=tick) if tick > self.learn:
+                return self._replace(learn=tick)
+            case wire.KeyFrame(tick=tick) if tick > self.frame:
+                return self._replace(frame=tick)
+            case _:
+                return self
+
+    def is_before(self, message: wire.Message) -> bool:
+        """Tell whether a message answers a later word of the coordinator.
+
+        What answers nothing never does.
+        """
+        match message:
+            case wire.Observation():
+                return message.tick > self.tick
+            case (
+                wire.Pulse()
+                | wire.CellReport()
+                | wire.PulseBatch()
+                | wire.WorkerReport()
+            ):
+                return message.wave > self.wave
+            case wire.Recalled():
+                return (message.tick, message.round) > self.recalled
+            case wire.Learned():
+                return message.tick > self.learn
+            case wire.Band():
+                return message.tick > self.frame
+            case _:
+                return False
+
+
 class CausalOrder:
     """Lets messages wait for the word of the coordinator that they answer.
 
@@ -32,32 +87,23 @@ class CausalOrder:
 
     def __init__(self, patience: int) -> None:
         self._patience = patience
-        self._wave = 0  # the last that was heard to start
-        self._tick = 0  # the last that was heard to be asked for
-        self._round = (0, 0)  # tick and round that were last heard to be recalled
+        self._said = Said()
         self._early: list[Heard] = []
         self._behind: set[str] = set()  # who has something in there
 
     @property
     def asked(self) -> int:
         """The last tick of which the observation was asked for."""
-        return self._tick
+        return self._said.tick
 
     def take(self, heard: Heard) -> Iterator[Heard]:
         """Take in a message; yield what there is nothing to wait for any more."""
         if self._keep(heard, heard.log_time):
             return
         yield heard
-        match heard.message:
-            case wire.WaveStart(wave=wave) if wave > self._wave:
-                self._wave = wave
-            case wire.Decision(tick=tick) if tick >= self._tick:
-                self._tick = tick + 1
-            case wire.Recall(tick=tick, round=number) if (tick, number) > self._round:
-                self._round = tick, number
-            case _:
-                return
-        yield from self.due(heard.log_time)
+        said, self._said = self._said, self._said.after(heard.message)
+        if self._said != said:
+            yield from self.due(heard.log_time)
 
     def due(self, now: int) -> Iterator[Heard]:
         """Yield what has nothing to wait for any more, or has waited long enough.
@@ -87,33 +133,9 @@ class CausalOrder:
         """Keep a message that has to wait, or is behind one of its sender's."""
         sender = heard.message.sender
         may_wait = now <= heard.log_time + self._patience
-        is_early = may_wait and is_beyond(
-            heard.message, self._tick, self._wave, self._round
-        )
+        is_early = may_wait and self._said.is_before(heard.message)
         if sender not in self._behind and not is_early:
             return False
         self._early.append(heard)
         self._behind.add(sender)
         return True
-
-
-def is_beyond(
-    message: wire.Message, tick: int, wave: int, recalled: tuple[int, int]
-) -> bool:
-    """Tell whether an answer is to a later word of the coordinator.
-
-    Args:
-        message: Of anybody; what answers nothing is never beyond.
-        tick: The last that was asked for.
-        wave: The last that was started.
-        recalled: Tick and round of the last question to the histories.
-    """
-    match message:
-        case wire.Observation():
-            return message.tick > tick
-        case wire.Pulse() | wire.CellReport() | wire.PulseBatch() | wire.WorkerReport():
-            return message.wave > wave
-        case wire.Recalled():
-            return (message.tick, message.round) > recalled
-        case _:
-            return False

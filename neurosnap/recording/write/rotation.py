@@ -47,7 +47,7 @@ from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
 from neurosnap.recording.read.split_files import part_path, part_paths
 from neurosnap.recording.write.carry_over import begin_recording, facts_of
-from neurosnap.recording.write.causal_order import CausalOrder, Heard, is_beyond
+from neurosnap.recording.write.causal_order import CausalOrder, Heard, Said
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.kept_files import delete, not_kept
 from neurosnap.recording.write.writer import Writer
@@ -279,7 +279,9 @@ class SplitWriter:
         if sender in self._passed:
             return False
         tick, wave = self._boundary.decision.tick, self._boundary.wave
-        if not is_beyond(message, tick, wave, (tick + 1, 0)):
+        # The newest file begins with the key-frame of the tick, and its bands.
+        said = Said(tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1)
+        if not said.is_before(message):
             return True
         self._pass(sender, sequence, older)
         if self._passed >= older.sequences.first.keys():

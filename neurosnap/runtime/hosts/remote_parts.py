@@ -57,9 +57,11 @@ def workers(numbers: Numbers) -> ChooseParts:
     """Return what chooses some workers, with all the cells that are theirs."""
 
     def choose(_: str, description: RunDescription) -> list[RemotePart]:
-        sizes = len(description.options.sensors), description.options.sharing
-        chosen = numbers.of("workers", description.options.sharing)
-        return [RemotePart(f"worker/{n}", WorkerJob(n, *sizes)) for n in chosen]
+        options = description.options
+        learning = options if options.learning_shares else None
+        common = len(options.sensors), options.sharing, learning
+        chosen = numbers.of("workers", options.sharing)
+        return [RemotePart(f"worker/{n}", WorkerJob(n, *common)) for n in chosen]
 
     return choose
 

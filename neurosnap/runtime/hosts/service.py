@@ -27,7 +27,7 @@ from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.parts.run_description import read_description
 from neurosnap.runtime.restart_policy import RestartKind
-from neurosnap.runtime.supervisor import Child, Supervisor, allow_files
+from neurosnap.runtime.supervisor import RunningPart, Supervisor
 
 _GRACE = 10.0  # seconds a part may take to end
 _LAST_WORDS = ("fault/coordinator", "leave/coordinator")
@@ -159,16 +159,16 @@ class _Host:
     ) -> dict[str, bytes]:
         """Run the parts until `gone`; return what they brought home."""
         grace = _GRACE + 0.02 * len(parts)
-        allow_files(len(parts))
+        names = [part.who for part in parts]
         async with Supervisor() as supervisor:
-            children = await _start(supervisor, parts, connections)
+            await supervisor.make_room(names, self._stop)
+            started = await _start(supervisor, parts, connections)
             await wait_any(supervisor.failed, self._stop, gone)
-            for part, child in zip(parts, children, strict=False):
+            for part, running in zip(parts, started, strict=False):
                 if part.lingers and gone.is_set():
                     with contextlib.suppress(TimeoutError):
                         async with asyncio.timeout(grace):
-                            await wait_any(supervisor.failed, self._stop, child.ended)
-            names = [part.who for part in parts]
+                            await wait_any(supervisor.failed, self._stop, running.ended)
             if isinstance(supervisor.error, PartDiedError):
                 # Whoever left in order now would be blamed for what the dead one did.
                 await supervisor.kill(names)
@@ -179,9 +179,9 @@ class _Host:
             rule = "every part must end when asked to"
             raise PartDiedError(f"swarm: {rule}, killed: {', '.join(late)}")
         return {
-            child.process.name: child.result
-            for child in children
-            if child.result is not None
+            running.who: running.result
+            for running in started
+            if running.result is not None
         }
 
 
@@ -189,7 +189,7 @@ async def _start(
     supervisor: Supervisor,
     parts: Sequence[RemotePart],
     connections: Sequence[PartConnection],
-) -> list[Child]:
+) -> list[RunningPart]:
     """Start the parts; return those with a line of their own.
 
     Where there are many, they are cells, which have nothing to bring home.

@@ -13,16 +13,14 @@ import os
 import shutil
 import signal
 import sys
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 
-from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.runtime.parts import cell_process as cell_process  # loaded, not used
 from neurosnap.runtime.parts import hub_process as hub_process
-from neurosnap.runtime.parts.job import Job, PartConnection, PartContext
+from neurosnap.runtime.parts.job import Job, PartConnection, PartContext, carry_out
 from neurosnap.runtime.parts.reports import Reporter
 from neurosnap.system.signals import SIGNALS, unheeded
 
@@ -79,27 +77,21 @@ def child(job: Job, connection: PartConnection, line: Connection) -> None:
     # What the fork server loaded stays shared with it only while nobody walks over it.
     gc.freeze()
 
-    async def live() -> None:
+    async def live() -> bool:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(END, stop.set)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {END})
         try:
             with _ending_with_launcher(connection.who, stop):
-                await job.run(PartContext(connection, stop, reporter))
+                return await carry_out(job, PartContext(connection, stop, reporter))
         finally:
             # It is about to end: asked to now, it must not be killed by that, as it
             # would be once the loop is closed.
             loop.remove_signal_handler(END)
             signal.signal(END, signal.SIG_IGN)
 
-    try:
-        asyncio.run(live())
-    except NeurosnapError as error:
-        reporter.failed(str(error), died=isinstance(error, PartDiedError))
-        sys.exit(1)
-    except Exception:  # noqa: BLE001 - the process ends here, and says why
-        reporter.failed(traceback.format_exc())
+    if not asyncio.run(live()):
         sys.exit(1)
 
 

@@ -33,7 +33,10 @@ class Core(Protocol):
 
     @property
     def in_flight(self) -> tuple[int, ...]:
-        """What has not come to its end: waves by number, a question as its -round."""
+        """What has not come to its end.
+
+        Waves by number; a question as its -round; and 0, if workers learn.
+        """
         ...
 
     def begin(self) -> list[wire.Message]:
@@ -92,6 +95,7 @@ async def run_coordinator(
             it is named.
         WaveLostError: A wave did not settle, and neither did its repeats.
         AnswerLostError: A question to the cells' histories was not answered.
+        LearningLostError: Nor did workers learn.
     """
     shell = _CoordinatorLoop(
         core,
@@ -206,6 +210,8 @@ class _CoordinatorLoop:
                     self._repeat = message.wave
             elif isinstance(message, wire.Recall):
                 self._started[-message.round] = time.monotonic()
+            elif isinstance(message, wire.Learn):
+                self._started[0] = time.monotonic()
             if isinstance(message, wire.Decision):
                 self._on_decision(message)
         if self._core.finished:

@@ -1,11 +1,13 @@
-"""The job of a child process: what it is given, and what it runs."""
+"""The job of a part: what it is given, and what it runs."""
 
 import asyncio
+import traceback
 from dataclasses import dataclass
 from typing import Protocol
 
 import msgspec
 
+from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.runtime.parts.reports import Reporter
@@ -45,21 +47,34 @@ class PartConnection(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PartContext:
-    """What the process of a part has, whatever its job."""
+    """What a part has, whatever its job, and whoever started it."""
 
     connection: PartConnection
     """Its place on the network."""
     stop: asyncio.Event
     """Set once it is to end in order."""
     reporter: Reporter
-    """Its line to the parent."""
+    """Its line to whoever started it."""
 
 
 class Job(Protocol):
-    """What a child process does, with all it needs: a struct that can be pickled.
+    """What a part does, with all it needs: a struct that can be pickled.
 
-    Its class must be importable: the child looks it up by its module.
+    Its class must be importable: the part looks it up by its module.
     """
 
     async def run(self, part: PartContext) -> None:
         """Work until it is done, or `part.stop` is set."""
+
+
+async def carry_out(job: Job, part: PartContext) -> bool:
+    """Run a job to its end, and report why if it fails; tell whether it did not."""
+    try:
+        await job.run(part)
+    except NeurosnapError as error:
+        part.reporter.failed(str(error), died=isinstance(error, PartDiedError))
+        return False
+    except Exception:  # noqa: BLE001 - the part ends here, and says why
+        part.reporter.failed(traceback.format_exc())
+        return False
+    return True

@@ -1,4 +1,4 @@
-"""Reports of a child process to its parent, through a pipe.
+"""Reports of a part to whoever started it, through a pipe or as Ray carries them.
 
 They do not go over the network: they must work when the network does not.
 """
@@ -7,7 +7,7 @@ import contextlib
 import threading
 import time
 from multiprocessing.connection import Connection
-from typing import Annotated, TypeAlias
+from typing import Annotated, Protocol, TypeAlias
 
 import msgspec
 
@@ -68,21 +68,33 @@ _encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
 
 
+def decode_report(content: bytes) -> Report:
+    """Return a report as it was."""
+    return _decoder.decode(content)
+
+
 def read_report(connection: Connection) -> Report:
     """Return the next report. Blocks until there is one.
 
     Raises:
         EOFError: Nobody is left to report.
     """
-    return _decoder.decode(connection.recv_bytes())
+    return decode_report(connection.recv_bytes())
+
+
+class Line(Protocol):
+    """Where reports go, such as a pipe."""
+
+    def send_bytes(self, buf: bytes, /) -> None:
+        """Send one report."""
 
 
 class Reporter:
-    """A child's line to its parent; any thread may report."""
+    """A part's line to whoever started it; any thread may report."""
 
-    def __init__(self, who: str, connection: Connection) -> None:
+    def __init__(self, who: str, line: Line) -> None:
         self._who = who
-        self._connection = connection
+        self._line = line
         self._lock = threading.Lock()  # a long report is several writes
         self._next_progress = 0.0
 
@@ -125,4 +137,4 @@ class Reporter:
     def _send(self, report: Report) -> None:
         # A line that is broken: nobody is left to be told.
         with self._lock, contextlib.suppress(BrokenPipeError):
-            self._connection.send_bytes(_encode(report))
+            self._line.send_bytes(_encode(report))

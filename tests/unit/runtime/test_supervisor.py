@@ -12,7 +12,8 @@ import pytest
 
 from neurosnap.runtime.parts.job import Job, PartConnection, PartContext
 from neurosnap.runtime.parts.reports import Ready, Report
-from neurosnap.runtime.supervisor import Supervisor, _without_main
+from neurosnap.runtime.starting.child_processes import ChildProcesses, without_main
+from neurosnap.runtime.supervisor import Supervisor
 
 
 class Process:
@@ -77,8 +78,8 @@ class NoJob:
         raise NotImplementedError
 
 
-class Supervised(Supervisor):
-    """A supervisor of such children."""
+class Starting(ChildProcesses):
+    """Starts such children."""
 
     def __init__(self, children: Children) -> None:
         super().__init__()
@@ -99,7 +100,7 @@ async def test_who_is_cancelled_while_it_starts_leaves_nobody(many: bool) -> Non
     children = Children()
 
     async def start() -> None:
-        async with Supervised(children) as supervisor:
+        async with Supervisor(Starting(children)) as supervisor:
             if many:
                 await supervisor.start_many(jobs(3))
             else:
@@ -119,40 +120,42 @@ async def test_who_is_cancelled_while_it_starts_leaves_nobody(many: bool) -> Non
 
 async def test_a_line_is_closed_here_even_if_its_child_does_not_start() -> None:
     children = Children(refused=True)
-    async with Supervised(children) as supervisor:
+    starting = Starting(children)
+    async with Supervisor(starting) as supervisor:
         with pytest.raises(OSError, match="no more processes"):
             await supervisor.start(*jobs(1)[0])
-        assert supervisor.line.closed
+        assert starting.line.closed
     assert children.close() == {}
 
 
-class Listening(Supervised):
+class Listening(Supervisor):
     """A supervisor that notes that it was told something."""
 
-    def __init__(self, children: Children) -> None:
-        super().__init__(children)
+    def __init__(self, starting: Starting) -> None:
+        super().__init__(starting)
         self.told = asyncio.Event()
 
-    def _take(self, report: Report) -> None:
-        super()._take(report)
+    def take(self, report: Report) -> None:
+        super().take(report)
         self.told.set()
 
 
 async def test_who_is_up_before_its_start_has_returned_is_up() -> None:
     children = Children()
-    async with Listening(children) as supervisor:
+    lines = Starting(children)
+    async with Listening(lines) as supervisor:
         starting = asyncio.create_task(supervisor.start(*jobs(1)[0]))
         await children.is_starting.wait()
-        supervisor.line.send_bytes(msgspec.json.encode(Ready("cell/0")))
+        lines.line.send_bytes(msgspec.json.encode(Ready("cell/0")))
         await supervisor.told.wait()
         children.go_on.set()
-        child = await starting
-        assert child.ready.is_set()
+        part = await starting
+        assert part.ready.is_set()
     assert children.close() == {"cell/0": -9}
 
 
 async def test_whoever_waits_hears_what_was_blamed() -> None:
-    async with Supervised(Children()) as supervisor:
+    async with Supervisor(Starting(Children())) as supervisor:
         ready = asyncio.Event()
         ready.set()
         await supervisor.wait(ready)
@@ -169,12 +172,12 @@ def test_two_that_hide_the_main_module_leave_it_as_it_was() -> None:
     main, inside, leave = sys.modules["__main__"], threading.Event(), threading.Event()
 
     def hide() -> None:
-        with _without_main():
+        with without_main():
             inside.set()
             leave.wait(5)
 
     other = threading.Thread(target=hide)
-    with _without_main():
+    with without_main():
         other.start()
         assert not inside.wait(0.05), "they must take turns"
     leave.set()

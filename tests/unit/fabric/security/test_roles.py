@@ -42,6 +42,8 @@ KEYS = {
     "recalled": "recalled/{}",
     "remind": "remind/cell/3",
     "band": "band/{}",
+    "learn": "learn",
+    "learned": "learned/{}",
 }
 """A key of every topic, with room for who says it."""
 TO_WORKERS = {"remind": "remind/worker/3"}
@@ -52,6 +54,9 @@ PARTS = ("hub", "coordinator", "world", "recorder", "cell/3", "worker/3", "watch
 MANY = ("cell", "worker")
 NAMES = {name: name for name in (*PARTS, "cell/4", "worker/4", "sensor")}
 """A certificate a part."""
+
+SPEAKERS = tuple(role for role in ROLES if role != "hub")
+"""All roles but the one that passes on what all others say."""
 
 MESSAGES = (
     *("put", "delete", "declare_subscriber", "query", "declare_queryable", "reply"),
@@ -109,7 +114,7 @@ def test_every_role_has_its_rights() -> None:
     assert tuple(RIGHTS) == ROLES
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 @pytest.mark.parametrize("topic", KEYS)
 def test_a_role_may_do_what_the_table_says_and_nothing_else(
     role: str, topic: str
@@ -121,11 +126,15 @@ def test_a_role_may_do_what_the_table_says_and_nothing_else(
     if topic in rights.reads:
         wanted |= {("declare_subscriber", "ingress"), ("put", "egress")}
     keys = KEYS | TO_WORKERS if role == "worker" else KEYS
+    several = {keys[topic].format(part_of(role))}
+    if (role, topic) == ("worker", "band"):  # its own, and the coordinator's to read
+        several.add(keys[topic].format("coordinator"))
     found = {
         (message, flow)
         for message in MESSAGES
         for flow in ("ingress", "egress")
-        if allows(role, message, flow, keys[topic].format(part_of(role)))
+        for key in several
+        if allows(role, message, flow, key)
     }
     assert found == wanted
 
@@ -139,9 +148,9 @@ def speakers(topic: str, names: Mapping[str, str] | None) -> set[tuple[str, str]
     return {
         (name, who)
         for name in (names or ROLES)
+        if role_of(name) != "hub"  # passes on what any of them said
         for who in (*PARTS, "cell/4", "worker/4", "**", "cell/*", "worker/*")
-        if name != "hub"  # plays back what any of them said
-        and allows(name, "put", "ingress", KEYS[topic].format(who), names)
+        if allows(name, "put", "ingress", KEYS[topic].format(who), names)
     }
 
 
@@ -150,7 +159,7 @@ def test_a_part_speaks_for_itself_alone(topic: str) -> None:
     found = speakers(topic, NAMES)
     assert found == {
         (name, name) for name in NAMES if topic in RIGHTS[role_of(name)].publishes
-    } - {("hub", "hub")}
+    }
     assert found
 
 
@@ -177,7 +186,7 @@ def test_a_part_hears_what_is_for_it_alone(mine: str, others: str) -> None:
 
 
 def test_a_part_shows_as_itself_alone() -> None:
-    for name in NAMES:
+    for name in NAMES.keys() - {"hub"}:
         shown = {
             who
             for who in PARTS
@@ -188,13 +197,13 @@ def test_a_part_shows_as_itself_alone() -> None:
         }
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 def test_only_who_reads_everything_may_subscribe_to_everything(role: str) -> None:
     reads = RIGHTS[role].reads  # type: ignore[index]
     assert allows(role, "declare_subscriber", "ingress", "**") == (reads == ALL)
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 @pytest.mark.parametrize(
     "who", ["coordinator", "world", "recorder", "cell/3", "worker/3", "watcher", "hub"]
 )
@@ -211,7 +220,7 @@ def test_a_role_shows_as_alive_under_its_own_names_alone(role: str, who: str) ->
         assert may == (who in own.get(role, set()))
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 def test_presence_is_for_those_who_need_it(role: str) -> None:
     watches = role in ("coordinator", "recorder", "watcher")
     for below in ("alive", PLACE):
@@ -220,10 +229,23 @@ def test_presence_is_for_those_who_need_it(role: str) -> None:
         assert (asks, gets) == (watches, watches)
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 def test_everybody_may_ask_the_hub_whether_it_has_taken_everything(role: str) -> None:
     assert allows(role, "query", "ingress", FLUSHED)
     assert not allows(role, "query", "ingress", "**")
+
+
+def test_a_hub_passes_on_all_that_any_part_may_say_or_hear_and_no_more() -> None:
+    passed = set(granted("hub"))
+    every = {
+        (message, flow)
+        for role in SPEAKERS
+        for message, flow, _ in granted(role)
+        # What comes in at one hub goes out at another, and the other way round.
+        for flow in ("ingress", "egress")
+    }
+    assert passed == {(*what, f"{wire.ROOT}/*/**") for what in every}
+    assert not any(message == "delete" for message, _, _ in passed)
 
 
 def test_cells_and_workers_may_listen_to_what_they_listen_to() -> None:
@@ -234,7 +256,7 @@ def test_cells_and_workers_may_listen_to_what_they_listen_to() -> None:
 
 
 def test_every_topic_is_somebodys_to_publish_and_somebodys_to_read() -> None:
-    parts = [rights for role, rights in RIGHTS.items() if role != "hub"]
+    parts = RIGHTS.values()
     known = {*KEYS, READING}
     assert {topic for rights in parts for topic in rights.publishes} == known
     assert {topic for rights in parts for topic in rights.reads} == known
@@ -243,7 +265,7 @@ def test_every_topic_is_somebodys_to_publish_and_somebodys_to_read() -> None:
 @pytest.mark.parametrize("topic", ["wiring", "loom", "wave", "state", "decide"])
 def test_only_the_coordinator_conducts(topic: str) -> None:
     may = {role for role, rights in RIGHTS.items() if topic in rights.publishes}
-    assert may == {"hub", "coordinator"}
+    assert may == {"coordinator"}
 
 
 def test_what_is_outside_the_swarms_prefix_is_nobodys() -> None:
@@ -262,7 +284,7 @@ def test_a_parts_role_is_the_first_word_of_its_name(who: str, role: str) -> None
 READINGS = (READING, f"{READING}/door", f"{READING}/kitchen/door")
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 @pytest.mark.parametrize("key", READINGS)
 def test_sensors_put_readings_and_the_world_gets_them(role: str, key: str) -> None:
     wanted = {
@@ -295,7 +317,7 @@ def test_what_is_no_message_of_ours_has_keys_of_its_own() -> None:
     assert {READING, PLACE, DESCRIPTION, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 def test_one_role_tells_what_the_run_is_and_one_may_ask(role: str) -> None:
     tells, asks = role == "coordinator", role == "watcher"
     for message, flow in (
@@ -309,7 +331,7 @@ def test_one_role_tells_what_the_run_is_and_one_may_ask(role: str) -> None:
     assert allows(role, "reply", "egress", DESCRIPTION) == asks
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", SPEAKERS)
 def test_who_is_there_may_be_asked_by_those_who_watch(role: str) -> None:
     watches = role in ("coordinator", "recorder", "watcher")
     assert allows(role, "liveliness_query", "ingress", "alive/**") == watches

@@ -198,6 +198,25 @@ def test_a_file_that_is_missing_between_is_noticed(
 
 
 @pytest.mark.usefixtures("small")
+def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -> None:
+    recorded = list(Recording.open(whole).messages())
+    paths = write(whole, tmp_path / "log.mcap", recorded)
+    old, copy = Recording.open(paths[0]), tmp_path / "copy.mcap"
+    with Writer(copy) as writer:
+        writer.start(old.metadata)
+        writer.note_share()
+        for one in old.messages():
+            writer.add(one.delivery, one.log_time)
+        writer.note_gap("bytes 5 to 9 of another file: damaged")
+        writer.finish(old.totals or {}, old.noted().expected)
+    assert open_whole(paths[0]).completeness().whole
+    copy.replace(paths[0])
+    completeness = open_whole(paths[0]).completeness()
+    assert (completeness.gaps, completeness.whole) == (1, False)
+    assert not verify(paths[0]).complete
+
+
+@pytest.mark.usefixtures("small")
 def test_a_file_in_the_way_is_not_overwritten(whole: Path, tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     other = part_path(log, 3)

@@ -1,0 +1,188 @@
+"""The coordinator's side of learning that workers share.
+
+Pure: what is to be learned in, a message out; what the workers learned in, and once the
+last of it has come, all of it, in an order that does not depend on when it came.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.errors import LearningLostError, MessageError
+from neurosnap.protocol.learned_changes import Pairs, pairs_in
+
+
+class LearnControl:
+    """Tells the workers what to learn, and puts together what that changed.
+
+    Args:
+        shares: The sensors of each worker, whose pairs with those before them it has.
+        repeats: How often workers that do not answer are told again.
+    """
+
+    def __init__(self, shares: Sequence[range], repeats: int) -> None:
+        self._shares = shares
+        self._repeats = repeats
+        self._learn: wire.Learn | None = None  # what is under way
+        self._last = wire.Learn(0)  # what was last
+        self._tries = 0
+        self._parts: list[set[int]] = []  # that have come, by worker
+        self._sizes: list[int] = []  # how many there are, by worker; 0: not known yet
+        self._weights: list[wire.Learned] = []  # those that say what spoke for what
+
+    @property
+    def under_way(self) -> wire.Learn | None:
+        """What is not learned by all yet."""
+        return self._learn
+
+    @property
+    def shares(self) -> Sequence[range]:
+        """The sensors of each worker."""
+        return self._shares
+
+    def ask(self, learn: wire.Learn) -> list[wire.Message]:
+        """Return the message that tells the workers what to learn."""
+        self._learn, self._last, self._tries = learn, learn, 1
+        self._parts = [set() for _ in self._shares]
+        self._sizes = [0] * len(self._shares)
+        self._weights = []
+        return [learn]
+
+    def ask_bands(self, tick: int, begins: bytes) -> list[wire.Message]:
+        """Return the message that makes them send the bands of a key-frame.
+
+        They answer behind these, with what they learned last.
+
+        Args:
+            tick: That of the key-frame, and of what they learned last.
+            begins: What they begin with, if they have learned nothing yet.
+        """
+        last = self._last if self._last.tick == tick else wire.Learn(tick)
+        return self.ask(msgspec.structs.replace(last, frame=tick, begins=begins))
+
+    def forget(self) -> None:
+        """Let nothing be under way, nor have been learned last."""
+        self._learn, self._last = None, wire.Learn(0)
+
+    def repeat(self) -> list[wire.Message]:
+        """Tell them again.
+
+        Raises:
+            LearningLostError: They were told as often as allowed; it names who is
+                silent.
+        """
+        learn = self._learn
+        if learn is None:
+            return []
+        if self._tries > self._repeats:
+            silent = [
+                f"worker/{worker}"
+                for worker in range(len(self._shares))
+                if not self._is_whole(worker)
+            ]
+            raise LearningLostError(
+                f"learn (tick {learn.tick}): must be answered within its deadline, got"
+                f" {self._tries} tries; silent: {', '.join(silent[:10])}"
+            )
+        self._tries += 1
+        return [learn]
+
+    def receive(self, learned: wire.Learned) -> Pairs | None:
+        """Take in what a worker learned; nothing is under way once all have.
+
+        Returns:
+            As `pairs_in`. No two messages are of the same pairs, so it does not matter
+            in which order they came. None: it came before, or was given up.
+
+        Raises:
+            MessageError: It cannot be right.
+        """
+        learn, here = self._learn, (learned.tick, learned.frame)
+        if learn is None or here < (learn.tick, learn.frame):
+            return None
+        pairs = self._check(learned, learn)
+        parts = self._parts[learned.worker]
+        if learned.part in parts:
+            return None
+        parts.add(learned.part)
+        self._sizes[learned.worker] = learned.parts
+        if learned.places:
+            self._weights.append(learned)
+        if all(map(self._is_whole, range(len(self._shares)))):
+            self._learn = None
+        return pairs
+
+    def weighed(self, anomaly: wire.Anomaly) -> wire.Anomaly:
+        """Return an anomaly with what the workers say spoke for what it broke."""
+        return weighed(anomaly, self._last, self._weights)
+
+    def _is_whole(self, worker: int) -> bool:
+        return 0 < self._sizes[worker] == len(self._parts[worker])
+
+    def _check(self, learned: wire.Learned, learn: wire.Learn) -> Pairs:
+        """Return what a message says changed; refuse what cannot be right.
+
+        Raises:
+            MessageError: It is not.
+        """
+        if (learned.tick, learned.frame) != (learn.tick, learn.frame):
+            rule = f"must be of tick {learn.tick}, key-frame {learn.frame}"
+            got = f"tick {learned.tick}, key-frame {learned.frame}"
+            raise MessageError(f"learned: {rule}, got {got}")
+        if learned.worker >= len(self._shares):
+            rule = f"must be one of {len(self._shares)} workers"
+            raise MessageError(f"learned: {rule}, got worker {learned.worker}")
+        share = self._shares[learned.worker]
+        size = self._sizes[learned.worker] or learned.parts
+        if learned.parts != size or learned.part >= size:
+            got = f"{learned.part} of {learned.parts}"
+            raise MessageError(f"learned: part must be one of {size}, got {got}")
+        pairs = pairs_in(learned, share)
+        asked = zip(learn.sources, learn.targets, strict=True)
+        own = [k for k, pair in enumerate(asked) if max(pair) >> 1 in share]
+        expected = own if learned.part == learned.parts - 1 else []
+        sizes = {len(learned.support), len(learned.against), len(learned.since)}
+        if list(learned.places) != expected or sizes != {len(expected)}:
+            rule = f"must be of {len(expected)} implications"
+            raise MessageError(f"learned: places {rule}, got {learned.places[:10]}")
+        if not np.isfinite([*learned.support, *learned.against]).all():
+            raise MessageError("learned: support must be finite, got one that is not")
+        return pairs
+
+
+def to_weigh(anomaly: wire.Anomaly) -> tuple[wire.Naturals, wire.Naturals]:
+    """Return the sources and targets of what an anomaly says broke.
+
+    Without what is of one sensor, which none weighs.
+    """
+    links = zip(anomaly.sources, anomaly.targets, strict=True)
+    some = dict.fromkeys(pair for pair in links if pair[0] >> 1 != pair[1] >> 1)
+    return tuple(a for a, _ in some), tuple(b for _, b in some)
+
+
+def weighed(
+    anomaly: wire.Anomaly, learn: wire.Learn, learned: Iterable[wire.Learned]
+) -> wire.Anomaly:
+    """Return an anomaly with what spoke for and against the implications it names.
+
+    Args:
+        anomaly: Without.
+        learn: What asked for them.
+        learned: What all workers answered.
+    """
+    asked = list(zip(learn.sources, learn.targets, strict=True))
+    found: dict[tuple[int, int], tuple[float, float, int]] = {}
+    for each in learned:
+        columns = each.places, each.support, each.against, each.since
+        for place, support, against, since in zip(*columns, strict=True):
+            found[asked[place]] = support, against, since
+    links = zip(anomaly.sources, anomaly.targets, strict=True)
+    several = [found.get(pair, (0.0, 0.0, 0)) for pair in links]
+    return msgspec.structs.replace(
+        anomaly,
+        support=tuple(support for support, _, _ in several),
+        against=tuple(against for _, against, _ in several),
+        learned=tuple(since for _, _, since in several),
+    )

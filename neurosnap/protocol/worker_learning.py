@@ -1,0 +1,159 @@
+"""Learning in a worker: of its share of the pairs, where workers share the learning.
+
+A share begins with nothing learned, or with the bands that the coordinator sends behind
+the key-frame that a run goes on from. For later key-frames it sends its own, when told.
+"""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import InvalidValueError, MessageError, ShapeError
+from neurosnap.poc.learning.bands import Stretch, joined, lacking
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.weight_store import pairs_of
+from neurosnap.protocol.key_frames import bands_of
+from neurosnap.protocol.learned_changes import pieces_of
+from neurosnap.protocol.message_checks import check_readings
+from neurosnap.protocol.observations import readings
+
+
+class WorkerLearning:
+    """What one worker learns, and says of it.
+
+    Args:
+        worker: Its number.
+        snapshot: Of its share; it has learned nothing.
+        shares: Those of all workers.
+        band: Numbers of an array in one message, at most.
+    """
+
+    def __init__(
+        self, worker: int, snapshot: Snapshot, shares: list[range], band: int
+    ) -> None:
+        self._worker = worker
+        self._who = f"worker/{worker}"
+        self._snapshot = snapshot
+        self._shares = shares
+        self._band = band
+        self._said: list[wire.Learned] = []  # of the last tick learned
+        self._bands: dict[tuple[str, int], wire.Band] = {}  # to begin with
+
+    @property
+    def tick(self) -> int:
+        """What was learned last."""
+        return self._snapshot.tick
+
+    def learn(self, message: wire.Learn) -> list[wire.Message]:
+        """Learn what is to be learned now; return what changed.
+
+        What is learned already is said once more. Before that it says the bands of a
+        key-frame, where they are asked for.
+
+        Raises:
+            MessageError: It cannot be right, or something before it was missed: saying
+                nothing then makes the coordinator name this worker.
+        """
+        before = message.tick if message.frame else message.tick - 1
+        if message.begins and self._snapshot.tick < before:
+            self.begin(message.begins)
+        tick = self._snapshot.tick
+        if message.tick not in (tick, tick + 1):
+            rule = f"must be of tick {tick + 1}"
+            raise MessageError(f"learn: {rule}, got tick {message.tick}")
+        if message.tick == tick:
+            said = self._said or self._pieces(wire.Learn(tick))
+            if not message.frame:
+                return [*said]
+            replace = msgspec.structs.replace
+            return [*self.bands(), *(replace(one, frame=tick) for one in said)]
+        self._said = []
+        check_readings(message)
+        try:
+            bits, known = readings(message, len(self._snapshot.sensorium))
+        except ShapeError as error:
+            raise MessageError(f"learn: {error}") from error
+        asked = self._evidence(message)
+        if message.paused:
+            self._snapshot.skip()
+        else:
+            self._snapshot.learn(bits, known)
+        self._said = self._pieces(message, asked)
+        return [*self._said]
+
+    def _pieces(
+        self, message: wire.Learn, asked: wire.Learned | None = None
+    ) -> list[wire.Learned]:
+        """Return what the last observation changed."""
+        changes = self._snapshot.changes() if message.bits else None
+        pieces = pieces_of(self._worker, message.tick, changes)
+        if asked is not None:
+            pieces[-1] = msgspec.structs.replace(
+                pieces[-1],
+                places=asked.places,
+                support=asked.support,
+                against=asked.against,
+                since=asked.since,
+            )
+        return pieces
+
+    def _evidence(self, message: wire.Learn) -> wire.Learned:
+        """Return what speaks for and against the implications asked for."""
+        share, count = self._snapshot.share, len(self._snapshot.sensorium)
+        if len(message.sources) != len(message.targets):
+            got = f"{len(message.sources)} and {len(message.targets)}"
+            raise MessageError(
+                f"learn: must have as many sources as targets, got {got}"
+            )
+        asked = list(zip(message.sources, message.targets, strict=True))
+        for pair in asked:
+            if max(pair) >= 2 * count or pair[0] >> 1 == pair[1] >> 1:
+                rule = f"must be of two of {count} sensors"
+                raise MessageError(f"learn: implication {rule}, got {pair}")
+        own = [k for k, pair in enumerate(asked) if max(pair) >> 1 in share]
+        found = [self._snapshot.evidence(*asked[k]) for k in own]
+        return wire.Learned(
+            self._worker,
+            message.tick,
+            places=tuple(own),
+            support=tuple(float(each.both) for each in found),
+            against=tuple(float(each.against) for each in found),
+            since=tuple(each.since for each in found),
+        )
+
+    def bands(self) -> Iterator[wire.Band]:
+        """Yield the bands of a key-frame of the tick learned last."""
+        args = self._snapshot.tick, self._band, self._who, self._shares
+        return bands_of(self._snapshot, *args)
+
+    def take_band(self, band: wire.Band) -> None:
+        """Keep a band to begin with, if it is of this share and of a later tick."""
+        if band.tick <= self._snapshot.tick:
+            return
+        if any(other.tick < band.tick for other in self._bands.values()):
+            self._bands = {}
+        every = len(pairs_of(range(len(self._snapshot.sensorium))))
+        if band.offset % max(1, every) in pairs_of(self._snapshot.share):
+            self._bands[band.array, band.offset] = band
+
+    def begin(self, head: bytes) -> None:
+        """Begin with the bands that have come.
+
+        Args:
+            head: The snapshot of their key-frame.
+
+        Raises:
+            MessageError: Some have not, or they make no snapshot.
+        """
+        bands, share = self._bands.values(), self._snapshot.share
+        try:
+            missing = lacking(head, share) - sum(len(band.data) for band in bands)
+            if missing > 0:
+                rule = "must come after the bands to begin with"
+                raise MessageError(f"learn: {rule}, lacks {missing} bytes of them")
+            stretches = (Stretch(one.array, one.offset, one.data) for one in bands)
+            self._snapshot = joined(head, stretches, share)
+        except InvalidValueError as error:
+            raise MessageError(f"learn: {error}") from error
+        self._bands, self._said = {}, []

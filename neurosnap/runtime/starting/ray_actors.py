@@ -1,0 +1,252 @@
+"""Parts as actors on the nodes of a Ray cluster.
+
+Room for all of them is reserved at once, as one placement group: either every part can
+be started, or none is. Workers are spread over the nodes. All other parts are on the
+node of this process, since recordings, journals, sources and keys are files there.
+
+Ray carries jobs and reports, and what it carries it unpickles: it is for a cluster
+whose every user is trusted. The messages of the swarm go over its hub, as always.
+"""
+
+import asyncio
+import os
+import re
+import sys
+import time
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from typing import Any, ParamSpec, TypeAlias, TypeVar
+
+import ray
+from ray.exceptions import RayActorError, RayError, RayTaskError
+from ray.util.placement_group import PlacementGroup
+from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
+
+from neurosnap.errors import (
+    InvalidValueError,
+    NothingBegunError,
+    PartDiedError,
+    SwarmError,
+)
+from neurosnap.runtime.network import Network
+from neurosnap.runtime.parts.job import Job, PartConnection
+from neurosnap.runtime.parts.ray_part import RayPart
+from neurosnap.runtime.parts.reports import Failed, decode_report
+from neurosnap.runtime.starting import ray_cluster as cluster
+from neurosnap.runtime.starting.starter import Listener
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+Actor: TypeAlias = Any
+"""A handle of a `RayPart`, whose methods Ray adds at run time."""
+Work: TypeAlias = Coroutine[Any, Any, None]
+
+_PATIENCE = 60.0  # seconds that others may take to give room back
+_LOOK = 0.2  # seconds between two looks at a stop request
+_LAST_WORD = 10.0  # seconds in which Ray must say that who was killed is dead
+_SERVICE = 0.2  # CPUs: five of them share one, since they wait for each other
+_REASON = re.compile(r"because (.+?)[.\n]")
+_SHOWN = 2000  # characters of what Ray says of an actor that could not begin
+
+
+class RayActors:
+    """Starts every part as an actor.
+
+    Args:
+        address: The cluster's; see `neurosnap.runtime.starting.ray_cluster.connect`.
+        network: Where the hub is, which every node must reach.
+        again: The run goes on after a death. Then a lack of room is a death, too, which
+            the policy of restarts deals with: a node may come back.
+        patience: Seconds to wait for room that others have.
+    """
+
+    located = True
+
+    def __init__(
+        self,
+        address: str,
+        network: Network,
+        *,
+        again: bool = False,
+        patience: float = _PATIENCE,
+    ) -> None:
+        self._address = address
+        self._network = network
+        self._again = again
+        self._patience = patience
+        self._connected = False
+        self._group: PlacementGroup | None = None
+        self._bundles: dict[str, int] = {}  # of the group, by worker
+        self._places: list[str] = []  # of the bundles, for people
+        self._actors: dict[str, Actor] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="ray")
+
+    async def open(self, listener: Listener) -> None:
+        """Connect to the cluster, or start one."""
+        self._listener = listener
+        try:
+            await self._aside(self._connect)
+        except BaseException:
+            await self.close()
+            raise
+
+    # What is to be undone is noted on the thread: who waits for it may be cancelled.
+
+    def _connect(self) -> None:
+        self._connected = cluster.connect(self._address)
+        self._own = cluster.own_node()
+
+    def _reserve(self, workers: int) -> PlacementGroup:
+        self._group = cluster.reserve(self._own, workers)
+        return self._group
+
+    def _leave(self) -> None:
+        if self._group is not None:
+            cluster.release(self._group)
+        if self._connected:
+            cluster.disconnect()
+
+    async def make_room(self, parts: Collection[str], stop: asyncio.Event) -> None:
+        """Reserve a CPU for each worker, and one here for all other parts.
+
+        Raises:
+            InvalidValueError: A node cannot reach the hub; or the cluster is too small.
+            SwarmError: Others have the room.
+            PartDiedError: Either of the last two, where the run goes on.
+            NothingBegunError: `stop` was set first.
+        """
+        workers = sorted(who for who in parts if who.startswith("worker/"))
+        found = await self._aside(cluster.nodes)
+        endpoint = self._network.connect or self._network.listen
+        cluster.check_reach(found, self._own, endpoint)
+        if lack := cluster.missing(found, self._own, len(workers)):
+            remedy = "add nodes with `ray start`, or take fewer --workers"
+            if self._again:
+                raise PartDiedError(f"ray: must have {lack} ({remedy})")
+            rule = f"must fit the cluster: it must have {lack} ({remedy})"
+            raise InvalidValueError("workers", rule, len(workers))
+        group = await self._aside(self._reserve, len(workers))
+        until = time.monotonic() + self._patience
+        while not await self._aside(group.wait, _LOOK):
+            if stop.is_set():
+                rule = "must have room on the Ray cluster"
+                raise NothingBegunError(f"swarm: {rule}, got a stop request")
+            if time.monotonic() >= until:
+                free = await self._aside(cluster.free_cpus)
+                kind = PartDiedError if self._again else SwarmError
+                rule = f"must have {len(workers) + 1} free CPUs within"
+                raise kind(f"ray: {rule} {self._patience:g} s, has {free:g}")
+        self._bundles = {who: 1 + number for number, who in enumerate(workers)}
+        address = {node.id: node.address for node in found}
+        self._places = [
+            f"node {node[:8]} ({address.get(node, 'new')})"
+            for node in await self._aside(cluster.homes, group)
+        ]
+
+    async def start(self, jobs: Sequence[tuple[Job, PartConnection]]) -> None:
+        """Start an actor per job."""
+        if self._group is None:
+            raise RuntimeError("room must be made before anything is started")
+        names = [each for _, each in jobs]
+        actors = await self._aside(self._start, self._group, names)
+        for (job, connection), actor in zip(jobs, actors, strict=True):
+            who = connection.who
+            self._listener.began(who, _Handle(actor, self._watch))
+            self._watch(self._follow(who, actor, job, connection), f"ray/{who}")
+
+    def _start(
+        self, group: PlacementGroup, connections: Sequence[PartConnection]
+    ) -> list[Actor]:
+        """Start actors, which come up by themselves."""
+        folder = os.getcwd()  # noqa: PTH109 - given as text
+        for connection in connections:
+            who = connection.who
+            bundle = self._bundles.get(who, 0)
+            remote = ray.remote(RayPart).options(
+                name=f"{connection.swarm}/{who}",
+                num_cpus=1.0 if bundle else _SERVICE,
+                scheduling_strategy=PlacementGroupSchedulingStrategy(
+                    group, placement_group_bundle_index=bundle
+                ),
+            )
+            given = who, folder, sys.path
+            self._actors[who] = remote.remote(*given, shared=not bundle)
+        return [self._actors[connection.who] for connection in connections]
+
+    async def _follow(
+        self, who: str, actor: Actor, job: Job, connection: PartConnection
+    ) -> None:
+        """Pass on what a part says, until it is no more."""
+        how, in_order = "no error", True
+        try:
+            async for report in actor.live.remote(job, connection):
+                self._listener.take(decode_report(await report))
+        except Exception as error:  # noqa: BLE001 - whatever it is, the part is no more
+            place, in_order = self._places[self._bundles.get(who, 0)], False
+            reason = _REASON.search(str(error))
+            how = f"its actor on {place}: {reason[1] if reason else error!r}"
+            if _would_again(error):
+                what = f"must be able to begin on {place}: {error}"
+                self._listener.take(Failed(who, what[:_SHOWN]))
+        with suppress(RayError):
+            ray.kill(actor)  # it has ended, and its process goes on
+        self._listener.ended(who, how, in_order=in_order)
+
+    async def close(self) -> None:
+        """Kill what is left, give its room back and leave the cluster."""
+        for actor in self._actors.values():
+            with suppress(RayError):
+                ray.kill(actor)
+        if self._tasks:
+            _, late = await asyncio.wait(self._tasks, timeout=_LAST_WORD)
+            for task in late:
+                task.cancel()
+        await self._aside(self._leave)
+        self._thread.shutdown()
+
+    def _watch(self, work: Work, name: str) -> None:
+        task = asyncio.create_task(work, name=name)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _aside(
+        self, function: Callable[P, T], *given: P.args, **named: P.kwargs
+    ) -> T:
+        """Call what blocks on the one thread for it, to its end."""
+        loop = asyncio.get_running_loop()
+        work = partial(function, *given, **named)
+        return await loop.run_in_executor(self._thread, work)
+
+
+class _Handle:
+    """An actor that was started."""
+
+    def __init__(self, actor: Actor, watch: Callable[[Work, str], None]) -> None:
+        self._actor = actor
+        self._watch = watch
+
+    def ask(self) -> None:
+        """Ask it to end in order."""
+        self._watch(_heard(self._actor.end.remote()), "ray/end")
+
+    def kill(self) -> None:
+        """End it at once."""
+        with suppress(RayError):
+            ray.kill(self._actor)
+
+
+async def _heard(answer: Awaitable[object]) -> None:
+    """Wait for an answer that nobody needs: unheard, Ray would log its failure."""
+    with suppress(RayError):
+        await answer
+
+
+def _would_again(error: Exception) -> bool:
+    """Tell whether an actor failed as it would once more: it could not even begin."""
+    if isinstance(error, RayActorError):
+        return error.actor_init_failed
+    return isinstance(error, RayTaskError) or not isinstance(error, RayError)

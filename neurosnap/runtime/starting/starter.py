@@ -1,0 +1,68 @@
+"""The protocol of what starts parts: who starts them, and who is told of them.
+
+A supervisor decides when a part is started, asked to end or killed, and who is to blame
+for what. A starter only does it, and tells what becomes of the parts.
+"""
+
+import asyncio
+from collections.abc import Collection, Sequence
+from typing import Protocol
+
+from neurosnap.runtime.parts.job import Job, PartConnection
+from neurosnap.runtime.parts.reports import Report
+
+
+class Handle(Protocol):
+    """A part that was started. What is done to one that has ended does nothing."""
+
+    def ask(self) -> None:
+        """Ask it to end in order."""
+
+    def kill(self) -> None:
+        """End it at once."""
+
+
+class Listener(Protocol):
+    """Who is told what becomes of the parts; always on the event loop."""
+
+    failed: asyncio.Event
+    """Set once the run cannot go on: nobody else has to be started."""
+
+    def began(self, who: str, handle: Handle) -> None:
+        """Take in that a part was started."""
+
+    def take(self, report: Report) -> None:
+        """Take in what a part says, which may come before it has begun."""
+
+    def ended(self, who: str, how: str, *, in_order: bool) -> None:
+        """Take in that a part is no more, after all that it said.
+
+        Args:
+            who: Its name.
+            how: As in "ended with ...".
+            in_order: It ended by itself, or as it was asked to.
+        """
+
+
+class Starter(Protocol):
+    """Starts the parts of one swarm."""
+
+    located: bool
+    """The parts may be on several machines."""
+
+    async def open(self, listener: Listener) -> None:
+        """Get ready. If that fails, nothing is left to be closed."""
+
+    async def make_room(self, parts: Collection[str], stop: asyncio.Event) -> None:
+        """See to it that these parts fit, before the first of them is started.
+
+        Raises:
+            NeurosnapError: There is no room; the text says what is missing.
+            NothingBegunError: `stop` was set before there was any.
+        """
+
+    async def start(self, jobs: Sequence[tuple[Job, PartConnection]]) -> None:
+        """Start a part for each job. Of several at once, reports must be short."""
+
+    async def close(self) -> None:
+        """End at once what is left, and what is being started."""

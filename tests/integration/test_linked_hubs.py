@@ -1,0 +1,216 @@
+"""A swarm over three hubs: `join` on two of them, the rest of the run at the third.
+
+The hubs are in a line, with a link that takes its time, can be cut, and counts what
+crosses it.
+"""
+
+import asyncio
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from neurosnap import wire
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.replay.verify import verify
+from tests.support.commands import Command
+from tests.support.course import course
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
+from tests.support.services import (
+    ENDLESS,
+    PATH,
+    SMALL,
+    SWARM,
+    begun,
+    ended,
+    going,
+    in_one_piece,
+)
+from tests.support.slow_link import SlowLink
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
+
+ELSEWHERE = ("--swarm", SWARM, "--elsewhere", "2-5")
+DELAY = 0.005  # seconds over the slow link, one way
+
+
+class Hubs(NamedTuple):
+    """Three hubs in a line, from first to last, and the link in front of the last."""
+
+    first: str
+    second: str
+    last: str
+    link: SlowLink
+    start: Callable[[], Command]
+    """Starts the last one; it is there when this returns."""
+
+
+@contextmanager
+def line() -> Iterator[Hubs]:
+    """Three hubs, of which the last is reached over a slow link."""
+    ports = [free_port() for _ in range(4)]
+    first, second, last, slow = (f"tcp/127.0.0.1:{port}" for port in ports)
+
+    with ExitStack() as stack:
+
+        def start(endpoint: str, *links: str) -> Command:
+            more = [word for link in links for word in ("--link", link)]
+            hub = stack.enter_context(going("hub", "--listen", endpoint, *more))
+            assert "listening on" in hub.stderr.readline()
+            return hub
+
+        hubs = [start(first), start(second, first)]
+        link = stack.enter_context(SlowLink(ports[3], ports[1], DELAY))
+        given = Hubs(first, second, last, link, lambda: start(last, slow))
+        yield given
+        for hub in hubs:
+            hub.send_signal(signal.SIGINT)
+            ended(hub)
+
+
+@contextmanager
+def shares(hubs: Hubs, *more: object) -> Iterator[list[Command]]:
+    """Four cells of the run, two on the second hub and two on the last."""
+    with (
+        going("join", SWARM, "--connect", hubs.second, "--cells", "2,3", *more) as near,
+        going("join", SWARM, "--connect", hubs.last, "--cells", "4,5", *more) as far,
+    ):
+        yield [near, far]
+
+
+def is_right(log: Path, ticks: int, folder: Path) -> None:
+    """Check that nothing is missing, and that the run is what it is in one process."""
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
+    assert course(log) == course(in_one_piece(ticks, folder / "inline"))
+
+
+def test_three_hubs_make_one_swarm(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    with line() as hubs:
+        last = hubs.start()
+        assert last.stderr.readline().startswith("linked with the hub at tcp/127.0.0.1")
+        run = ("run", PATH, *SMALL, *ELSEWHERE, "--ticks", 40, "--out", log)
+        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
+            ended(most)
+            for each in joined:
+                ended(each)
+    is_right(log, 40, tmp_path)
+    parts = Recording.open(log).noted().expected
+    assert {f"cell/{cell}" for cell in range(6)} <= set(parts)
+
+
+def test_services_wait_for_a_hub_that_is_linked_late(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    with line() as hubs:
+        hubs.link.sever()
+        last = hubs.start()
+        assert "waiting for the hub at" in last.stderr.readline()
+        run = ("run", PATH, *SMALL, *ELSEWHERE, "--ticks", 10, "--out", log)
+        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
+            present(hubs.first, "cell/2")
+            hubs.link.heal()
+            ended(most)
+            for each in joined:
+                ended(each)
+    is_right(log, 10, tmp_path)
+
+
+def test_a_link_that_is_cut_and_heals_costs_nothing(tmp_path: Path) -> None:
+    """Whatever is held back is delivered; a wave that was late is asked for again."""
+    log = tmp_path / "log.mcap"
+    with line() as hubs:
+        hubs.start()
+        run = ("run", PATH, *ENDLESS, *ELSEWHERE, "--deadline", 2, "--out", log)
+        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
+            begun(hubs.first, 5)
+            cut_until_asked_again(hubs)
+            begun(hubs.first, 15)
+            most.send_signal(signal.SIGINT)
+            ended(most)
+            for each in joined:
+                ended(each)
+    is_right(log, verify(log).ticks, tmp_path)
+
+
+def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "log.mcap"
+    with line() as hubs:
+        hubs.start()
+        run = ("run", PATH, *ENDLESS, *ELSEWHERE, "--restart", "never", "--out", log)
+        with (
+            shares(hubs, "--restart", "never"),
+            going(*run, "--connect", hubs.first) as most,
+        ):
+            begun(hubs.first, 6)
+            hubs.link.sever()
+            said = ended(most, 1)
+    assert "cell/4" in said or "cell/5" in said
+    verdict = verify(log)
+    assert verdict.same
+    assert verdict.ticks >= 5  # the sixth had begun
+
+
+def test_a_run_goes_on_when_a_hub_is_killed_and_comes_back(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    with line() as hubs:
+        last = hubs.start()
+        run = ("run", PATH, *ENDLESS, *ELSEWHERE, "--out", log)
+        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
+            begun(hubs.first, 5)
+            last.kill()
+            hubs.start()
+            begun(hubs.first, 15, f"{SWARM}-1")
+            most.send_signal(signal.SIGINT)
+            ended(most)
+            for each in joined:
+                ended(each)
+    is_right(log, verify(log).ticks, tmp_path)
+
+
+async def _see(endpoint: str, who: str) -> None:
+    there = asyncio.Event()
+
+    def change(name: str, alive: bool) -> None:
+        if alive and name == who:
+            there.set()
+
+    async with ZenohFabric("watcher", SWARM, endpoint) as fabric:
+        await fabric.watch(change)
+        async with asyncio.timeout(PATIENCE):
+            await there.wait()
+
+
+def present(endpoint: str, who: str) -> None:
+    """Return once a part is there."""
+    asyncio.run(_see(endpoint, who))
+
+
+async def _cut(hubs: Hubs) -> None:
+    again = asyncio.Event()
+
+    def handle(burst: list[wire.Delivery]) -> None:
+        for each in burst:
+            message = wire.decode(each.key, each.payload)
+            if isinstance(message, wire.WaveStart) and message.repeats:
+                again.set()
+
+    async with ZenohFabric("watcher", SWARM, hubs.first) as fabric:
+        await fabric.subscribe(("wave", "wave/**"), handle)
+        await fabric.confirm()
+        hubs.link.cut()
+        async with asyncio.timeout(PATIENCE):
+            await again.wait()
+        hubs.link.heal()
+
+
+def cut_until_asked_again(hubs: Hubs) -> None:
+    """Cut the link, and heal it when a wave was late and is started again."""
+    asyncio.run(_cut(hubs))

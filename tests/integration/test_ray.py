@@ -1,0 +1,259 @@
+"""Parts on a Ray cluster of three nodes come to what processes come to."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import psutil
+import pytest
+import ray
+from ray.util import placement_group_table
+
+from neurosnap.errors import (
+    InvalidValueError,
+    NothingBegunError,
+    PartDiedError,
+    SwarmError,
+)
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.network import PRIVATE
+from neurosnap.runtime.placement import Placement
+from neurosnap.runtime.run import run
+from neurosnap.runtime.starting.ray_actors import RayActors
+from neurosnap.runtime.supervisor import Supervisor
+from tests.support.command_line import flat, last_json
+from tests.support.course import course
+from tests.support.disturbed_commands import (
+    GROWN,
+    finish,
+    sound,
+    started,
+    wait_for_size,
+)
+from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same, options_for
+from tests.support.hanging_worlds import ending_world
+from tests.support.ray_nodes import Nodes, actors, actors_are_gone, ray_nodes
+
+pytestmark = [
+    pytest.mark.zenoh,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore:::ray"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def nodes() -> Iterator[Nodes]:
+    """Three nodes, none of which may be killed."""
+    with ray_nodes(2, 2, 2) as three:
+        yield three
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left() -> Iterator[None]:
+    yield
+    assert not ray.is_initialized()
+    assert actors_are_gone()
+
+
+def in_workers(options: RunOptions, workers: int = 3) -> RunOptions:
+    return msgspec.structs.replace(options, cells="worker", workers=workers)
+
+
+def on(nodes: Nodes) -> Placement:
+    return Placement(place="ray", ray_address=nodes.address)
+
+
+async def test_workers_are_spread_and_the_run_is_the_same(
+    nodes: Nodes, tmp_path: Path
+) -> None:
+    log, calm = tmp_path / "log", tmp_path / "calm"
+    options = in_workers(options_for(60))
+    places: set[tuple[str, ...]] = set()
+
+    def look(_: int) -> None:
+        for group in placement_group_table().values():
+            if group["state"] == "CREATED":
+                found = group["bundles_to_node_id"]
+                places.add(tuple(found[number] for number in sorted(found)))
+
+    outcome = await run(options, log, asyncio.Event(), look, placement=on(nodes))
+    (place,) = places
+    assert place[0] == nodes.id(0)
+    assert set(place) == {nodes.id(number) for number in range(3)}
+    assert outcome.complete
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 60)
+    inline = msgspec.structs.replace(options, cells="inline")
+    undisturbed = await run(inline, calm, asyncio.Event())
+    assert outcome.implications == undisturbed.implications
+    assert course(log) == course(calm)
+
+
+class Unplugged(Disturbed):
+    """A run whose nodes die: victims are their numbers."""
+
+    nodes: Nodes
+
+    def strike(self, victims: tuple[str, ...]) -> bool:
+        for victim in victims:
+            self.nodes.kill(int(victim))
+        return True
+
+
+def test_nodes_that_die_are_parts_that_died(tmp_path: Path) -> None:
+    """Both nodes that hold nothing but workers die, one after the other."""
+    log, calm = tmp_path / "log", tmp_path / "calm"
+    options = in_workers(options_for(ENDLESS))
+    with ray_nodes(4, 2, 2) as doomed:
+        unplugged = Unplugged(options, log)
+        unplugged.nodes = doomed
+        outcome = asyncio.run(
+            unplugged.running((20, ("1",)), (20, ("2",)), placement=on(doomed))
+        )
+        ids = [doomed.id(number)[:8] for number in (1, 2)]
+    for event, node in zip(unplugged.restarts, ids, strict=True):
+        # Ray may notice it after the coordinator does, whom the worker left.
+        by_ray = f"its actor on node {node} (127.0.0.1)" in event.why
+        by_swarm = event.why.startswith("coordinator: worker/")
+        assert by_ray or by_swarm, event.why
+    check_same(outcome, unplugged, log, options, calm)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
+
+
+async def test_a_part_that_fails_is_named_in_its_own_words(
+    nodes: Nodes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fail = 'raise RuntimeError("the sensors are off")'
+    options = in_workers(ending_world(tmp_path, monkeypatch, fail))
+    with pytest.raises(
+        SwarmError, match=r"(?s)^world: .*the sensors are off"
+    ) as raised:
+        await run(options, tmp_path / "log", asyncio.Event(), placement=on(nodes))
+    assert not isinstance(raised.value, PartDiedError)
+    assert verify(tmp_path / "log").ticks == 6
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["INT", "TERM"])
+@pytest.mark.parametrize("place", ["cluster", "local"])
+def test_a_run_that_is_interrupted_ends_in_order(
+    nodes: Nodes,
+    place: str,
+    number: signal.Signals,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    token = tmp_path / "token"  # a cluster of its own would write one at home
+    token.write_text("0" * 64, encoding="utf-8")
+    monkeypatch.setenv("RAY_AUTH_TOKEN_PATH", str(token))
+    monkeypatch.setenv("RAY_OVERRIDE_RESOURCES", '{"CPU": 3}')
+    log = tmp_path / "out.mcap"
+    address = nodes.address if place == "cluster" else "local"
+    with started(
+        *("run", "neurosnap/Path-v0", "--ticks", ENDLESS, "--out", log, "--json"),
+        *("--place", "ray", "--ray-address", address),
+        folder=tmp_path,
+    ) as process:
+        wait_for_size(process, log, GROWN)
+        family = psutil.Process(process.pid).children(recursive=True)
+        assert len(actors()) == 6  # hub, recorder, coordinator, world and two workers
+        if (place, number) == ("local", signal.SIGTERM):
+            # Ray's own processes, which are ours then, take no order at such a signal.
+            process.send_signal(number)
+        else:
+            os.killpg(process.pid, number)  # as a terminal does: to all of them
+        code, stdout, stderr = finish(process)
+    assert code == 0, stderr
+    facts = last_json(stdout)
+    assert (facts["stopped"], facts["complete"]) == (True, True)
+    verdict = sound(log)
+    assert verdict.complete
+    assert verdict.ticks == facts["ticks"]
+    assert "cells: in 2 workers, which Ray places" in flat(stderr)
+    _, alive = psutil.wait_procs(family, timeout=30)
+    assert not alive
+
+
+# What cannot be -----------------------------------------------------------------------
+
+
+@contextmanager
+def taken(nodes: Nodes) -> Iterator[None]:
+    """Somebody else has all that there is."""
+    ray.init(nodes.address, log_to_driver=False)
+    group = ray.util.placement_group([{"CPU": 2.0}] * 3)
+    assert group.wait()
+    try:
+        yield
+    finally:
+        ray.util.remove_placement_group(group)
+        ray.shutdown()
+
+
+WORKERS = ["hub", "worker/0", "worker/1"]
+
+
+async def test_a_cluster_that_is_too_small_says_what_it_lacks(
+    nodes: Nodes, tmp_path: Path
+) -> None:
+    options = msgspec.structs.replace(options_for(60), cells="worker", workers=4)
+    with ray_nodes(2, 1) as small, pytest.raises(InvalidValueError) as raised:
+        await run(options, tmp_path / "log", asyncio.Event(), placement=on(small))
+    assert str(raised.value) == (
+        "workers: must fit the cluster: it must have 5 CPUs, 1 for each of 4 workers"
+        " and 1 for all other parts, has 3 on 2 nodes (add nodes with `ray start`, or"
+        " take fewer --workers), got 4"
+    )
+
+
+@pytest.mark.parametrize("again", [False, True])
+async def test_room_that_others_have_is_waited_for(nodes: Nodes, again: bool) -> None:
+    kind = PartDiedError if again else SwarmError
+    with taken(nodes):
+        actors = RayActors(nodes.address, PRIVATE, again=again, patience=0)
+        async with Supervisor(actors) as supervisor:
+            with pytest.raises(
+                kind, match=r"^ray: must have 3 free CPUs .* has 0$"
+            ) as e:
+                await supervisor.make_room(WORKERS, asyncio.Event())
+    assert type(e.value) is kind
+
+
+async def test_who_waits_for_room_can_be_stopped(nodes: Nodes) -> None:
+    stop = asyncio.Event()
+    stop.set()
+    with taken(nodes):
+        async with Supervisor(RayActors(nodes.address, PRIVATE)) as supervisor:
+            with pytest.raises(NothingBegunError, match="room on the Ray cluster"):
+                await supervisor.make_room(WORKERS, stop)
+
+
+async def test_room_that_went_with_a_node_may_come_back(nodes: Nodes) -> None:
+    many = [f"worker/{number}" for number in range(6)]
+    actors = RayActors(nodes.address, PRIVATE, again=True)
+    async with Supervisor(actors) as supervisor:
+        with pytest.raises(
+            PartDiedError, match=r"^ray: must have 7 CPUs, .* has 6 on 3"
+        ):
+            await supervisor.make_room(many, asyncio.Event())
+
+
+@pytest.mark.parametrize(
+    ("address", "error", "text"),
+    [
+        ("127.0.0.1:9", SwarmError, "must have a cluster at .*, which does not answer"),
+        ("nowhere", InvalidValueError, "must be HOST:PORT, auto or local"),
+        ("ray://127.0.0.1:10001", InvalidValueError, "this machine is a node of"),
+    ],
+)
+async def test_a_cluster_that_is_not_there_is_told_of_at_once(
+    address: str, error: type[Exception], text: str
+) -> None:
+    with pytest.raises(error, match=text):
+        async with Supervisor(RayActors(address, PRIVATE)):
+            pytest.fail("there is none")

@@ -1,0 +1,152 @@
+"""The coordinator's side of learning that workers share."""
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import LearningLostError, MessageError
+from neurosnap.protocol.learn_control import LearnControl, to_weigh
+
+SHARES = (range(3), range(3, 5))
+LEARN = wire.Learn(4, b"\1", sources=(2, 9), targets=(1, 0))
+
+
+def control(repeats: int = 1) -> LearnControl:
+    made = LearnControl(SHARES, repeats)
+    assert made.ask(LEARN) == [LEARN]
+    return made
+
+
+def learned(worker: int, **changes: Any) -> wire.Learned:
+    weights = {"support": (3.0,), "against": (1.0,), "since": (2,)}
+    given = {"places": (worker,), **weights, **changes}
+    return wire.Learned(worker, 4, **given)
+
+
+def took(asked: LearnControl, message: wire.Learned) -> bool:
+    return asked.receive(message) is not None
+
+
+def under_way(asked: LearnControl) -> bool:
+    return asked.under_way is not None
+
+
+def test_all_is_learned_once_all_have_answered() -> None:
+    first = wire.Learned(1, 4, part=0, parts=2)
+    last = learned(1, part=1, parts=2)
+    for order in ((last, learned(0), first), (first, last, learned(0))):
+        asked = control()
+        *early, end = order
+        for each in early:
+            assert took(asked, each)
+            assert not took(asked, each), "it came before"
+            assert under_way(asked)
+        assert took(asked, end)
+        assert not under_way(asked)
+        assert asked.repeat() == []
+        assert not took(asked, end), "what comes late is dropped"
+
+
+def test_what_changed_is_what_the_message_says() -> None:
+    pairs = control().receive(
+        learned(
+            0,
+            rows=b"\2\0\0\0",
+            codes=b"\x21",
+            latter=b"\1\0\0\0",
+            former=b"\0\0\0\0",
+            single=b"\x0c",
+        )
+    )
+    assert pairs is not None
+    assert [each.tolist() for each in pairs] == [[2, 2, 1], [0, 1, 0], [1, 2, 12]]
+
+
+def test_an_answer_to_an_earlier_question_is_dropped() -> None:
+    asked = control()
+    assert not took(asked, wire.Learned(0, 3))
+    assert took(asked, learned(0))
+    assert took(asked, learned(1))
+    (bands,) = asked.ask_bands(4, b"")
+    assert bands == msgspec.structs.replace(LEARN, frame=4)
+    assert not took(asked, learned(0)), "its bands did not go before it"
+    assert took(asked, learned(0, frame=4))
+    assert took(asked, learned(1, frame=4))
+    assert not under_way(asked)
+    assert asked.ask_bands(5, b"x") == [wire.Learn(5, frame=5, begins=b"x")]
+    asked.forget()
+    assert not under_way(asked)
+
+
+def test_who_is_silent_is_told_again_and_then_named() -> None:
+    asked = control(repeats=2)
+    assert asked.repeat() == [LEARN]
+    assert took(asked, learned(0))
+    assert asked.repeat() == [LEARN]
+    with pytest.raises(LearningLostError, match=r"tick 4.*3 tries; silent: worker/1$"):
+        asked.repeat()
+    assert LearnControl(SHARES, 1).repeat() == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "rule"),
+    [
+        (wire.Learned(0, 5), "must be of tick 4, key-frame 0, got tick 5"),
+        (wire.Learned(2, 4), "must be one of 2 workers, got worker 2"),
+        (learned(0, part=1), "part must be one of 1, got 1 of 1"),
+        (learned(0, places=(1,)), "places must be of 1 implications"),
+        (learned(0, since=()), "places must be of 1 implications"),
+        (learned(0, support=(float("inf"),)), "support must be finite"),
+        (learned(0, rows=b"\3\0\0\0", codes=b"\0\0"), "rows must be in 0 to 2, got 3"),
+        (learned(0, rows=b"\3"), "rows must be four bytes a number, got 1"),
+        (learned(0, rows=b"\2\0\0\0"), "codes must be 1 bytes for these rows, got 0"),
+        (learned(0, rows=b"\2\0\0\0", codes=b"\5"), "codes must be of pairs"),
+        (learned(0, rows=b"\1\0\0\0", codes=b"\x13"), "codes must be of pairs"),
+        (learned(0, latter=b"\2\0\0\0"), "as many former as latter, got 1, 0 and 0"),
+        (
+            learned(0, latter=b"\2\0\0\0", former=b"\2\0\0\0", single=b"\1"),
+            "former must be before latter",
+        ),
+    ],
+)
+def test_what_cannot_be_right_is_refused(wrong: wire.Learned, rule: str) -> None:
+    asked = control()
+    with pytest.raises(MessageError, match=rule):
+        asked.receive(wrong)
+    assert took(asked, learned(0))
+    assert took(asked, learned(1))
+    assert not under_way(asked)
+
+
+def test_parts_of_two_kinds_are_refused() -> None:
+    asked = control()
+    asked.receive(wire.Learned(0, 4, part=0, parts=2))
+    with pytest.raises(MessageError, match="part must be one of 2, got 2 of 3"):
+        asked.receive(wire.Learned(0, 4, part=2, parts=3))
+
+
+def test_an_anomaly_gets_what_spoke_for_what_it_broke() -> None:
+    bare = wire.Anomaly(
+        tick=4,
+        since=4,
+        culprits=(0,),
+        candidates=(0,),
+        exact=True,
+        implications=2,
+        number=(0, 1, 1, 1),
+        sources=(2, 9, 4, 2),
+        targets=(1, 0, 5, 1),
+        support=(0.0,) * 4,
+        against=(0.0,) * 4,
+        learned=(0,) * 4,
+    )
+    assert to_weigh(bare) == ((2, 9), (1, 0)), "once each, and none of one sensor"
+    asked = control()
+    asked.receive(learned(0))
+    asked.receive(learned(1, support=(5.0,), since=(3,)))
+    full = asked.weighed(bare)
+    assert full.support == (3.0, 5.0, 0.0, 3.0)
+    assert full.against == (1.0, 1.0, 0.0, 1.0)
+    assert full.learned == (2, 3, 0, 2)

@@ -1,0 +1,149 @@
+"""Learning in a worker: what it learns, says again, refuses, and begins with."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import MessageError
+from neurosnap.poc.learning.bands import head_of
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.protocol.key_frames import bands_of
+from neurosnap.protocol.learned_changes import pairs_in
+from neurosnap.protocol.worker_learning import WorkerLearning
+
+SHARES = [range(4), range(4, 6)]
+ROWS = (0b000111, 0b001111, 0b000011, 0b011111, 0b000111)
+
+
+def new(worker: int = 1) -> WorkerLearning:
+    snapshot = EmpiricalSnapshot(6, 0.25, SHARES[worker])
+    return WorkerLearning(worker, snapshot, SHARES, band=4)
+
+
+def whole(ticks: int) -> EmpiricalSnapshot:
+    snapshot = EmpiricalSnapshot(6, 0.25)
+    for bits in ROWS[:ticks]:
+        snapshot.learn([bits >> k & 1 for k in range(6)])
+    return snapshot
+
+
+def learn(tick: int, **changes: object) -> wire.Learn:
+    return wire.Learn(tick, bytes([ROWS[tick - 1]]), **changes)  # type: ignore[arg-type]
+
+
+def said(worker: WorkerLearning, message: wire.Learn) -> list[wire.Learned]:
+    return [each for each in worker.learn(message) if isinstance(each, wire.Learned)]
+
+
+def test_it_says_what_its_learning_changed() -> None:
+    worker, order = new(), EmpiricalSnapshot(6, 0.25, range(0))
+    for tick in range(1, 6):
+        (piece,) = said(worker, learn(tick))
+        latter, former, codes = pairs_in(piece, SHARES[1])
+        order.learn([ROWS[tick - 1] >> k & 1 for k in range(6)])
+        order.relate(latter, former, codes)
+        edges = whole(tick).poc_graph().edges
+        own = np.arange(12) >> 1 >= 4  # of whose pairs it has any
+        either = own[:, None] | own[None, :]
+        np.testing.assert_array_equal(order.poc_graph().edges, edges & either)
+
+
+def test_what_is_learned_is_said_again_and_not_learned_again() -> None:
+    worker = new()
+    worker.learn(learn(1))
+    first = worker.learn(learn(2))
+    assert worker.learn(learn(2)) == first
+    assert worker.tick == 2
+    assert said(worker, learn(3, paused=True))[0].rows == b""
+    assert worker.tick == 3
+
+
+def test_what_was_asked_is_from_before_it_was_learned() -> None:
+    worker, before = new(), whole(3)
+    for tick in (1, 2, 3):
+        worker.learn(learn(tick))
+    (piece,) = said(worker, learn(4, sources=(8, 0, 3), targets=(0, 2, 11)))
+    found = [before.evidence(8, 0), before.evidence(3, 11)]
+    assert piece.places == (0, 2), "the second is another worker's"
+    assert piece.support == tuple(float(one.both) for one in found)
+    assert piece.against == tuple(float(one.against) for one in found)
+    assert piece.since == tuple(one.since for one in found)
+
+
+def test_bands_go_before_the_answer_that_is_asked_for_them() -> None:
+    worker = new()
+    for tick in (1, 2, 3):
+        worker.learn(learn(tick))
+    *bands, answer = worker.learn(learn(3, frame=3))
+    assert isinstance(answer, wire.Learned)
+    assert answer.frame == 3
+    expected = bands_of(whole(3), 3, 4, "worker/1", SHARES)
+    assert bands == [band for band in expected if band.offset >= 6]
+
+
+def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
+    head, bands = head_of(whole(3)), [*bands_of(whole(3), 3, 4, "it", SHARES)]
+    worker, straight = new(), new()
+    for tick in (1, 2, 3):
+        straight.learn(learn(tick))
+    older = [*bands_of(whole(2), 2, 4, "it", SHARES)]
+    for band in (*older, *bands[:-1]):
+        worker.take_band(band)
+    with pytest.raises(
+        MessageError, match=r"must come after the bands .* lacks 4 byte"
+    ):
+        worker.learn(learn(4, begins=head))
+    with pytest.raises(MessageError, match="must be of tick 1, got tick 4"):
+        worker.learn(learn(4))
+    for band in (*bands[::-1], *bands):
+        worker.take_band(band)
+    first = straight.learn(learn(4))
+    assert worker.learn(learn(4, begins=head)) == first
+    assert worker.learn(learn(4, begins=head)) == first, "and does not begin again"
+    assert [*worker.bands()] == [*straight.bands()]
+
+
+def test_it_says_at_once_what_it_began_with() -> None:
+    worker, bands = new(), [*bands_of(whole(3), 3, 4, "it", SHARES)]
+    for band in bands:
+        worker.take_band(band)
+    message = wire.Learn(3, frame=3, begins=head_of(whole(3)))
+    *said, answer = worker.learn(message)
+    own = [band.offset for band in bands if band.offset >= 6]
+    assert [one.offset for one in said if isinstance(one, wire.Band)] == own
+    assert answer == wire.Learned(1, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("message", "rule"),
+    [
+        (learn(2), "learn: must be of tick 1, got tick 2"),
+        (wire.Learn(1, b"\0\0"), "learn: packed bits: must be 1 bytes long"),
+        (learn(1, known=b"\0"), "must hold a reading that is known"),
+        (learn(1, sources=(1,)), "must have as many sources as targets, got 1 and 0"),
+        (
+            learn(1, sources=(1,), targets=(12,)),
+            r"must be of two of 6 sensors, got \(1",
+        ),
+        (learn(1, sources=(1,), targets=(0,)), r"must be of two of 6 sensors, got \(1"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(message: wire.Learn, rule: str) -> None:
+    worker = new()
+    with pytest.raises(MessageError, match=rule):
+        worker.learn(message)
+    assert worker.tick == 0
+    assert worker.learn(learn(1)) == new().learn(learn(1))
+
+
+def test_what_is_no_snapshot_to_begin_with_is_refused() -> None:
+    worker, head = new(), head_of(whole(3))
+    with pytest.raises(MessageError, match="learn: bands: must be a Snapshot"):
+        worker.learn(learn(4, begins=b"x"))
+    for band in bands_of(whole(3), 3, 4, "it", SHARES):
+        wrong = memoryview(b"\xff" * len(band.data))
+        worker.take_band(msgspec.structs.replace(band, data=wrong))
+    with pytest.raises(MessageError, match="learn: bands: must be a Snapshot"):
+        worker.learn(learn(4, begins=head))
+    assert worker.tick == 0
