@@ -13,7 +13,7 @@ PYTEST := $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --numpr
 # A test starts hundreds of interpreters: none is to compile everything anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test quick check bench clean
+.PHONY: run test quick check bench docs clean
 
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
@@ -31,6 +31,16 @@ check: .venv/installed-dev
 
 bench: .venv/installed-dev
 	$(BIN)/python tools/bench
+
+# In an environment of its own: what the pages are made of must not need the rest.
+docs: build/docs/installed
+	build/docs/bin/python tools/site
+
+build/docs/installed: pyproject.toml
+	$(PYTHON) -m venv build/docs
+	build/docs/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
+	build/docs/bin/python -m pip install --quiet --group docs
+	touch $@
 
 # pip from 25.1 on knows dependency groups.
 .venv/bin/python:
@@ -54,4 +64,4 @@ bench: .venv/installed-dev
 	touch $@
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv .cache build/docs build/site .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,11 +21,18 @@ from tests.support.patience import PATIENCE
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
-PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
 LINKED = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"]
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BELOW = re.compile(r"\n\n```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+ASSIGNED = re.compile(r"([A-Z]+)=(\S+)")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+
+
+def name_of(page: Path) -> str:
+    """Return what a page is called in the tests: its path, without docs/."""
+    return str(page.relative_to(ROOT).with_suffix("")).removeprefix("docs/")
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -63,36 +71,31 @@ def mentioned(page: Path) -> list[str]:
         for line in block.splitlines()
     ]
     lines += [" ".join(code.split()) for code in INLINE.findall(FENCED.sub("", text))]
-    return [line for line in lines if re.search(r"(^|\| )neurosnap [a-z]", line)]
+    return [
+        line for line in lines if re.search(r"(^|\| |[A-Z]=\S+ )neurosnap [a-z]", line)
+    ]
 
 
 VERBS = {
     page: [line for line in commands(page) if not line.startswith("make ")]
     for page in PAGES
 }
-PYTHON = [
-    pytest.param(text, id=f"{page.stem}-{place}")
-    for page in PAGES
-    for place, text in enumerate(blocks(page, "python"))
-]
-
-
-@pytest.mark.parametrize("text", PYTHON)
-def test_python_blocks_run(text: str) -> None:
-    subprocess.run(
-        [sys.executable, "-W", "error", "-c", text], check=True, timeout=PATIENCE
-    )
 
 
 def test_there_are_as_many_blocks_to_run_as_were_written() -> None:
     """A block in a language that is misspelt would not be run."""
-    assert len(PYTHON) == 7
-    assert {page.stem: len(lines) for page, lines in VERBS.items() if lines} == {
+    assert sum(len(blocks(page, "python")) for page in PAGES) == 22
+    assert {name_of(page): len(lines) for page, lines in VERBS.items() if lines} == {
         "README": 3,
         "commands": 10,
         "data": 3,
         "health": 2,
+        "howto/own_world": 3,
+        "howto/read_recordings": 2,
+        "howto/reproduce_paper": 1,
         "measurements": 1,
+        "tutorials/first_swarm": 6,
+        "tutorials/minigrid": 3,
     }
     assert sum(len(shown(page)) for page in PAGES) == 3
 
@@ -109,41 +112,104 @@ def test_make_targets_exist() -> None:
         assert b"neurosnap run" in dry.stdout or b"pytest" in dry.stdout
 
 
-@pytest.mark.parametrize("page", LINKED, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", LINKED, ids=name_of)
 def test_make_targets_in_the_text_exist(page: Path) -> None:
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     named = re.findall(r"`make ([a-z]+)`", page.read_text())
     assert set(named) <= set(targets)
 
 
+def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield what a page runs, in its order, with the output that it shows right below.
+
+    A line of a command, or a block of Python. Dots stand for lines that are left out.
+    """
+    text = page.read_text()
+    for found in FENCED.finditer(text):
+        kind, block = found.groups()
+        shown = BELOW.match(text, found.end())
+        lines = [line for line in (shown[1] if shown else "").splitlines() if line]
+        lines = [line.rstrip() for line in lines if line != "..."]
+        if kind == "python":
+            yield block, lines
+        elif kind == "sh":
+            *most, last = [line.split("#")[0].strip() for line in block.splitlines()]
+            yield from ((line, []) for line in most)
+            yield last, lines
+
+
+def stands(line: str, said: list[str]) -> bool:
+    """Tell whether a line that is shown was said; dots stand for its rest."""
+    if line.endswith(" ..."):
+        return any(one.startswith(line.removesuffix("...")) for one in said)
+    return line in said
+
+
+PYTHON = [
+    pytest.param(step, below, id=f"{name_of(page)}-{place}")
+    for page in PAGES
+    if not VERBS[page]
+    for place, (step, below) in enumerate(steps(page))
+    if not step.startswith("make ")
+]
+"""Of pages without commands: what stands beside commands is run with them."""
+
+
+@pytest.mark.parametrize(("text", "below"), PYTHON)
+def test_python_blocks_run(text: str, below: list[str], tmp_path: Path) -> None:
+    code, output, errors = run_python(text, tmp_path)
+    assert code == 0, errors
+    assert [line for line in below if not stands(line, output.splitlines())] == []
+
+
 @pytest.mark.zenoh
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if VERBS[page]], ids=lambda page: page.stem
-)
-def test_shell_blocks_run(page: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", [page for page in PAGES if VERBS[page]], ids=name_of)
+def test_a_page_runs_and_says_what_it_shows(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    # The README's first commands are run as a reader runs them, the others faster.
-    run = run_program if page == README else run_verb
     said = {}
-    for line in VERBS[page]:
-        code, output, errors = run(line, tmp_path)
-        assert code == 0, f"{line}: {output}{errors}"
-        said[line] = output.splitlines()
-        for name in re.findall(r"--out (\S+)", line):
-            assert (tmp_path / name).exists(), line
+    for step, below in steps(page):
+        if step.startswith("make "):
+            continue
+        is_verb = "\n" not in step
+        run = run_verb if is_verb else run_python
+        # The README's first commands are run as a reader runs them, the others faster.
+        if is_verb and (page == README or ASSIGNED.match(step)):
+            run = run_program
+        code, output, errors = run(step, tmp_path)
+        assert code == 0, f"{step}: {output}{errors}"
+        said[step] = [line.rstrip() for line in output.splitlines()]
+        assert [line for line in below if not stands(line, said[step])] == [], step
+        for name in re.findall(r"--out (\S+)", step) if is_verb else ():
+            assert (tmp_path / name).exists(), step
     for line, shown_output in shown(page).items():
         assert set(shown_output) <= set(said[line]), line
     if "--out depths" in " ".join(said):
         assert (tmp_path / "depths" / "depth.png").stat().st_size > 0
 
 
+def run_python(text: str, folder: Path) -> tuple[int, str, str]:
+    """Run a block of Python; return its exit code and what it said."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", text],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
 def run_program(line: str, folder: Path) -> tuple[int, str, str]:
     """Run a command line; return its exit code and what it said."""
     bin_folder = str(Path(sys.executable).parent)
     environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}"}
+    words = shlex.split(line)
+    while found := ASSIGNED.fullmatch(words[0]):
+        environment[found[1]] = found[2]
+        del words[0]
     done = subprocess.run(
-        line.split(),
+        words,
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -155,7 +221,7 @@ def run_program(line: str, folder: Path) -> tuple[int, str, str]:
 
 def run_verb(line: str, folder: Path) -> tuple[int, str, str]:
     """Run a verb in a process that has it loaded; see `tests.support.commands`."""
-    program, *arguments = line.split()
+    program, *arguments = shlex.split(line)
     assert program == "neurosnap"
     with Command(*arguments, folder=folder) as command:
         output, errors = command.communicate(PATIENCE)
@@ -180,10 +246,10 @@ def all_options() -> Iterator[str]:
         command = waiting.pop()
         waiting += getattr(command, "commands", {}).values()
         for given in command.params:
-            yield from given.opts
+            yield from (*given.opts, *given.secondary_opts)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_commands_and_their_options_exist(page: Path) -> None:
     for line in mentioned(page):
         words = line[line.index("neurosnap ") :].split()[1:]
@@ -191,7 +257,7 @@ def test_commands_and_their_options_exist(page: Path) -> None:
         assert not strange, line
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_options_in_the_text_exist(page: Path) -> None:
     # The tools have options of their own.
     known = {*all_options(), "--help"}
@@ -201,13 +267,25 @@ def test_options_in_the_text_exist(page: Path) -> None:
             assert set(OPTION.findall(code)) <= known, code
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_files_and_worlds_that_are_named_exist(page: Path) -> None:
     text = page.read_text()
-    for name in re.findall(r"\b((?:tools|examples|tests)/\w+\.\w+)", text):
+    for name in re.findall(r"(?<![/\w])((?:tools|examples|tests)/\w+\.\w+)", text):
         assert (ROOT / name).is_file(), name
     for name in re.findall(r"\bneurosnap/\w+-v0", text):
         assert name in gymnasium.registry, name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_tests_that_are_named_exist(page: Path) -> None:
+    for name, tests in re.findall(
+        r"`(tests/[\w/]+\.py)((?:::\w+)+)`", page.read_text()
+    ):
+        text = (ROOT / name).read_text()
+        for test in tests.split("::")[1:]:
+            assert re.search(
+                rf"^ *(?:async )?(?:def|class) {test}\b", text, re.MULTILINE
+            ), test
 
 
 def test_the_pages_name_every_world() -> None:
@@ -245,7 +323,7 @@ def anchors(page: Path) -> set[str]:
     }
 
 
-@pytest.mark.parametrize("page", LINKED, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", LINKED, ids=name_of)
 def test_links_lead_somewhere(page: Path) -> None:
     for link in re.findall(r"\]\(([^)\s]+)\)", FENCED.sub("", page.read_text())):
         if "://" in link:
@@ -257,8 +335,13 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_the_readme_leads_to_every_page() -> None:
-    text = README.read_text()
-    assert [page.name for page in PAGES[1:] if f"(docs/{page.name})" not in text] == []
+    index = ROOT / "docs" / "index.md"
+    assert "(docs/index.md)" in README.read_text()
+    text = index.read_text()
+    others = [page for page in PAGES[1:] if page != index]
+    assert [
+        name for page in others if f"({(name := name_of(page))}.md)" not in text
+    ] == []
 
 
 def test_the_readme_is_short() -> None:

@@ -1,4 +1,4 @@
-"""The notebook runs from top to bottom, and prints what it shows."""
+"""The notebooks run from top to bottom, and print what they show."""
 
 from pathlib import Path
 
@@ -9,8 +9,11 @@ from tests.support.notebooks import code_cells, printed, stored
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def test_the_notebook_prints_what_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["your_own_data", "an_agent"])
+def test_a_notebook_prints_what_it_shows(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(EXAMPLES)
-    cells = code_cells(EXAMPLES / "your_own_data.ipynb")
+    cells = code_cells(EXAMPLES / f"{name}.ipynb")
     assert printed(cells) == [stored(cell) for cell in cells]
     assert sum(1 for cell in cells if cell["outputs"]) >= 5

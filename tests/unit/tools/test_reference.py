@@ -1,0 +1,45 @@
+"""The pages that are made from the code are what the code makes."""
+
+import pytest
+import typer
+
+from neurosnap import wire
+from neurosnap.apps.cli import app
+from tools import reference
+
+
+@pytest.mark.parametrize("name", sorted(reference.MADE))
+def test_a_page_is_what_the_code_says(name: str) -> None:
+    written = (reference.PAGES / name).read_text(encoding="utf-8")
+    assert written == reference.MADE[name](), "run tools/reference.py"
+
+
+def test_every_option_and_message_is_on_its_page() -> None:
+    run = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
+    text = reference.commands()
+    start = text.index("## neurosnap run")
+    section = text[start : text.index("\n## ", start)]
+    for option in run.params[1:]:
+        assert all(name in section for name in option.opts), option.name
+    for topic in wire.TOPICS:
+        assert f"`/{topic}`" in reference.messages()
+
+
+def test_a_key_of_a_list_of_tables_stands_under_its_own_heading() -> None:
+    text = reference.toml()
+    assert "## `[[agent.births]]`" in text
+    assert "## `[[source.sensors]]`" in text
+    assert "| `ticks` | a whole number, 1 or more |" in text
+
+
+@pytest.mark.parametrize("name", sorted(reference.MADE))
+def test_no_code_in_a_table_has_a_bar(name: str) -> None:
+    """Some programs show it with the stroke before it, others need that."""
+    for line in reference.MADE[name]().splitlines():
+        if line.startswith("|"):
+            assert "|" not in "".join(line.split("`")[1::2]), line
+
+
+def test_what_a_cell_of_a_table_holds_is_text() -> None:
+    lines = list(reference._table(("a",), [("2*3 | `x*` <y>",)]))
+    assert lines[2] == "| 2\\*3 \\| `x*` \\<y> |"
