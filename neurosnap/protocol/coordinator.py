@@ -26,7 +26,7 @@ from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.bands import count_of, head_of
 from neurosnap.poc.learning.search import answered
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
-from neurosnap.protocol.key_frames import snapshot_of, with_snapshot
+from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl, to_weigh
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings
@@ -163,7 +163,9 @@ class Coordinator:
         """
         memory, shares = options.new_memory(), options.learning_shares
         if frame is not None:
-            snapshot = snapshot_of(frame, bands)
+            snapshot = (
+                order_of(frame, bands, shares) if shares else snapshot_of(frame, bands)
+            )
         else:
             snapshot = options.new_snapshot(range(0) if shares else None)
         core = cls(

@@ -7,6 +7,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.poc.learning.bands import Stretch, head_of, joined, stretches_of
 from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.weight_store import pairs_of
 
 
 def with_snapshot(
@@ -47,5 +48,34 @@ def snapshot_of(frame: wire.KeyFrame, bands: Iterable[wire.Band] = ()) -> Snapsh
     """
     if not frame.bands:
         return Snapshot.from_bytes(frame.snapshot)
-    stretches = (Stretch(one.array, one.offset, one.data) for one in bands)
-    return joined(frame.snapshot, stretches)
+    return joined(frame.snapshot, map(_stretch, bands))
+
+
+def order_of(
+    frame: wire.KeyFrame, bands: Iterable[wire.Band], shares: Sequence[range]
+) -> Snapshot:
+    """Return the snapshot in a key-frame with its graph, and without its pairs.
+
+    There is one share of the pairs in memory at a time.
+
+    Args:
+        frame: The key-frame.
+        bands: Those that belong to it.
+        shares: The sensors whose pairs with those before them each of the bands is of.
+
+    Raises:
+        InvalidValueError: They make no snapshot.
+    """
+    if not frame.bands:
+        return Snapshot.from_bytes(frame.snapshot).without_pairs()
+    order = joined(frame.snapshot, (), range(0))
+    bands, every = [*bands], len(pairs_of(range(len(order.sensorium))))
+    for share in shares:
+        pairs = pairs_of(share)
+        own = (one for one in bands if one.offset % max(1, every) in pairs)
+        order.take_over(joined(frame.snapshot, map(_stretch, own), share))
+    return order
+
+
+def _stretch(band: wire.Band) -> Stretch:
+    return Stretch(band.array, band.offset, band.data)

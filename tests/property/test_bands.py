@@ -2,20 +2,25 @@
 
 import random
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from neurosnap import wire
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning import weight_store
 from neurosnap.poc.learning.bands import Stretch, head_of, joined, stretches_of
 from neurosnap.poc.learning.kinds import (
     DiscountedSnapshot,
     EmpiricalSnapshot,
     Snapshot,
 )
+from neurosnap.protocol.key_frames import bands_of, order_of, snapshot_of
 
 MAKERS: dict[str, Callable[[int], Snapshot]] = {
     "empirical": lambda count: EmpiricalSnapshot(count, 0.1),
@@ -53,6 +58,61 @@ def test_bands_in_any_order_make_the_snapshot(
     again.observe(np.ones(sensors, np.bool_))
     snapshot.observe(np.ones(sensors, np.bool_))
     assert again.to_bytes() == snapshot.to_bytes()
+
+
+@given(
+    kind=st.sampled_from(sorted(MAKERS)),
+    sensors=st.integers(1, 9),
+    unknown=st.booleans(),
+    block=st.integers(1, 40),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_four_weights_of_pairs_are_the_same_in_blocks_of_any_size(
+    kind: str, sensors: int, unknown: bool, block: int, seed: int
+) -> None:
+    snapshot = learned(kind, sensors, 20, unknown, seed)
+    snapshot._settle()
+    last = 0
+    with patch.object(weight_store, "BLOCK", block):
+        again = joined(head_of(snapshot), stretches_of(snapshot, 1 << 20))
+        assert again.to_bytes() == snapshot.to_bytes()
+        for pairs, squares in snapshot._weights.blocks(snapshot._total()):
+            assert pairs.start == last
+            last = pairs.stop
+            assert squares.shape == (4, last - pairs.start)
+            for pair, square in enumerate(squares.T, pairs.start):
+                i = next(i for i in range(sensors) if i * (i + 1) // 2 > pair)
+                a, b = 2 * i, 2 * (pair - i * (i - 1) // 2)
+                four = [(a, b), (a, b + 1), (a + 1, b), (a + 1, b + 1)]
+                assert square.tolist() == [snapshot.weight(*two) for two in four]
+    assert last == sensors * (sensors - 1) // 2
+
+
+@given(
+    kind=st.sampled_from(sorted(MAKERS)),
+    sensors=st.integers(0, 9),
+    cuts=st.lists(st.integers(0, 9), max_size=3),
+    unknown=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_order_made_share_by_share_is_that_of_the_snapshot(
+    kind: str, sensors: int, cuts: list[int], unknown: bool, seed: int
+) -> None:
+    snapshot = learned(kind, sensors, 20, unknown, seed)
+    inner = sorted(min(cut, sensors) for cut in cuts)
+    shares = [range(*ends) for ends in pairwise([0, *inner, sensors])]
+    bands = [*bands_of(snapshot, 20, 7, "worker/0", shares)]
+    head = head_of(snapshot)
+    frame = wire.KeyFrame(20, head, bands=len(bands))
+    order = order_of(frame, bands, shares)
+    whole = snapshot_of(frame, bands)
+    edges = snapshot.poc_graph().edges
+    np.testing.assert_array_equal(order.poc_graph().edges, edges)
+    np.testing.assert_array_equal(whole.poc_graph().edges, edges)
+    assert order.to_bytes() == whole.without_pairs().to_bytes()
+    if bands and snapshot.arrays()["since"].size:
+        with pytest.raises(InvalidValueError, match="must be there once"):
+            order_of(frame, bands[1:], shares)
 
 
 def test_they_copy_nothing_and_none_is_larger_than_asked() -> None:

@@ -34,6 +34,13 @@ def read(literal: int, bits: Bits, known: Bits) -> bool | None:
     return bool(bits[literal >> 1]) != bool(literal & 1)
 
 
+def every(snapshot: Snapshot) -> NDArray[np.float64]:
+    """Return the four weights of all pairs."""
+    snapshot._settle()
+    blocks = snapshot._weights.blocks(snapshot._total())
+    return np.concatenate([squares for _, squares in blocks], axis=1)
+
+
 def joined(
     walk: tuple[Bits, Bits], members: Members, tick: int, first: int
 ) -> tuple[bool, bool]:
@@ -116,14 +123,10 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
             grown.grow(count, "new", newborn, None)
     assert grown.sensorium == always.sensorium
     if began:  # Of the others it knows more than that.
-        squares = grown._weights.all(grown._total())[:, -count:]
-        expected = always._weights.all(always._total())[:, -count:]
+        squares, expected = every(grown)[:, -count:], every(always)[:, -count:]
         np.testing.assert_allclose(squares, expected, atol=1e-12)
         return
-    total = grown._total()
-    np.testing.assert_allclose(
-        grown._weights.all(total), always._weights.all(total), atol=1e-12
-    )
+    np.testing.assert_allclose(every(grown), every(always), atol=1e-12)
     assert grown.poc_graph().edges.tolist() == always.poc_graph().edges.tolist()
     if birth < len(bits):
         assert grown.state.tolist() == always.state.tolist()

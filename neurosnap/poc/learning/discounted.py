@@ -142,15 +142,19 @@ class DiscountedSnapshot(Snapshot):
         return cls(sensorium, saved_threshold(arrays, len(sensorium)), decay, share)
 
     def _derive(self, arrays: Arrays) -> None:
-        squares, marginals = self._weights.all(1.0), self._weights.marginals
-        inside = (marginals >= 0) & (marginals <= 1)
-        # Rounding adds up over as many ticks as are remembered. NaN is out of range.
-        whole = abs(squares.sum(axis=0) - 1) <= _ROUNDING / (1 - self._decay)
-        if not (inside.all() and whole.all() and (squares >= -_ROUNDING).all()):
-            raise ValueError("weights: must be consistent")
+        marginals = self._weights.marginals
         codes = entry(arrays, "codes", self._codes.shape, np.uint8)
-        zero = excluded(codes, squares)
-        if not (zero <= _ROUNDING).all() or (not self._clock and codes.any()):
+        if not ((marginals >= 0) & (marginals <= 1)).all():
+            raise ValueError("weights: must be consistent")
+        for pairs, squares in self._weights.blocks(1.0):
+            # Rounding adds up over as many ticks as are remembered. NaN is out of
+            # range.
+            whole = abs(squares.sum(axis=0) - 1) <= _ROUNDING / (1 - self._decay)
+            if not (whole.all() and (squares >= -_ROUNDING).all()):
+                raise ValueError("weights: must be consistent")
+            if not (excluded(codes[pairs], squares) <= _ROUNDING).all():
+                raise ValueError("codes: must go with the weights")
+        if not self._clock and codes.any():
             raise ValueError("codes: must go with the weights")
         self._codes[:] = codes
         self._redraw()

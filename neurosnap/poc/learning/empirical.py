@@ -295,9 +295,11 @@ class EmpiricalSnapshot(Snapshot):
         return snapshot
 
     def _derive(self, arrays: Arrays) -> None:
-        squares = self._weights.all(self._clock)
-        inside = (squares >= 0).all() and (squares.sum(axis=0) <= self._clock).all()
-        if not inside or (self._weights.marginals > self._clock).any():
+        inside = (self._weights.marginals <= self._clock).all() and all(
+            (squares >= 0).all() and (squares.sum(axis=0) <= self._clock).all()
+            for _, squares in self._weights.blocks(self._clock)
+        )
+        if not inside:
             raise ValueError("weights: must be consistent with the clock")
         if self._persistence is not None:
             self._codes[:] = entry(arrays, "codes", self._codes.shape, np.uint8)

@@ -20,7 +20,8 @@ Implications exclude each other, so two bits together mean an equivalence: 3 is
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.order.literals import Words, to_words
+from neurosnap.poc.learning.update_kernels import draw
+from neurosnap.poc.order.literals import Words
 
 _EQUAL, _OPPOSITE = 3, 12
 
@@ -49,15 +50,9 @@ def rows_of(codes: NDArray[np.uint8], sensors: int) -> Words:
     Returns:
         ``(2N, w)``, the out-edges of every literal.
     """
-    edges = np.zeros((sensors, 2, sensors, 2), np.bool_)
-    i, j = np.tril_indices(sensors, -1)
-    for bit, (x, y, s, t) in enumerate(
-        [(i, j, 0, 0), (j, i, 0, 0), (i, j, 0, 1), (i, j, 1, 0)]
-    ):
-        on = codes >> bit & 1
-        edges[x, s, y, t] = on
-        edges[y, 1 - t, x, 1 - s] = on
-    return to_words(edges.reshape(2 * sensors, 2 * sensors))
+    rows: Words = np.zeros((2 * sensors, (2 * sensors + 63) // 64), np.uint64)
+    draw(codes, rows, 0)
+    return rows
 
 
 def excluded(

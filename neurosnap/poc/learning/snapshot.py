@@ -16,7 +16,7 @@ from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.evidence import Evidence
 from neurosnap.poc.learning.newborn import Newborn
-from neurosnap.poc.learning.pair_codes import leads, rows_of, strict
+from neurosnap.poc.learning.pair_codes import leads, strict
 from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
 from neurosnap.poc.learning.weight_store import (
@@ -283,6 +283,14 @@ class Snapshot(Archived):
             self._graphs.clear()
         return codes.size > 0
 
+    def take_over(self, share: "Snapshot") -> None:
+        """Let the graph, which has no edges of these pairs, have those of a share.
+
+        O(N²) time.
+        """
+        kernels.draw(share._codes, self._rows, share.share.start)  # noqa: SLF001
+        self._graphs.clear()
+
     def without_pairs(self) -> Self:
         """Return what is left of a snapshot whose pairs others have: with its graph."""
         arrays = self.arrays()
@@ -391,7 +399,7 @@ class Snapshot(Archived):
         ended = np.array(pairs)[self._codes[pairs] > 0]
         self._since[ended] = self._clock + self._skipped
         self._codes[pairs] = 0
-        self._rows = rows_of(self._codes, len(self._sensorium))
+        self._redraw()
         self._state[[literal, literal ^ 1]] = False
         self._graphs.clear()
 
@@ -466,12 +474,10 @@ class Snapshot(Archived):
             The same object until the graph changes.
         """
         if equivalences not in self._graphs:
-            codes = self._codes if equivalences else strict(self._codes)
-            rows = (
-                self._rows.copy()
-                if equivalences
-                else rows_of(codes, len(self._sensorium))
-            )
+            rows = self._rows.copy()
+            if not equivalences:
+                rows.fill(0)
+                kernels.draw(strict(self._codes), rows, 0)
             self._graphs[equivalences] = PocGraph.of_rows(rows)
         return self._graphs[equivalences]
 
@@ -482,7 +488,8 @@ class Snapshot(Archived):
     def _redraw(self) -> None:
         """Let the graph be what the codes say, where all are there."""
         if len(self._share) == len(self._sensorium):
-            self._rows[:] = rows_of(self._codes, len(self._sensorium))
+            self._rows.fill(0)
+            kernels.draw(self._codes, self._rows, 0)
 
     def _settle(self) -> None:
         """Bring the weights up to date, where a kind puts off what changes no code."""

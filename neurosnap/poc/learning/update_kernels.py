@@ -317,6 +317,22 @@ def flip(i: int, j: int, flips: np.uint8, rows: Words) -> None:
 
 
 @njit()
+def draw(codes: NDArray[np.uint8], rows: Words, first: int) -> None:
+    """Let a graph without edges between some pairs have those that codes stand for.
+
+    Args:
+        codes: Of these pairs.
+        rows: ``(2N, w)``, updated.
+        first: As of `learn_counts`.
+    """
+    for i in range(first, end_of(first, codes.shape[0])):
+        start = place_of(i, first)
+        for j in range(i):
+            if codes[start + j]:
+                flip(i, j, codes[start + j], rows)
+
+
+@njit()
 def count_changes(
     since: NDArray[np.uint32], latest: NDArray[np.uint32], tick: int, first: int
 ) -> NDArray[np.int64]:

@@ -6,12 +6,17 @@ the total, which all squares share: one joint weight a pair is all that is store
 of every pair are stored, the *wide* form, with four times the room.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
+
+BLOCK = 1 << 20
+"""Pairs whose four weights are written out at a time, at most, but for long rows: all
+at once they would take eight times the room of what is stored."""
 
 
 class Weights:
@@ -50,7 +55,10 @@ class Weights:
 
     def widen(self, total: float) -> None:
         """Store the four weights of each pair from now on; none changes."""
-        self.squares = self.all(total).astype(self.joints.dtype)
+        squares = np.empty((4, self.joints.size), self.joints.dtype)
+        for pairs, some in self.blocks(total):
+            squares[:, pairs] = some
+        self.squares = squares
         self.joints, self.marginals = self.joints[:0], self.marginals[:0]
 
     @property
@@ -69,15 +77,25 @@ class Weights:
             raise RuntimeError("weights: must be wide where sensors come or go")
         self.squares[:, pairs] = squares
 
-    def all(self, total: float) -> NDArray[Any]:
-        """Return ``(4, P)``: the four weights of each pair, int64 or float64."""
+    def blocks(self, total: float) -> Iterator[tuple[slice, NDArray[Any]]]:
+        """Yield the four weights of each pair, some rows at a time.
+
+        Yields:
+            Which of the stored pairs they are, and ``(4, pairs)``, int64 or float64:
+            their weights.
+        """
         wide = np.int64 if self.joints.dtype.kind == "u" else np.float64
-        if self.squares is not None:
-            return self.squares.astype(wide)
-        i, j = sensors_of(self._share)
-        both, mine = self.joints.astype(wide), self.marginals.astype(wide)
-        rest = total - mine[i] - mine[j] + both
-        return np.stack([both, mine[i] - both, mine[j] - both, rest])
+        own = pairs_of(self._share).start
+        for sensors in _blocks_of(self._share):
+            numbers = pairs_of(sensors)
+            pairs = slice(numbers.start - own, numbers.stop - own)
+            if self.squares is not None:
+                yield pairs, self.squares[:, pairs].astype(wide)
+                continue
+            i, j = sensors_of(sensors)
+            both, mine = self.joints[pairs].astype(wide), self.marginals.astype(wide)
+            rest = total - mine[i] - mine[j] + both
+            yield pairs, np.stack([both, mine[i] - both, mine[j] - both, rest])
 
     def of(self, a: int, b: int, total: float) -> float:
         """Return the weight of two literals of different sensors, int or float."""
@@ -137,3 +155,14 @@ def sensors_of(share: range) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     latter = np.repeat(sizes, sizes)
     former = np.arange(len(latter)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     return latter, former
+
+
+def _blocks_of(share: range) -> Iterator[range]:
+    """Yield ranges of sensors that make up a share, each with few pairs."""
+    begin = share.start
+    while begin < share.stop:
+        end = begin + 1
+        while end < share.stop and len(pairs_of(range(begin, end + 1))) <= BLOCK:
+            end += 1
+        yield range(begin, end)
+        begin = end
