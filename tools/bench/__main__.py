@@ -45,6 +45,7 @@ ROWS = {
     "worker": "worker",
     "kinds": "kinds",
     "coordinator": "coordinator",
+    "scale": "scale",
     "verify": "run",
     "page": "page",
 }

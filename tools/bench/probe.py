@@ -8,6 +8,10 @@ import msgspec
 
 from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.runtime.launch import Ending, Plan, run_processes
+from tools.bench.spent import Spent
+
+_ENDLESS = 10**9
+"""More waves than a swarm will ever send: it is stopped when all is measured."""
 
 
 def probe(plan: ProbePlan) -> Ending:
@@ -17,6 +21,29 @@ def probe(plan: ProbePlan) -> Ending:
         return await run_processes(_swarm(plan), asyncio.Event())
 
     return asyncio.run(run())
+
+
+def spent_a_wave(plan: ProbePlan) -> dict[str, float]:
+    """Return the processor seconds a wave of each kind of part.
+
+    Args:
+        plan: Waves go on until there were twice as many as it says.
+    """
+    spent = Spent(plan.warmup + 1)
+    endless = msgspec.structs.replace(plan, waves=_ENDLESS)
+
+    async def run() -> None:
+        stop = asyncio.Event()
+
+        def look(wave: int) -> None:
+            spent.look(wave)
+            if wave > plan.warmup + 2 * plan.waves:
+                stop.set()
+
+        await run_processes(_swarm(endless), stop, look)
+
+    asyncio.run(run())
+    return spent.a_tick(plan.waves)
 
 
 def rows_of(ending: Ending) -> list[Measured]:
@@ -37,8 +64,7 @@ def weighed_while_up(
 
 
 async def _while_up(plan: ProbePlan, weigh: Callable[[], float]) -> tuple[float, float]:
-    # More waves than it will ever send: it is stopped once it is weighed.
-    endless = msgspec.structs.replace(plan, waves=10**9)
+    endless = msgspec.structs.replace(plan, waves=_ENDLESS)
     stop, up = asyncio.Event(), asyncio.Event()
     loop = asyncio.get_running_loop()
     began, seconds, found = loop.time(), 0.0, 0.0

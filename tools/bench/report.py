@@ -38,6 +38,10 @@ class Sizes:
     """Sensors of the kinds row."""
     crowds: tuple[int, ...] = (1000, 3000, 10_000)
     """Sensors of the coordinator and lazy rows."""
+    fitted: tuple[int, ...] = (100, 1000, 3000, 10_000)
+    """Sensors of the runs that a model of a tick is made of."""
+    foretold: tuple[int, ...] = (300, 600, 2000, 4500, 7000)
+    """Sensors of the runs that it is held against."""
     crowd: int = 500
     """Sensors of the page row: more than it draws each by itself unless asked to."""
     batches: int = 9
@@ -55,6 +59,8 @@ QUICK = Sizes(
     waved=(20,),
     lines=(20,),
     crowds=(40,),
+    fitted=(40, 60, 80),
+    foretold=(70,),
     crowd=170,
     batches=2,
 )

@@ -95,7 +95,7 @@ def test_it_is_laid_out_as_mcap_info_is(path: Path) -> None:
         "metadata: 2",
         "run:",
         "\tseed:    7",
-        "\tschema:  4",
+        f"\tschema:  {wire.SCHEMA}",
         "totals:",
         "\tticks:  4",
         "missing: 1",
@@ -117,7 +117,7 @@ def test_it_says_where_the_parts_of_a_swarm_on_several_machines_were(
     assert lines[at + 1 : at + 7] == [
         "run:",
         "\tseed:    7",
-        "\tschema:  4",
+        f"\tschema:  {wire.SCHEMA}",
         "places:",
         "\tworld:   oak.lan/4711",
         "\tcell/0:  elm/2",

@@ -17,6 +17,8 @@ from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW, delivered, record, traffic
 
+SCHEMA = str(wire.SCHEMA)
+
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
@@ -52,7 +54,7 @@ def test_a_finished_recording_says_so(path: Path) -> None:
     recording = Recording.open(path)
     assert recording.finished
     assert recording.cut is None
-    assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": "4"}
+    assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": SCHEMA}
     assert recording.totals is not None
     assert recording.completeness() == completeness == Completeness(100)
 
@@ -82,7 +84,7 @@ def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
 def test_a_place_that_cannot_be_is_refused(path: Path, text: str) -> None:
     writer = McapWriter(str(path))
     writer.start(PROFILE)
-    writer.add_metadata(RUN, {"schema": "4"})
+    writer.add_metadata(RUN, {"schema": SCHEMA})
     writer.add_metadata(PLACES, {"world": text})
     writer.finish()
     recording = Recording.open(path)
@@ -242,11 +244,13 @@ def test_a_foreign_mcap_is_refused(path: Path) -> None:
         Recording.open(path)
 
 
-@pytest.mark.parametrize("schema", ["5", "0", "", "-1", "one", "1.0", "9" * 30])
+@pytest.mark.parametrize(
+    "schema", [str(wire.SCHEMA + 1), "0", "", "-1", "one", "1.0", "9" * 30]
+)
 def test_a_schema_that_is_not_known_is_refused(path: Path, schema: str) -> None:
     write_mcap(path, schema=schema)
     with pytest.raises(
-        RecordingError, match=rf"schema: must be in \[1, 4\], got '{schema}"
+        RecordingError, match=rf"schema: must be in \[1, {SCHEMA}\], got '{schema}"
     ):
         Recording.open(path)
 

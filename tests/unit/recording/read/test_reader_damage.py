@@ -14,6 +14,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
 
+from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import LIMIT
@@ -135,7 +136,9 @@ def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
     for offset, damaged in flipped(finished, 1, 800):
         lost.add(lost_from(path, damaged))
         facts = Recording.open(path).metadata
-        assert facts == {"seed": "7", "world": "Test-v0", "schema": "4"}, offset
+        assert facts == {"seed": "7", "world": "Test-v0", "schema": str(wire.SCHEMA)}, (
+            offset
+        )
     assert lost == {0, 11, 20}
 
 

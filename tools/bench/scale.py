@@ -1,0 +1,125 @@
+"""Rows on what a tick costs each part, and a model of it: docs/scale.md rests on them.
+
+A walker on a line is recorded, with its cells in workers. What is measured is processor
+time: unlike seconds it adds up, and what else runs on the machine hardly changes it. A
+part is taken to spend so much a tick, so much a sensor and so much a pair of sensors.
+The three are found at some sizes, and what they say of others is held against runs.
+"""
+
+import asyncio
+import shutil
+import tempfile
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from neurosnap.protocol.run_options import LearningKind
+from neurosnap.runtime.run import run
+from tools.bench.kinds import line_options
+from tools.bench.report import Line, Sizes
+from tools.bench.spent import Spent
+
+_WORKERS = 2
+_BEGIN, _TICKS = 32, 160  # several blocks of 64 observations lie between
+_READINGS = (
+    60_000  # few sensors are quick: more ticks, for the parts are not looked at often
+)
+_PARTS = ("coordinator", "worker", "recorder", "hub")
+_KINDS: tuple[LearningKind, ...] = ("coordinator", "spread")
+
+
+def scale(sizes: Sizes) -> list[Line]:
+    """Find what a tick costs each part, and what that says of other sizes."""
+    lines = []
+    with tempfile.TemporaryDirectory(prefix="bench-") as name:
+        for learning in _KINDS:
+            fitted = {size: _spent(size, learning, Path(name)) for size in sizes.fitted}
+            model = {
+                part: _constants({size: cost[part] for size, cost in fitted.items()})
+                for part in _PARTS
+            }
+            lines += [_of_part(part, model[part], learning) for part in _PARTS]
+            for size in sizes.foretold:
+                spent = _spent(size, learning, Path(name))
+                lines.append(_foretold(size, spent, model, learning))
+    return lines
+
+
+def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]:
+    """Return the processor seconds a tick of each part, of workers of one of them."""
+    at, ticks = folder / f"{count}", max(_TICKS, _READINGS // count)
+    at.mkdir()
+    options = replace(
+        line_options(count, ticks, at),
+        cells="worker",
+        workers=_WORKERS,
+        learning=learning,
+        watch=True,
+        keyframe_every=1 << 20,
+    )
+    spent = Spent(_BEGIN)
+    asyncio.run(run(options, at / "run.mcap", asyncio.Event(), spent.look))
+    shutil.rmtree(at)
+    found = spent.a_tick(ticks // 2)
+    return found | {"worker": found["worker"] / _WORKERS}
+
+
+def _terms(count: int) -> NDArray[np.float64]:
+    """Return ``(3,)``: once a tick, a thousand sensors, a million pairs."""
+    return np.array([1.0, count / 1e3, count * (count - 1) / 2e6])
+
+
+def _constants(costs: dict[int, float]) -> NDArray[np.float64]:
+    """Return ``(3,)``, none below 0: with the least sum of squared relative errors."""
+    seconds = np.array([*costs.values()])
+    every = np.array([_terms(count) for count in costs]) / seconds[:, None]
+    best, least = np.zeros(3), np.inf
+    for use in product((False, True), repeat=3):
+        found = np.zeros(3)
+        found[[*use]] = np.linalg.lstsq(every[:, [*use]], np.ones(len(costs)))[0]
+        error = float(((every @ found - 1) ** 2).sum())
+        if (found >= 0).all() and error < least:
+            best, least = found, error
+    return best
+
+
+def _of_part(part: str, model: NDArray[np.float64], learning: str) -> Line:
+    once, sensor, pair = model.tolist()
+    return Line(
+        f"a tick of the {part}, --learning {learning}",
+        f"{once * 1e3:.1f} ms + {sensor * 1e3:.2f} µs a sensor"
+        f" + {pair * 1e3:.2f} ns a pair of sensors",
+        figures={"once": once, "sensor": sensor * 1e-3, "pair": pair * 1e-6},
+    )
+
+
+def _foretold(
+    count: int,
+    spent: dict[str, float],
+    model: dict[str, NDArray[np.float64]],
+    learning: str,
+) -> Line:
+    """Hold what the model says of a size against what was spent."""
+    shown = [*_columns(count, spent, model)]
+    said, was = sum(s for _, s, _ in shown), sum(w for *_, w in shown)
+    parts = ", ".join(f"{part} {s:.1f} and {w:.1f}" for part, s, w in shown)
+    return Line(
+        f"a tick of {count:,} sensors, --learning {learning}: foretold and measured",
+        f"{said:.1f} and {was:.1f} ms ({said / was - 1:+.0%})",
+        f"{parts} ms",
+        figures={"foretold": said * 1e-3, "measured": was * 1e-3},
+    )
+
+
+def _columns(
+    count: int, spent: dict[str, float], model: dict[str, NDArray[np.float64]]
+) -> Iterator[tuple[str, float, float]]:
+    """Yield each part, what was foretold, and what was measured, in milliseconds."""
+    for part in _PARTS:
+        several = _WORKERS if part == "worker" else 1
+        said = several * float(model[part] @ _terms(count))
+        yield part, said * 1e3, several * spent[part] * 1e3
