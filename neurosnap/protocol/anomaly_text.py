@@ -16,7 +16,7 @@ def anomaly_line(told: Told) -> str:
     likely = few(told.culprits) or "nobody"
     others = [name for name in told.candidates if name not in told.culprits]
     perhaps = f" or {few(others)}" if others else ""
-    shown = [_evidence(link) for link in told.broken[:_LINKS]]
+    shown = [f"{link.implication} ({evidence(link)})" for link in told.broken[:_LINKS]]
     broken = few(shown, "; ", told.more + len(told.broken) - len(shown))
     return visible(
         f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
@@ -24,12 +24,11 @@ def anomaly_line(told: Told) -> str:
     )
 
 
-def _evidence(link: Link) -> str:
-    """Return a broken implication, and what speaks for it."""
+def evidence(link: Link) -> str:
+    """Return what speaks for a broken implication, and against it."""
     on = "" if link.occasions is None else f" on {link.occasions} occasions"
     return (
-        f"{link.implication} ({link.support:g} for{on}, {link.against:g} against,"
-        f" since tick {link.since})"
+        f"{link.support:g} for{on}, {link.against:g} against, since tick {link.since}"
     )
 
 

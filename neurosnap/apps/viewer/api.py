@@ -14,6 +14,8 @@ asked                                             answer
 ``/api/cells``                                    `Cells`
 ``/api/births``                                   `Grown`
 ``/api/health``                                   `Health`
+``/api/marks?from=&to=&bins=``                    `Marks`
+``/api/beside?tick=&way=``                        `Beside`
 ``/api/events``                                   `Event`, again and again
 ================================================= ============
 
@@ -45,6 +47,7 @@ MOST_FRAMES = 240
 MOST_IMAGINED = 200
 """Imagined waves in a frame: a search may take thousands."""
 MOST_POINTS = 2000
+MOST_BINS = 4000
 
 
 class Stage(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,6 +130,33 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """What it is for, where that is not the target; else empty."""
 
 
+class Broken(msgspec.Struct, frozen=True, kw_only=True):
+    """A learned implication that an observation breaks."""
+
+    source: int
+    target: int
+    evidence: str
+    """What speaks for it and against it, since when, in words."""
+
+
+class Anomaly(msgspec.Struct, frozen=True, kw_only=True):
+    """What was observed contradicts what was learned before."""
+
+    line: str
+    """All of it, as `neurosnap watch` says it."""
+    culprits: list[int]
+    """The likeliest of the smallest sets of sensors that can be wrong."""
+    others: list[int]
+    """Sensors of other such sets."""
+    exact: bool
+    """The search for them was complete."""
+    broken: list[Broken]
+    more: int
+    """Broken implications beyond those listed."""
+    since: int
+    """The tick it began at."""
+
+
 class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """What happened at one tick."""
 
@@ -168,6 +198,9 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """Which sensors the decision grew and retired."""
     plan: Plan | None
     """None: the decision follows none."""
+    anomaly: Anomaly | None
+    """None: nothing was contradicted that rests on as many occasions as the run asks
+    for."""
 
 
 class Frames(msgspec.Struct, frozen=True):
@@ -288,6 +321,35 @@ class Health(msgspec.Struct, frozen=True):
     """All there are have been counted; if not, ask again."""
 
 
+class Marks(msgspec.Struct, frozen=True, kw_only=True):
+    """What happened in stretches of ticks that are as long as one another."""
+
+    first: int
+    last: int
+    anomalies: list[int]
+    """For each stretch, how many of its ticks have one that is told."""
+    rewired: list[int]
+    """The most edges that one of its ticks changed; an edge and its contrapositive are
+    one, and what is wired anew after a restart is no change."""
+    begins: list[int]
+    """How many of its ticks begin a trajectory."""
+    times: list[float | None]
+    """When the first tick of each was observed, in seconds since 1970; None: not known
+    yet, or not recorded."""
+    resumed: list[int]
+    """The ticks after which the run was taken up again."""
+    read_to: int
+    done: bool
+    """All that was asked for has been read; if not, ask again."""
+
+
+class Beside(msgspec.Struct, frozen=True):
+    """The tick that was looked for."""
+
+    tick: int | None
+    """None: there is none, or it was not read yet."""
+
+
 class Member(msgspec.Struct, frozen=True, kw_only=True):
     """One part of the swarm."""
 
@@ -343,6 +405,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     retired: list[int] | UnsetType = UNSET
     changed: list[Changed] | UnsetType = UNSET
     plan: Plan | UnsetType | None = UNSET
+    anomaly: Anomaly | UnsetType | None = UNSET
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

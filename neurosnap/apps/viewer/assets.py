@@ -15,6 +15,7 @@ NAMES = (
     *(
         f"{module}.js"
         for module in (
+            "anomaly",
             "api",
             "background",
             "camera",
@@ -28,6 +29,7 @@ NAMES = (
             "growth",
             "health",
             "keys",
+            "lane",
             "layers",
             "layout",
             "links",

@@ -23,9 +23,16 @@ from neurosnap.apps.viewer.plans import BEFORE, plan_at
 from neurosnap.apps.viewer.snapshot_cache import SnapshotCache
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.world_scene import Scene
-from neurosnap.errors import InvalidValueError, RecordingError, ShapeError
+from neurosnap.errors import (
+    InvalidValueError,
+    MessageError,
+    RecordingError,
+    ShapeError,
+)
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.anomaly_messages import told, with_support
+from neurosnap.protocol.anomaly_text import anomaly_line, evidence
 from neurosnap.recording.read.growing_files import Files
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.run_facts import options_of, resumed_at
@@ -260,6 +267,34 @@ class RunView:
             retired=[body.first_grown + place for place in body.retired],
             changed=[] if decision is None else list(changes_in(decision, body)),
             plan=plan,
+            anomaly=self._anomaly(ticks.anomalies.get(tick)),
+        )
+
+    def _anomaly(self, anomaly: wire.Anomaly | None) -> api.Anomaly | None:
+        """Return what people are told of an anomaly: nothing if it rests on little."""
+        if anomaly is None:
+            return None
+        place = f"{self.path}: tick {anomaly.tick}"
+        try:
+            anomaly = with_support(anomaly, self.options.support)
+            if anomaly is None:
+                return None
+            words = told(anomaly, self.options.sensors)
+        except MessageError as error:
+            raise RecordingError(f"{place}: /anomaly: {error}") from error
+        pairs = zip(anomaly.sources, anomaly.targets, words.broken, strict=True)
+        others = [one for one in anomaly.candidates if one not in anomaly.culprits]
+        return api.Anomaly(
+            line=anomaly_line(words),
+            culprits=list(anomaly.culprits),
+            others=others,
+            exact=anomaly.exact,
+            broken=[
+                api.Broken(source=source, target=target, evidence=evidence(link))
+                for source, target, link in pairs
+            ],
+            more=words.more,
+            since=anomaly.since,
         )
 
     def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:

@@ -95,6 +95,24 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def health(request: Request) -> Response:
         return answer(session.health.health)
 
+    async def marks(request: Request) -> Response:
+        query = request.query_params
+        first = max(1, whole(query, "from", 1))
+        last = whole(query, "to", max(first, session.run_view.last))
+        bins = whole(query, "bins", 600)
+        if not 1 <= bins <= api.MOST_BINS:
+            rule = f"must be in [1, {api.MOST_BINS}]"
+            raise InvalidValueError("bins", rule, bins)
+        return answer(session.marks.marks(first, last, bins))
+
+    async def beside(request: Request) -> Response:
+        query = request.query_params
+        way = query.get("way", "")
+        if way not in ("-1", "1"):
+            raise InvalidValueError("way", "must be 1 or -1", way)
+        tick = whole(query, "tick")
+        return answer(session.marks.anomaly_beside(tick, int(way)))
+
     async def cells(request: Request) -> Response:
         return answer(await session.ask(members))
 
@@ -107,7 +125,8 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def nowhere(request: Request, _: Exception | None = None) -> Response:
         return refusal(404, "not here")
 
-    endpoints = (run, frames, graph, edge, series, births, health, cells, events)
+    endpoints: tuple[Endpoint, ...] = (run, frames, graph, edge, series, births)
+    endpoints += (health, marks, beside, cells, events)
     app = Starlette(
         routes=[
             *(

@@ -13,6 +13,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.health_view import HealthView
+from neurosnap.apps.viewer.marks import RunMarks
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import RecordingError
@@ -50,7 +51,9 @@ class ViewSession:
         run_view = RunView(self._log)
         time_series = TimeSeries(RunView(self._log, run_view.scene))
         health = HealthView(RunView(self._log, run_view.scene))
-        self.run_view, self.time_series, self.health = run_view, time_series, health
+        marks = RunMarks(RunView(self._log, run_view.scene))
+        self.run_view, self.time_series = run_view, time_series
+        self.health, self.marks = health, marks
         self.live = self._is_live(self._grows())
 
     async def ask(
@@ -101,9 +104,10 @@ class ViewSession:
         return grows and (files.split or not files.finished)
 
     async def read_on(self, stop: asyncio.Event) -> None:
-        """Read time series and health in the background until `stop` is set."""
+        """Read on in the background, until `stop` is set."""
         while not stop.is_set():
             time_series, health, live = self.time_series, self.health, self.live
+            marks = self.marks
             try:
                 more = await asyncio.to_thread(time_series.read_on)
                 time_series.ended = False
@@ -114,6 +118,10 @@ class ViewSession:
                 more |= await asyncio.to_thread(health.read_on)
             except RecordingError:
                 health.end()
+            try:
+                more |= await asyncio.to_thread(marks.read_on)
+            except RecordingError:
+                marks.end()
             if more:
                 continue
             if live:

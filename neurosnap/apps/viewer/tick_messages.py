@@ -46,6 +46,7 @@ class Ticks:
         self.observations: dict[int, wire.Observation] = {}
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
+        self.anomalies: dict[int, wire.Anomaly] = {}
         self.asked: set[int] = set()
         """The ticks of planning waves, where waves are read."""
         self._literals: dict[int, NDArray[np.bool_]] = {}
@@ -108,6 +109,9 @@ class Ticks:
         for decision in chunk.all("decide", wire.Decision):
             if decision.tick in self._range:
                 self.decisions.setdefault(decision.tick, decision)
+        for anomaly in chunk.all("anomaly", wire.Anomaly):
+            if anomaly.tick in self._range:
+                self.anomalies.setdefault(anomaly.tick, anomaly)
         if self._waves is not None:
             for start in chunk.all("wave", wire.WaveStart):
                 if start.tick in self._range:

@@ -43,6 +43,12 @@ export const fetchBirths = () => ask("births");
 /** Which sensors seem broken, as far as that was read. */
 export const fetchHealth = () => ask("health");
 
+/** What happened from tick `from` to `to`, in `bins` stretches, as far as that was read. */
+export const fetchMarks = (from, to, bins) => ask("marks", { from, to, bins });
+
+/** The tick of the nearest anomaly before (-1) or after (1) a tick; null: there is none. */
+export const fetchBeside = async (tick, way) => (await ask("beside", { tick, way })).tick;
+
 /** The parts of the swarm. */
 export const fetchCells = () => ask("cells");
 

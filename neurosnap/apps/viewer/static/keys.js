@@ -25,6 +25,8 @@ export function bind(page) {
     ["expand", () => page.expand()],
     ["taller", toggleTaller],
     ["help", help],
+    ["anomaly-back", () => page.toAnomaly(-1)],
+    ["anomaly-on", () => page.toAnomaly(1)],
     ["birth-back", () => page.toBirth(-1)],
     ["birth-on", () => page.toBirth(1)],
   ];
@@ -42,6 +44,8 @@ export function bind(page) {
     { keys: ["Shift+ArrowRight"], says: "ten ticks on", act: () => player.step(10) },
     { keys: ["Home"], says: "the first tick", act: () => player.step(-Infinity) },
     { keys: ["End"], says: "the last tick", act: () => player.step(Infinity) },
+    { keys: ["n"], says: "the next anomaly", act: () => page.toAnomaly(1) },
+    { keys: ["p"], says: "the anomaly before", act: () => page.toAnomaly(-1) },
     { keys: ["b"], says: "the next birth of a sensor", act: () => page.toBirth(1) },
     { keys: ["B"], says: "the birth before", act: () => page.toBirth(-1) },
     { keys: ["w"], says: "play the wave of this tick", act: () => page.wave.toggle() },

@@ -1,6 +1,7 @@
 // The page: who is told what. Everything shown follows from the player's position; this
 // is where a position becomes a frame, and a frame goes to all that show it.
 
+import { AnomalyCard } from "./anomaly.js";
 import * as api from "./api.js";
 import { showCells } from "./cells.js";
 import { ChoiceView } from "./choice.js";
@@ -10,6 +11,7 @@ import { FactsView } from "./facts.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
 import { bind } from "./keys.js";
+import { Lane } from "./lane.js";
 import { follow, patched } from "./live.js";
 import { Orders } from "./orders.js";
 import { Outline } from "./outline.js";
@@ -32,6 +34,8 @@ const fetchGraph = notices.watched("graph", api.fetchGraph);
 const fetchSeries = notices.watched("series", api.fetchSeries);
 const fetchBirths = notices.watched("births", api.fetchBirths);
 const fetchHealth = notices.watched("health", api.fetchHealth);
+const fetchMarks = notices.watched("marks", api.fetchMarks);
+const fetchBeside = notices.watched("marks", api.fetchBeside);
 const fetchCells = notices.watched("cells", api.fetchCells);
 const said = () => {}; // what failed was said where it was asked
 
@@ -63,6 +67,8 @@ class Page {
       change: () => this.timeline.showPlayer(),
     });
     this.timeline = new Timeline(this.player);
+    this.lane = new Lane({ fetchMarks, seek: (tick) => this.player.seek(tick) });
+    this.anomaly = new AnomalyCard(names, (thing) => this.pick(thing));
     this.diagram = new Diagram(find("drawing"), {
       pick: (thing) => this.choose(thing),
       change: () => this.describe(),
@@ -140,6 +146,7 @@ class Page {
     const { frame } = this;
     this.showOrder();
     this.facts.show(frame);
+    this.anomaly.show(frame);
     this.world.show(frame);
     this.plots.at(frame);
     this.voice.show(frame);
@@ -185,6 +192,13 @@ class Page {
   toBirth(way) {
     const tick = this.growth.beside(this.player.tick, way);
     if (tick !== null) this.player.seek(tick);
+  }
+
+  /** Go to the nearest anomaly before (-1) or after (1) this tick. */
+  async toAnomaly(way) {
+    const tick = await fetchBeside(this.player.tick, way).catch(said);
+    if (tick) this.player.seek(tick);
+    else notices.tell(`no anomaly ${way > 0 ? "after" : "before"} this tick`);
   }
 
   showLate(graph) {
@@ -251,6 +265,12 @@ class Page {
     this.choice.choose(thing, this.frame, this.graph);
   }
 
+  /** Select a thing that is named somewhere, and bring it into view. */
+  pick(thing) {
+    if (thing.sensor !== undefined) this.goTo(thing.sensor);
+    else this.choose(thing);
+  }
+
   goTo(sensor) {
     this.diagram.reveal(sensor);
     this.choose({ sensor });
@@ -285,6 +305,7 @@ class Page {
     this.frameCache.last = ticks;
     this.player.setRange(first, ticks);
     this.plots.load(first, ticks).catch(said);
+    this.lane.load(first, ticks).catch(said);
     this.growth.load(first, ticks).catch(said);
     this.health.load().catch(said);
   }

@@ -58,6 +58,11 @@ export class Notices {
     this.say("link", here ? "" : GONE);
   }
 
+  /** Say something once, to a screen reader. */
+  tell(text) {
+    find("said").textContent = text;
+  }
+
   /** Have a question say what goes wrong, until it is answered again. */
   watched(who, ask) {
     return async (...asked) => {
