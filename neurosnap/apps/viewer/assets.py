@@ -47,6 +47,7 @@ NAMES = (
             "pointer",
             "pulses",
             "frames",
+            "glide",
             "search",
             "tabs",
             "theme",

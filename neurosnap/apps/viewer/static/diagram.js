@@ -3,6 +3,7 @@
 
 import { paintClasses, paintStripes } from "./background.js";
 import { Camera } from "./camera.js";
+import { Glide } from "./glide.js";
 import { collapse, MOST } from "./groups.js";
 import { Layers } from "./layers.js";
 import { layOut, HEIGHT } from "./layout.js";
@@ -32,8 +33,10 @@ export class Diagram {
     this._expanded = new Set();
     this._all = false;
     this._drawing = { items: [], links: [], itemOf: [] };
-    this._laid = layOut([], [], widthOf);
+    this._laid = layOut([], [], widthOf); // where items stand
+    this._places = this._laid.places; // where they are drawn: on their way, for a moment
     this._curves = new Map();
+    this._glide = new Glide((places) => this._draw(places));
     this._ways = [];
     this._frame = null;
     this._wave = null;
@@ -68,14 +71,15 @@ export class Diagram {
    * @param {object} frame
    * @param {object|null} wave what of a wave to show instead of the state: `hops`, the
    *   hops of each literal it reaches, and `at`, how many it has gone, with fractions
+   * @param {boolean} glides whether what moves is seen to move: there is time for it
    */
-  show(graph, frame, wave) {
+  show(graph, frame, wave, glides = true) {
     const moving = wave !== null || this._wave !== null;
     this._frame = frame;
     this._wave = wave;
     if (graph !== null && graph.id !== this._graph?.id) {
       this._graph = graph;
-      this._arrange();
+      this._arrange(glides);
       return;
     }
     this._paintNodes();
@@ -139,15 +143,25 @@ export class Diagram {
 
   // Arranging ------------------------------------------------------------------------
 
-  _arrange() {
-    const before = this._laid.places;
+  _arrange(glides = true) {
+    const seen = new Map();
+    for (const [key, place] of this._places) seen.set(key, this._camera.over(place));
     this._drawing = collapse(this._graph, this._expanded, this._all ? Infinity : MOST);
     const { items, links } = this._drawing;
-    this._laid = layOut(items, links, widthOf, before);
-    this._curves = new Map(links.map((link) => [link, curve(link, this._laid.places)]));
+    this._laid = layOut(items, links, widthOf);
     this._ways = waysOf(links);
-    if (this._whole) this.fit();
-    else this._paint();
+    const { width, height } = this._layers;
+    if (this._whole) this._camera.fit(this._laid.box, width, height);
+    // The camera may have turned: they set out from where they were on the screen.
+    for (const [key, place] of seen) seen.set(key, this._camera.under(place));
+    this._glide.start(glides ? seen : new Map(), this._laid.places);
+  }
+
+  /** Draw items at certain places, and the lines between them. */
+  _draw(places) {
+    this._places = places;
+    this._curves = new Map(this._drawing.links.map((link) => [link, curve(link, places)]));
+    this._paint();
   }
 
   _expand(item) {
@@ -190,7 +204,7 @@ export class Diagram {
     this._layers.flat(context);
     paintStripes(context, this._laid.bands, this._camera, width, colours);
     this._layers.aim(context, this._camera);
-    paintClasses(context, this._laid.places, colours);
+    paintClasses(context, this._places, colours);
     const chosen = [];
     for (const [link, c] of this._curves) {
       if (this._isChosen(link)) chosen.push([link, c]);
@@ -205,7 +219,7 @@ export class Diagram {
     const context = this._layers.nodes;
     this._layers.aim(context, this._camera);
     const lookOf = looks(this._frame, this._wave, this._chosen, this._sought);
-    for (const place of this._laid.places.values()) {
+    for (const place of this._places.values()) {
       const look = lookOf(place.item);
       const key = lookKey(look);
       if (this._shown.get(place.item.key) === key) continue;

@@ -1,6 +1,7 @@
 // Where items stand: in layers by height, what is implied above what implies it. Within
 // a layer the order follows the neighbours' middles (Sugiyama's barycentres), and the
-// places are the nearest to those middles that keep everything apart.
+// places are the nearest to those middles that keep everything apart. All of it follows from
+// the order alone: whichever way one came to a tick, everything stands at the same place.
 
 /** How high an item is drawn. */
 export const HEIGHT = 20;
@@ -10,6 +11,7 @@ const ROW = 30; // from one row of a layer to the next
 const LAYER = 34; // from one layer to the next
 const NARROWEST = 500; // of a layer that is divided into rows
 const SWEEPS = 8;
+const SPREAD = 40; // from one sensor to the next, before anything is settled
 const ASPECT = 2; // how much wider than high the whole is made, if it can be
 
 /**
@@ -18,18 +20,19 @@ const ASPECT = 2; // how much wider than high the whole is made, if it can be
  * @param {object[]} items with `layer` and `class`
  * @param {object[]} links with `from` and `to`
  * @param {(item: object) => number} widthOf how wide an item is drawn
- * @param {Map<string, {x: number}>} before where they stood, so that they stay about there
  * @returns {{places: Map<string, object>, bands: object[], box: object}} the middle and
  *   width of every item by key, what each layer takes up, and the box around all.
  */
-export function layOut(items, links, widthOf, before = new Map()) {
+export function layOut(items, links, widthOf) {
   const near = neighbours(items, links);
   const places = new Map();
   for (const item of items) {
-    const x = before.get(item.key)?.x ?? 0;
+    // Where nothing else says where to begin, the number does: so little moves when the
+    // order changes a little.
+    const x = SPREAD * item.sensors[0];
     places.set(item.key, { x, y: 0, width: widthOf(item), item });
   }
-  const layers = rows(items, near, places, before);
+  const layers = rows(items, near, places);
   for (let sweep = 0; sweep < SWEEPS; sweep += 1) {
     const turned = sweep % 2 ? [...layers].reverse() : layers;
     for (const layer of turned) {
@@ -51,15 +54,12 @@ function neighbours(items, links) {
 }
 
 /** Divide each layer into rows; classes without any neighbour are out of the way above. */
-function rows(items, near, places, before) {
+function rows(items, near, places) {
   const found = Map.groupBy(items, (item) => item.layer);
   const widest = bestWidth([...found.values()], places);
   const layers = [...found].sort(([a], [b]) => a - b);
   return layers.map(([layer, members]) => {
-    members.sort((a, b) => a.class - b.class);
-    if (before.size > 0) {
-      members.sort((a, b) => places.get(a.key).x - places.get(b.key).x);
-    }
+    members.sort((a, b) => a.sensors[0] - b.sensors[0]);
     const joined = new Set(
       members.filter((item) => near.get(item.key).length > 0).map((item) => item.class),
     );

@@ -223,7 +223,8 @@ class Page {
 
   showDiagram() {
     if (this.frame === null) return;
-    this.diagram.show(this.graph, this.frame, this.wave.shown);
+    const calm = !this.player.playing || this.player.speed <= SLOW;
+    this.diagram.show(this.graph, this.frame, this.wave.shown, calm);
     this.showWave();
     find("drawing").dataset.tick = this.frame.tick;
   }
