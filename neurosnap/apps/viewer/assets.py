@@ -48,6 +48,7 @@ NAMES = (
             "search",
             "tabs",
             "theme",
+            "tiles",
             "timeline",
             "voice",
             "wave",

@@ -253,7 +253,7 @@ class RunView:
             edges=state.edges,
             pulses=state.pulses,
             graph=graph,
-            place=self.scene.place(observed),
+            **self.scene.at(observed),
             waves=shown,
             left_out=len(waves) - len(shown),
             sensors=body.size,
