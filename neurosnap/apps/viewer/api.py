@@ -12,6 +12,7 @@ asked                                             answer
 ``/api/edge?source=&target=&tick=``               `Edge`
 ``/api/series?column=&from=&to=&points=``         `Series`
 ``/api/cells``                                    `Cells`
+``/api/image?tick=``                              an image
 ``/api/births``                                   `Grown`
 ``/api/health``                                   `Health`
 ``/api/events``                                   `Event`, again and again
@@ -176,6 +177,8 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """Which way the agent looks there: north is up. Empty: no way is known."""
     things: list[Thing] = []
     """What else there is in the world, as far as that is known."""
+    image: int | None = None
+    """The tick of the last image at this one or before; None: there is none near."""
     waves: list[Wave]
     """Oldest first; the state's is the last of kind ``state``. Of imagined ones those
     along the plan are here, and the oldest of the others."""
@@ -361,6 +364,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     place: int | UnsetType | None = UNSET
     heading: str | UnsetType = UNSET
     things: list[Thing] | UnsetType = UNSET
+    image: int | UnsetType | None = UNSET
     waves: list[Wave] | UnsetType = UNSET
     left_out: int | UnsetType = UNSET
     sensors: int | UnsetType = UNSET

@@ -27,6 +27,7 @@ NAMES = (
             "groups",
             "growth",
             "health",
+            "image",
             "keys",
             "layers",
             "layout",

@@ -98,6 +98,13 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def cells(request: Request) -> Response:
         return answer(await session.ask(members))
 
+    async def image(request: Request) -> Response:
+        tick = whole(request.query_params, "tick")
+        found = await session.ask(lambda view: view.images.latest(tick))
+        if found is None or found.tick != tick:
+            return refusal(404, f"no image of tick {tick} was recorded")
+        return Response(found.data, media_type=f"image/{found.format}")
+
     async def events(request: Request) -> Response:
         return StreamingResponse(news(session, stop), media_type="text/event-stream")
 
@@ -107,7 +114,7 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def nowhere(request: Request, _: Exception | None = None) -> Response:
         return refusal(404, "not here")
 
-    endpoints = (run, frames, graph, edge, series, births, health, cells, events)
+    endpoints = (run, frames, graph, edge, series, births, health, cells, image, events)
     app = Starlette(
         routes=[
             *(
