@@ -100,7 +100,7 @@ def test_an_environment_that_lacks_what_it_draws_with_is_refused() -> None:
     source.close()
 
 
-@pytest.mark.parametrize("name", ["neurosnap/Path-v0", "neurosnap/MiniGrid-v0"])
+@pytest.mark.parametrize("name", ["neurosnap/Path-v0", "neurosnap/Cycle-v0"])
 def test_what_does_not_draw_is_refused(name: str) -> None:
     rule = f"frames: must go with an environment that has .* rgb_array, got '{name}'"
     with pytest.raises(InvalidValueError, match=rule):
