@@ -27,6 +27,8 @@ SCHEMA = 5
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
+LARGEST_IMAGE = 1 << 24
+"""Bytes of an image, at most."""
 
 _LARGEST = 2**31 - 1
 _PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")
@@ -34,6 +36,7 @@ Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
 Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]
 WaveKind: TypeAlias = Literal["state", "signal"]
+ImageFormat: TypeAlias = Literal["png", "jpeg"]
 
 
 class _Message(msgspec.Struct, frozen=True, gc=False):
@@ -656,6 +659,35 @@ class Learned(_Message, frozen=True, tag="learned", omit_defaults=True):
         return f"learned/worker/{self.worker}"
 
 
+class Timestamp(msgspec.Struct, frozen=True, gc=False):
+    """A time, in seconds and nanoseconds since the epoch."""
+
+    sec: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+    nsec: Annotated[int, msgspec.Meta(ge=0, le=999_999_999)]
+
+
+class Image(_Message, frozen=True, tag="image"):
+    """What the world looked like at one tick, as it draws itself.
+
+    All fields but `tick` are those of ``foxglove.CompressedImage``, so that image
+    panels show it. Nothing follows from it.
+    """
+
+    _sender: ClassVar[str] = "world"
+    _key: ClassVar[str] = "image"
+
+    tick: Numbered
+    """That of the observation that goes before."""
+    timestamp: Timestamp
+    """When it was drawn."""
+    frame_id: str
+    """Where it was seen from, as panels want to know: ``world``."""
+    data: Annotated[bytes, msgspec.Meta(max_length=LARGEST_IMAGE)]
+    """The compressed image."""
+    format: ImageFormat
+    """How it is compressed."""
+
+
 class Fault(_Message, frozen=True, tag="fault"):
     """Somebody met a message that is bad or unexpected, and dropped it."""
 
@@ -714,6 +746,7 @@ Message: TypeAlias = (
     | Band
     | Learn
     | Learned
+    | Image
 )
 
 TOPICS: dict[str, type[Message]] = {
@@ -739,6 +772,7 @@ TOPICS: dict[str, type[Message]] = {
     "band": Band,
     "learn": Learn,
     "learned": Learned,
+    "image": Image,
 }
 """The first chunk of every key, and what travels there."""
 

@@ -17,6 +17,7 @@ from gymnasium.spaces import Discrete
 
 from neurosnap.agent.binary_sensors import BinarySensors, Environment
 from neurosnap.agent.sensor import Sensor, one_hot, thresholds
+from neurosnap.agent.tile_map import TileMap
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.system.distribution import must_have
 
@@ -60,19 +61,29 @@ class Maze(gymnasium.Env[np.int64, np.int64]):
         layout: One of `LAYOUTS`.
         seed: Draws the layout, the place the agent begins at, and the goal.
         actions: What can be done, of `ACTIONS`.
+        render_mode: As in MiniGrid; None: it is never drawn.
 
     Attributes:
         P: For each state and action, ``[(1.0, next state, reward, end)]``.
         initial_state_distrib: ``(states,)``: it begins at the first.
         s: The state it is in.
         cells: What each state is.
+        tile_map: What it looks like before anything was done.
 
     Raises:
         InvalidValueError: There is no such layout or action, or no action.
         MissingExtraError: MiniGrid is not installed.
     """
 
-    def __init__(self, layout: str, seed: int, actions: Sequence[str]) -> None:
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012
+
+    def __init__(
+        self,
+        layout: str,
+        seed: int,
+        actions: Sequence[str],
+        render_mode: str | None = None,
+    ) -> None:
         if layout not in LAYOUTS:
             raise InvalidValueError(
                 "layout", f"must be one of {', '.join(LAYOUTS)}", layout
@@ -86,11 +97,16 @@ class Maze(gymnasium.Env[np.int64, np.int64]):
             rule = must_have("minigrid", "minigrid")
             raise MissingExtraError(f"MiniGrid: {rule}") from error
         kind, arguments = LAYOUTS[layout]
-        inner = getattr(envs, kind)(**arguments)
+        inner = getattr(envs, kind)(**arguments, render_mode=render_mode)
         inner.reset(seed=seed)
         self.size = inner.width, inner.height
-        self.P, self.cells = _explored(inner, [ACTIONS.index(one) for one in actions])
-        inner.close()
+        self.tile_map = _tile_map(inner)
+        numbers = [ACTIONS.index(one) for one in actions]
+        self.P, self.cells, states = _explored(inner, numbers)
+        self.render_mode = render_mode
+        self._drawn = None if render_mode is None else (inner, states)
+        if render_mode is None:
+            inner.close()
         self.initial_state_distrib = np.eye(1, len(self.cells))[0]
         self.action_space = Discrete(len(actions))
         self.observation_space = Discrete(len(self.cells))
@@ -111,11 +127,25 @@ class Maze(gymnasium.Env[np.int64, np.int64]):
         ((_, self.s, reward, over),) = self.P[self.s][int(action)]
         return np.int64(self.s), reward, over, False, {}
 
+    def render(self) -> Any:  # noqa: ANN401 - an array, MiniGrid has no types
+        """Return what MiniGrid draws of the state; None without a render mode."""
+        if self._drawn is None:
+            return None
+        inner, states = self._drawn
+        _restore(inner, states[self.s])
+        return inner.render()
+
+    def close(self) -> None:
+        """Close what is drawn."""
+        if self._drawn is not None:
+            self._drawn[0].close()
+
 
 def minigrid(
     layout: str = "Empty-8x8",
     layout_seed: int = 0,
     actions: Sequence[str] = ("left", "right", "forward", "pickup", "toggle"),
+    render_mode: str | None = None,
 ) -> BinarySensors:
     """Return a maze of MiniGrid.
 
@@ -146,12 +176,13 @@ def minigrid(
         layout: One of `LAYOUTS`.
         layout_seed: Draws it.
         actions: What can be done.
+        render_mode: None, or ``rgb_array``.
 
     Raises:
         InvalidValueError: There is no such layout, or no such action.
         MissingExtraError: MiniGrid is not installed.
     """
-    maze = Maze(layout, layout_seed, actions)
+    maze = Maze(layout, layout_seed, actions, render_mode)
     columns, rows = maze.size
     sensors: list[Sensor] = [
         *thresholds("row", range(2, rows - 1), of=_row),
@@ -168,11 +199,15 @@ def minigrid(
 def _explored(
     maze: Any,  # noqa: ANN401 - MiniGrid has no types
     actions: list[int],
-) -> tuple[dict[int, dict[int, list[tuple[float, int, float, bool]]]], list[Standing]]:
+) -> tuple[
+    dict[int, dict[int, list[tuple[float, int, float, bool]]]],
+    list[Standing],
+    list[_State],
+]:
     """Try every action wherever one can get to; states are numbered as they are found.
 
     Returns:
-        The table, and what each state is.
+        The table, what each state is, and how MiniGrid is brought there.
     """
     maze.max_steps = 2**62
     states = [_saved(maze)]
@@ -193,7 +228,14 @@ def _explored(
                 states.append(_saved(maze))
                 cells.append(_cell(maze))
             table[state][place] = [(1.0, number[key], float(over), bool(over))]
-    return table, cells
+    return table, cells, states
+
+
+def _tile_map(maze: Any) -> TileMap:  # noqa: ANN401
+    columns = maze.width
+    tiles = ["floor" if one is None else str(one.type) for one in maze.grid.grid]
+    rows = (tiles[first : first + columns] for first in range(0, len(tiles), columns))
+    return TileMap(tuple(map(tuple, rows)))
 
 
 def _saved(maze: Any) -> _State:  # noqa: ANN401

@@ -173,6 +173,15 @@ KeyframeEvery: TypeAlias = Annotated[
         ge=1,
     ),
 ]
+Frames: TypeAlias = Annotated[
+    int,
+    option(
+        "Record an image each so many ticks, from the first on, as a Gymnasium"
+        " environment draws itself (render mode rgb_array). 0: none. Needs Pillow.",
+        unit="TICKS",
+        ge=0,
+    ),
+]
 Split: TypeAlias = Annotated[
     int,
     option(
@@ -267,6 +276,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     workers: Workers = 2
     learning: Learning = "coordinator"
     keyframe_every: KeyframeEvery = 1000
+    frames: Frames = 0
     split: Split = 0
     keep: Keep = 0
     sync: Sync = 0.0

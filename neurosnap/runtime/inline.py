@@ -123,7 +123,8 @@ class _Inline:
         self.source: Source
         if way_in is None:
             seed, arguments = options.seed, options.arguments
-            self.source = open_source(options.source, seed, arguments)
+            renders = options.frames > 0
+            self.source = open_source(options.source, seed, arguments, None, renders)
         else:
             kept = open_kept(options, way_in)
             kept.go_on(0 if past is None else past.tick)
@@ -212,7 +213,14 @@ class _Inline:
     async def _world(self, fabric: MemoryFabric) -> None:
         body = self._options.body
         async with synced(self.source, self._options.sync):
-            await run_world(self.source, body, fabric, self._leave, past=self._past)
+            await run_world(
+                self.source,
+                body,
+                fabric,
+                self._leave,
+                past=self._past,
+                frames=self._options.frames,
+            )
 
     async def _tell(self, on_ready: Callable[[], None]) -> None:
         def hear(standing: Standing) -> None:

@@ -22,6 +22,9 @@ from neurosnap.sources.open_live import Argument as Argument
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""
 
+_MODE = "rgb_array"
+_DRAWS = f"must go with an environment that has the render mode {_MODE}"
+
 _logger = logging.getLogger(__name__)
 
 
@@ -37,21 +40,30 @@ class GymnasiumSource:
         name: The environment's id.
         seed: For its reset.
         arguments: Its own.
+        renders: Whether `render` will be called. Then it is made with the render mode
+            ``rgb_array``.
 
     Raises:
         InvalidValueError: There is no such environment, or it does not take such
-            arguments, or it has other spaces, or its names are no names.
+            arguments, or it has other spaces, or its names are no names, or it has no
+            such render mode.
     """
 
     known: NDArray[np.bool_] | None = None
     live: bool = False
 
     def __init__(
-        self, name: str, seed: int, arguments: Mapping[str, Argument] | None = None
+        self,
+        name: str,
+        seed: int,
+        arguments: Mapping[str, Argument] | None = None,
+        renders: bool = False,
     ) -> None:
         self._name = name
         self._seed = seed
-        self._env = Continuing(_make(name, {} if arguments is None else arguments))
+        given = {} if arguments is None else arguments
+        made = _rendering(name, given) if renders else _make(name, given)
+        self._env = Continuing(made)
         try:
             self._said = describe(name, self._env)
         except Exception:  # whatever it is, it goes on, and the environment is closed
@@ -89,6 +101,10 @@ class GymnasiumSource:
         observation, *_, info = self._env.step(chosen)
         self.begins, self.cut = info["begins"], info["cut"]
         return self._checked(observation)
+
+    def render(self) -> Any:  # noqa: ANN401 - the environment knows
+        """Return what the environment draws of itself, once it was reset."""
+        return self._env.render()
 
     def close(self) -> None:
         """Close the environment."""
@@ -129,6 +145,31 @@ def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, An
                 raise
             rule = f"must be ones that {name} takes"
             raise InvalidValueError("arguments", rule, dict(arguments)) from error
+
+
+def _rendering(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, Any]:
+    """Return the environment called `name`, which draws itself as arrays.
+
+    Raises:
+        InvalidValueError: It does not; or as `_make`.
+    """
+    if "render_mode" in arguments:
+        rule = "must not have render_mode where frames are recorded"
+        raise InvalidValueError("arguments", rule, arguments["render_mode"])
+    # pygame says hello on standard output, and looks for a screen.
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
+    try:
+        env = _make(name, {**arguments, "render_mode": _MODE})
+    except (InvalidValueError, TypeError) as error:
+        if "render_mode" not in str(error):
+            raise
+        raise InvalidValueError("frames", _DRAWS, name) from error
+    if env.render_mode != _MODE:
+        env.close()
+        raise InvalidValueError("frames", _DRAWS, name)
+    return env
 
 
 def import_worlds() -> None:

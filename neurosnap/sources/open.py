@@ -24,6 +24,7 @@ def open_source(
     seed: int,
     arguments: Mapping[str, Argument] | None = None,
     hub: Hub | None = None,
+    renders: bool = False,
 ) -> Source:
     """Return the source called `name`.
 
@@ -34,12 +35,14 @@ def open_source(
         seed: For the environment's reset, from 0 up; a file does not use it.
         arguments: The environment's own; a file takes none.
         hub: The swarm's, for whoever is about to be its world.
+        renders: Whether images of it are wanted; the observations are the same.
 
     Raises:
         InvalidValueError: There is no such source, it does not take such arguments, or
-            it is not fit for use; for a file the text names the row and the column.
+            it is not fit for use, or draws no images; for a file the text names the row
+            and the column.
     """
-    opened = _opened(name, seed, arguments, hub)
+    opened = _opened(name, seed, arguments, hub, renders)
     # Not refused by `Sensorium`: there may be recordings with such names.
     for called in (*opened.sensors, *opened.actions):
         if visible(called) != called:
@@ -50,7 +53,11 @@ def open_source(
 
 
 def _opened(
-    name: str, seed: int, arguments: Mapping[str, Argument] | None, hub: Hub | None
+    name: str,
+    seed: int,
+    arguments: Mapping[str, Argument] | None,
+    hub: Hub | None,
+    renders: bool,
 ) -> Source:
     if seed < 0:
         raise InvalidValueError("seed", "must be 0 or more", seed)
@@ -62,7 +69,7 @@ def _opened(
             rule = "must not be given for a file"
             raise InvalidValueError("arguments", rule, dict(arguments))
         return CsvSource(name)
-    return GymnasiumSource(name, seed, arguments)
+    return GymnasiumSource(name, seed, arguments, renders)
 
 
 def _is_file(name: str) -> bool:

@@ -59,8 +59,9 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
             *(b"\3", (0,), (2.5,), (1.0,), (1,)),
         ),
     ),
-    # The world's number 1 is lost, and number 2 is its last word.
-    (2, wire.Leave("world")),
+    (1, wire.Image(1, wire.Timestamp(1_700_000_000, 7), "world", b"\x89PNG", "png")),
+    # The world's number 2 is lost, and number 3 is its last word.
+    (3, wire.Leave("world")),
 )
 """Each with the running number of its sender."""
 
@@ -97,7 +98,7 @@ def make(folder: Path = FOLDER) -> Path:
             writer.add(delivery, sent + 250_000)
             if number == 7:
                 writer.flush()
-        writer.finish({"ticks": "1"}, {"world": 3, "coordinator": 15})
+        writer.finish({"ticks": "1"}, {"world": 4, "coordinator": 15})
     text = msgspec.json.format(msgspec.json.encode(meaning(Recording.open(path))))
     path.with_suffix(".json").write_bytes(text + b"\n")
     return path

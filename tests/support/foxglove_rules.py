@@ -18,6 +18,8 @@ _TITLE = {"foxglovePanelTitle", "lichtblickPanelTitle"}
 KEYS = {
     "3D": {"cameraState", "followMode", "followTf", "scene", "transforms", "topics"}
     | {"layers", "publish", "imageMode"},
+    "Image": {"cameraState", "followMode", "followTf", "scene", "transforms", "topics"}
+    | {"layers", "publish", "imageMode"},
     "StateTransitions": {"paths", "isSynced"} | _TITLE,
     "Plot": {"paths", "minXValue", "maxXValue", "minYValue", "maxYValue", "isSynced"}
     | {"showLegend", "legendDisplay", "showPlotValuesInLegend", "showXAxisLabels"}

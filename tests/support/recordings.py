@@ -46,6 +46,7 @@ EACH: dict[str, wire.Message] = {
         *(1, 9, 8, 1, 2, b"\2\0\0\0", b"\x21", b"\4\0\0\0", b"\1\0\0\0", b"\x0c"),
         *((0,), (3.0,), (0.25,), (7,)),
     ),
+    "image": wire.Image(9, wire.Timestamp(NOW // 10**9, 5), "world", b"\x89P", "png"),
 }
 """One message for each topic."""
 

@@ -34,6 +34,9 @@ def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
             return st.binary(max_size=40).map(memoryview)
         case kinds.StrType():
             return st.text(max_size=20)
+        case kinds.StructType():
+            fields = {field.name: values(field.type) for field in kind.fields}
+            return st.builds(kind.cls, **fields)
         case kinds.BoolType():
             return st.booleans()
         case _:
@@ -194,7 +197,7 @@ def test_an_unknown_field_is_ignored_so_that_later_schemas_stay_readable() -> No
 @given(messages)
 def test_a_part_names_itself_in_what_it_sends(message: wire.Message) -> None:
     match message:
-        case wire.Observation():
+        case wire.Observation() | wire.Image():
             assert message.sender == "world"
         case wire.Pulse():
             assert message.sender == f"cell/{message.source // 2}"

@@ -37,7 +37,8 @@ def value(kind: inspect.Type, chance: random.Random) -> Any:  # noqa: ANN401
     """Draw a value that a field of this type may hold."""
     match kind:
         case inspect.IntType():
-            return number(chance, -1 if kind.ge is None else kind.ge)
+            drawn_number = number(chance, -1 if kind.ge is None else kind.ge)
+            return drawn_number if kind.le is None else min(drawn_number, kind.le)
         case inspect.BoolType():
             return chance.random() < 0.5
         case inspect.FloatType():
@@ -50,6 +51,9 @@ def value(kind: inspect.Type, chance: random.Random) -> Any:  # noqa: ANN401
             return chance.choice(("", "cell/1", "world", "x" * 300, "\U0001f9e0\0é"))
         case inspect.LiteralType():
             return chance.choice(kind.values)
+        case inspect.StructType():
+            fields = {field.name: value(field.type, chance) for field in kind.fields}
+            return kind.cls(**fields)
         case inspect.VarTupleType():
             length = chance.choice((0, 0, 1, 1, 2, 3, 9, 60))
             return tuple(value(kind.item_type, chance) for _ in range(length))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from neurosnap.apps.config.prepare import Prepared
 
 _PATHS = {"out", "folder", "tls"}
-_RECORDING = {"out", "folder", "split", "keep"}
+_RECORDING = {"out", "folder", "frames", "split", "keep"}
 """Flags of no use where nothing is recorded."""
 
 config = typer.Typer(help="Check TOML files that describe a run.", no_args_is_help=True)

@@ -38,6 +38,7 @@ from neurosnap.runtime.network import Network
 from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.preflight import check_sensors
 from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import Argument, open_source
 from neurosnap.sources.open_live import ZENOH, is_live, settle
 
@@ -179,8 +180,11 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
         place = ",".join(target) if target else None
         arguments |= drawn_to(name, seed, arguments, place)
         target = ()
-    opened = open_source(name, seed, arguments)
-    opened.close()
+    opened = open_source(name, seed, arguments, None, config.recording.frames > 0)
+    try:
+        try_camera(opened, config.recording.frames)
+    finally:
+        opened.close()
     length = FOREVER if opened.live else opened.length
     body = body_of(opened, agent.kind, agent.grow, agent.births)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
@@ -228,6 +232,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         hold=config.anomalies.hold,
         support=config.anomalies.support,
         keyframe_every=config.recording.keyframe_every,
+        frames=config.recording.frames,
         split=config.recording.split,
         keep=config.recording.keep,
         **{name: value for name, value in optional.items() if value is not None},

@@ -21,6 +21,7 @@ from neurosnap.protocol.run_options import (
     Deadline,
     Decay,
     Explore,
+    Frames,
     Grow,
     Hold,
     Imagine,
@@ -148,6 +149,7 @@ class RecordingTable(
         ),
     ] = True
     keyframe_every: KeyframeEvery = _DEFAULTS["keyframe_every"]
+    frames: Frames = _DEFAULTS["frames"]
     split: Split = _DEFAULTS["split"]
     keep: Keep = _DEFAULTS["keep"]
     sync: Sync | None = None

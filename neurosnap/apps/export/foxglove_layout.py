@@ -2,7 +2,7 @@
 
 It is the JSON that both take with "import from file": the order and the state in 3D,
 what every sensor reads and is believed as coloured bars, the numbers of each tick as
-curves, the log, and the decisions as they are.
+curves, the log, and the decisions as they are; and the images, if there are any.
 """
 
 import re
@@ -17,6 +17,7 @@ from neurosnap.apps.export.hasse_layout_3d import reach
 READINGS = "/readings"
 BELIEVED = "/believed"
 LOG = "/log"
+IMAGE = "/image"
 GRAPH = "/graph"
 STATE = "/graph/state"
 
@@ -26,12 +27,13 @@ _CURVES = ("depth", "height", "edges", "pulses")
 _PLAIN = re.compile(r"[a-zA-Z0-9_-]+")
 
 
-def layout(sensors: Sequence[str], height: int) -> bytes:
+def layout(sensors: Sequence[str], height: int, images: bool = False) -> bytes:
     """Return a layout as JSON.
 
     Args:
         sensors: The names of the run's sensors; the first 32 get bars of their own.
         height: Edges on the longest chain that is to be seen.
+        images: Whether the environment was drawn.
     """
     panels = {
         "3D!order": {
@@ -55,8 +57,12 @@ def layout(sensors: Sequence[str], height: int) -> bytes:
         "RosOut!log": {"topicToRender": LOG, "searchTerms": [], "minLogLevel": 1},
         "RawMessages!decisions": {"topicPath": "/decide"},
     }
+    above: Any = "3D!order"
+    if images:
+        panels["Image!environment"] = {"imageMode": {"imageTopic": IMAGE}}
+        above = _beside(above, "Image!environment", 60)
     arranged = _beside(
-        _above("3D!order", _above("RosOut!log", "RawMessages!decisions", 50), 70),
+        _above(above, _above("RosOut!log", "RawMessages!decisions", 50), 70),
         _above(
             "StateTransitions!readings",
             _above("StateTransitions!believed", "Plot!numbers", 55),

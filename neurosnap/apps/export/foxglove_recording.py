@@ -53,7 +53,8 @@ def layout_of(recording: Recording) -> bytes:
     sensors = births_of(recording).names
     states = (recorded.message for recorded in recording.messages(("state",)))
     heights = (state.height for state in states if isinstance(state, wire.State))
-    return layout(sensors, max(heights, default=0))
+    images = options_of(recording).frames > 0
+    return layout(sensors, max(heights, default=0), images)
 
 
 def write_drawable(path: Path, recording: Recording) -> int:
@@ -78,7 +79,8 @@ def write_drawable(path: Path, recording: Recording) -> int:
             sink.copy(recorded)
             drawing.take(recorded)
         drawing.end()
-        sink.attach(LAYOUT, layout(sensors, drawing.height))
+        images = options_of(recording).frames > 0
+        sink.attach(LAYOUT, layout(sensors, drawing.height, images))
     return drawing.ticks
 
 

@@ -15,7 +15,10 @@ from neurosnap.recording.format import schemas
 from neurosnap.recording.read.reader import Recorded
 from neurosnap.system.distribution import version
 
-COPIED = ("observe", "state", "reach", "decide", "anomaly", "fault", "leave")
+COPIED = (
+    *("observe", "state", "reach", "decide", "anomaly", "fault", "leave"),
+    "image",
+)
 """What is said once a tick or less, as it was recorded."""
 
 

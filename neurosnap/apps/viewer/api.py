@@ -12,6 +12,7 @@ asked                                             answer
 ``/api/edge?source=&target=&tick=``               `Edge`
 ``/api/series?column=&from=&to=&points=``         `Series`
 ``/api/cells``                                    `Cells`
+``/api/image?tick=``                              an image
 ``/api/births``                                   `Grown`
 ``/api/health``                                   `Health`
 ``/api/marks?from=&to=&bins=``                    `Marks`
@@ -53,18 +54,36 @@ MOST_BINS = 4000
 class Stage(msgspec.Struct, frozen=True, kw_only=True):
     """A world that can be drawn."""
 
-    kind: Literal["path", "cycle", "grid"]
+    kind: Literal["path", "cycle", "grid", "map"]
+    """A map is a grid of tiles that differ."""
     places: int
     """How many there are; they are numbered from 0."""
     coordinates: list[tuple[int, int]]
-    """Of each place: x to the right and y upwards in a grid; its number and 0 along a
-    path or clockwise around a cycle."""
+    """Of each place: x to the right and y upwards in a grid and in a map; its number
+    and 0 along a path or clockwise around a cycle."""
     width: int
     """How many values x takes."""
     height: int
     """How many values y takes."""
     target: int | None
     """The place that is the target; None: there is none."""
+    tiles: list[str] = []
+    """What each place of a map is."""
+    walls: list[tuple[int, int]] = []
+    """Neighbours in a map that nobody gets from one to the other of."""
+
+
+class Thing(msgspec.Struct, frozen=True):
+    """Something in a world that is not always in the same place or state."""
+
+    what: str
+    """Such as ``passenger`` or ``door``."""
+    place: int | None
+    """Where it is; None: with the agent."""
+    words: str
+    """What there is to say of it."""
+    state: str = ""
+    """Such as ``locked``; empty: it has none."""
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -184,6 +203,12 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """As in `Graph`."""
     place: int | None
     """Where in the world this is; None: not known."""
+    heading: str = ""
+    """Which way the agent looks there: north is up. Empty: no way is known."""
+    things: list[Thing] = []
+    """What else there is in the world, as far as that is known."""
+    image: int | None = None
+    """The tick of the last image at this one or before; None: there is none near."""
     waves: list[Wave]
     """Oldest first; the state's is the last of kind ``state``. Of imagined ones those
     along the plan are here, and the oldest of the others."""
@@ -399,6 +424,9 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     pulses: int | UnsetType = UNSET
     graph: str | UnsetType = UNSET
     place: int | UnsetType | None = UNSET
+    heading: str | UnsetType = UNSET
+    things: list[Thing] | UnsetType = UNSET
+    image: int | UnsetType | None = UNSET
     waves: list[Wave] | UnsetType = UNSET
     left_out: int | UnsetType = UNSET
     sensors: int | UnsetType = UNSET

@@ -20,6 +20,7 @@ from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.imagined import Imagined, first_shown
 from neurosnap.apps.viewer.order_drawing import drawn, graph_id
 from neurosnap.apps.viewer.plans import BEFORE, plan_at
+from neurosnap.apps.viewer.recorded_images import RecordedImages
 from neurosnap.apps.viewer.snapshot_cache import SnapshotCache
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.world_scene import Scene
@@ -64,6 +65,7 @@ class RunView:
         self.tick_index = TickIndex(self.files)
         self.recall = SnapshotCache(self.tick_index, self.options)
         self.scene = Scene(self.options) if scene is None else scene
+        self.images = RecordedImages(self.tick_index, self.options)
         self.first = self._first()
         self.last = self.tick_index.last_tick()
         self.grown = 0
@@ -233,6 +235,7 @@ class RunView:
         plan: api.Plan | None,
     ) -> api.Frame:
         tick, sensors = state.tick, self.options.body.count
+        image = self.images.latest(tick)
         observation = ticks.observations.get(tick)
         observed = ticks.literals(tick)
         literals = self._unpacked(state)
@@ -260,7 +263,8 @@ class RunView:
             edges=state.edges,
             pulses=state.pulses,
             graph=graph,
-            place=self.scene.place(observed),
+            **self.scene.at(observed),
+            image=None if image is None else image.tick,
             waves=shown,
             left_out=len(waves) - len(shown),
             sensors=body.size,

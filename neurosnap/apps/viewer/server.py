@@ -116,6 +116,13 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def cells(request: Request) -> Response:
         return answer(await session.ask(members))
 
+    async def image(request: Request) -> Response:
+        tick = whole(request.query_params, "tick")
+        found = await session.ask(lambda view: view.images.latest(tick))
+        if found is None or found.tick != tick:
+            return refusal(404, f"no image of tick {tick} was recorded")
+        return Response(found.data, media_type=f"image/{found.format}")
+
     async def events(request: Request) -> Response:
         return StreamingResponse(news(session, stop), media_type="text/event-stream")
 
@@ -126,7 +133,7 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
         return refusal(404, "not here")
 
     endpoints: tuple[Endpoint, ...] = (run, frames, graph, edge, series, births)
-    endpoints += (health, marks, beside, cells, events)
+    endpoints += (health, marks, beside, cells, image, events)
     app = Starlette(
         routes=[
             *(

@@ -1,8 +1,9 @@
 """A drawing of the world that a run took place in, where it is known.
 
 A recording holds what was sensed and not where that was. But a world of places says of
-every sensor where it is on, so a place follows from what is read there, wherever no two
-places read the same; and so does what there was to learn.
+every sensor where it is on, so a place follows from what is read there, wherever no
+other place reads the same; and so does what there was to learn. A world of tiles says
+what these are, and its sensors tell where on them the agent is.
 
 Whoever wrote a recording may have named any module in it, and any size. Only
 environments under ``neurosnap/`` that are registered here are made, and none whose
@@ -10,14 +11,17 @@ places and sensors would fill the memory.
 """
 
 import math
-from typing import Any, Literal
+from collections import Counter
+from typing import Any, Literal, TypedDict
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.viewer.api import Column, Stage
-from neurosnap.errors import InvalidValueError
+from neurosnap.agent.tile_map import TileMap
+from neurosnap.apps.viewer.api import Column, Stage, Thing
+from neurosnap.apps.viewer.tile_scene import TileScene
+from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.order.fields import inclusions
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
@@ -31,9 +35,20 @@ _KINDS: dict[str, Literal["path", "cycle", "grid"]] = {
     "neurosnap/Rail-v0": "cycle",
     "neurosnap/Grid-v0": "grid",
     "neurosnap/PuncturedGrid-v0": "grid",
+    "neurosnap/RandomFields-v0": "path",
 }
 _LARGEST = 2**26
 """The most sensors times places."""
+_SEEDS = ("layout_seed", "target")
+"""Whole numbers among the arguments that are no sizes."""
+
+
+class Shown(TypedDict):
+    """What a frame has of the world."""
+
+    place: int | None
+    heading: str
+    things: list[Thing]
 
 
 class Scene:
@@ -49,6 +64,7 @@ class Scene:
         self._distances: NDArray[np.float64] | None = None
         self._places: dict[bytes, int] = {}
         self._count = 0
+        self._tiles: TileScene | None = None
         env = _make(options)
         if env is not None:
             try:
@@ -68,8 +84,22 @@ class Scene:
         Args:
             observed: ``(2N,)``, the literals of the sensors whose reading is known.
         """
+        if self._tiles is not None:
+            return self._tiles.place(observed)
         read, off = observed[: 2 * self._count : 2], observed[1 : 2 * self._count : 2]
         return self._places.get(read.tobytes()) if (read | off).all() else None
+
+    def at(self, observed: NDArray[np.bool_]) -> Shown:
+        """Return what the world is like where the sensors read so.
+
+        Args:
+            observed: As of `place`.
+        """
+        place, tiles = self.place(observed), self._tiles
+        if tiles is None:
+            return Shown(place=place, heading="", things=[])
+        heading, things = tiles.heading(observed), tiles.things(observed)
+        return Shown(place=place, heading=heading, things=things)
 
     def distance(self, place: int | None) -> float:
         """Return the fewest actions from a place to the target; NaN: not known."""
@@ -91,19 +121,26 @@ class Scene:
         return float(np.count_nonzero(wrong))
 
     def _survey(self, env: gymnasium.Env[Any, Any], options: RunOptions) -> None:
+        names = tuple(_attribute(env, "sensors") or ())
+        if names != options.body.own:
+            return
+        tile_map = _attribute(env, "tile_map")
+        if isinstance(tile_map, TileMap):
+            self._tiles = TileScene(tile_map, names, options.body.actions)
+            self.stage = self._tiles.stage
+            return
         fields = np.asarray(_attribute(env, "fields"), np.bool_)
         self._count = len(fields)
-        names = tuple(_attribute(env, "sensors") or ())
-        if names != options.body.own or not 0 < self._count <= len(names):
+        if not 0 < self._count <= len(names):
             return
         self._true = _between_sensors(inclusions(fields))
         columns = [column.tobytes() for column in fields.T]
-        if len(set(columns)) == len(columns):
-            self._places = {column: place for place, column in enumerate(columns)}
-            aims = _aims(env, options, fields)
-            self.stage = _stage(env, options, len(columns), aims)
-            if aims.any():
-                self._distances = distances_to(_attribute(env, "moves"), aims)
+        often = Counter(columns)
+        self._places = {c: place for place, c in enumerate(columns) if often[c] == 1}
+        aims = _aims(env, options, fields)
+        self.stage = _stage(env, options, len(columns), aims)
+        if aims.any():
+            self._distances = distances_to(_attribute(env, "moves"), aims)
 
 
 def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
@@ -115,17 +152,20 @@ def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
     sizes = (
         value
         for name, value in options.arguments.items()
-        if type(value) is int and name != "target"
+        if type(value) is int and name not in _SEEDS
     )
     if len(options.body.own) * math.prod(max(1, size) for size in sizes) > _LARGEST:
         return None
     given: dict[str, Any] = dict(options.arguments)
+    given.pop("render_mode", None)  # nothing is to be drawn: no window opens
     try:
         env = gymnasium.make(options.source, disable_env_checker=True, **given)
-    except (InvalidValueError, gymnasium.error.Error, TypeError):
+    except (InvalidValueError, gymnasium.error.Error, TypeError, KeyError):
         return None  # another version's, or made up
+    except MissingExtraError:
+        return None  # the run was elsewhere
     env.reset(seed=options.seed)  # some draw their fields, or the target, only then
-    if not env.has_wrapper_attr("fields"):
+    if not any(map(env.has_wrapper_attr, ("fields", "tile_map"))):
         env.close()
         return None
     return env

@@ -68,7 +68,7 @@ RIGHTS: dict[Role, Rights] = {
         briefs=True,
     ),
     "world": Rights(
-        publishes=("observe", "fault", "leave"),
+        publishes=("observe", "image", "fault", "leave"),
         reads=("state", "decide", READING),
         announces=True,
     ),

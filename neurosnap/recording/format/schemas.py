@@ -11,7 +11,14 @@ from typing import Any
 
 import msgspec
 
-from neurosnap.wire import CellReport, Message, PulseBatch, WorkerReport, WorkerWiring
+from neurosnap.wire import (
+    CellReport,
+    Image,
+    Message,
+    PulseBatch,
+    WorkerReport,
+    WorkerWiring,
+)
 
 ENCODING = "jsonschema"
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -24,6 +31,8 @@ _TITLES: dict[type[Message], str] = {
     WorkerWiring: "Loom",
 }
 """What recordings call the messages whose classes are named otherwise by now."""
+_FOREIGN: dict[type[Message], str] = {Image: "foxglove.CompressedImage"}
+"""The schemas of others that a message has all fields of; viewers go by the name."""
 
 
 def _title(message: type[Message]) -> str:
@@ -32,7 +41,7 @@ def _title(message: type[Message]) -> str:
 
 def name(message: type[Message]) -> str:
     """Return the name a message's schema is recorded under."""
-    return f"neurosnap.{_title(message)}"
+    return _FOREIGN.get(message, f"neurosnap.{_title(message)}")
 
 
 def schema(message: type[Message]) -> dict[str, Any]:
@@ -40,11 +49,17 @@ def schema(message: type[Message]) -> dict[str, Any]:
     _, components = msgspec.json.schema_components([message])
     flat = components[message.__name__]
     properties = {
-        field: {"type": "string", **rule} if "enum" in rule else rule
-        for field, rule in flat["properties"].items()
+        field: _plain(rule, components) for field, rule in flat["properties"].items()
     }
-    titled = {**flat, "title": _title(message)}
+    titled = {**flat, "title": _FOREIGN.get(message, _title(message))}
     return {"$schema": _DIALECT, **titled, "properties": properties}
+
+
+def _plain(rule: dict[str, Any], components: dict[str, Any]) -> dict[str, Any]:
+    """Return a property's schema without a reference, and with its type."""
+    if (reference := rule.get("$ref")) is not None:
+        return dict(components[reference.rpartition("/")[2]])
+    return {"type": "string", **rule} if "enum" in rule else rule
 
 
 @functools.cache

@@ -43,7 +43,7 @@ _DATED = (
     | wire.State
     | wire.Reached
 )
-_TICKED = wire.Observation | wire.Recall | wire.Recalled | wire.Reminder
+_TICKED = wire.Observation | wire.Recall | wire.Recalled | wire.Reminder | wire.Image
 
 
 class _Point(NamedTuple):

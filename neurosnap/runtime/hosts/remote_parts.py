@@ -22,6 +22,7 @@ from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.runtime.run import describe
+from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import open_source
 
 
@@ -80,8 +81,13 @@ def world(source: str) -> ChooseParts:
         if Path(source).name != Path(options.source).name:
             rule = f"must be what the coordinator runs, {options.source}"
             raise InvalidValueError("source", rule, source)
-        opened = open_source(source, options.seed, options.arguments)
-        opened.close()
+        renders = options.frames > 0
+        seed, arguments = options.seed, options.arguments
+        opened = open_source(source, seed, arguments, None, renders)
+        try:
+            try_camera(opened, options.frames)
+        finally:
+            opened.close()
         plain = msgspec.structs.replace(options.body, room=0, grown=(), scripted=())
         if body_of(opened, options.agent) != plain:
             rule = "must have the sensors and actions that the coordinator knows of"

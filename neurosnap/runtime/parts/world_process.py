@@ -16,6 +16,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
+from neurosnap.sources.camera import Camera
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.remote_source import RemoteSource
@@ -32,13 +33,14 @@ async def run_world(
     stop: asyncio.Event,
     *,
     past: ResumePoint | None = None,
+    frames: int = 0,
 ) -> None:
     """Be the world until the source is over or `stop` is set.
 
     Reads ``decide``, and ``state`` where a sensor looks back at it; publishes
-    ``observe``. The decision of tick `t` makes the observation of `t + 1`, unless that
-    begins a trajectory: then it follows no action, and none is sensed. A tick's state
-    comes before its decision, both from the coordinator.
+    ``observe``, and ``image`` behind it. The decision of tick `t` makes the observation
+    of `t + 1`, unless that begins a trajectory: then it follows no action, and none is
+    sensed. A tick's state comes before its decision, both from the coordinator.
 
     A live source is waited for on a thread of its own, so that neither messages nor
     `stop` have to wait; it is closed at the end.
@@ -49,8 +51,10 @@ async def run_world(
         fabric: Entered by the caller.
         stop: Ends it.
         past: For a run that is resumed.
+        frames: Ticks from one image to the next; 0: there are none.
     """
     world = World(source, body, past)
+    camera = Camera(source, frames) if frames else None
     over = asyncio.Event()
     decisions: asyncio.Queue[wire.Decision] = asyncio.Queue()
     loop = asyncio.get_running_loop()
@@ -72,6 +76,8 @@ async def run_world(
                 loop.call_soon_threadsafe(over.set)
                 return
             fabric.publish(observation)
+            if camera is not None and camera.is_due(observation.tick):
+                fabric.publish(camera.image(observation.tick))
 
     async def wait_for_it() -> None:
         while True:
@@ -124,7 +130,9 @@ class WorldJob(msgspec.Struct, frozen=True):
         kept = None if way_in is None else open_kept(options, way_in, connection)
         if kept is None:
             seed, arguments = options.seed, options.arguments
-            source = open_source(options.source, seed, arguments, connection)
+            source = open_source(
+                options.source, seed, arguments, connection, options.frames > 0
+            )
         else:
             source = kept
         try:
@@ -135,7 +143,14 @@ class WorldJob(msgspec.Struct, frozen=True):
                 connection.fabric(swift=True) as fabric,
                 synced(source, options.sync),
             ):
-                work = run_world(source, options.body, fabric, part.stop, past=past)
+                work = run_world(
+                    source,
+                    options.body,
+                    fabric,
+                    part.stop,
+                    past=past,
+                    frames=options.frames,
+                )
                 await take_part(fabric, work)
         finally:
             source.close()

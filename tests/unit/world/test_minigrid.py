@@ -50,6 +50,37 @@ def test_sensors_tell_all_states_apart_and_none_is_always_the_same(layout: str) 
     assert fields.any(axis=1).all()
 
 
+def test_it_draws_what_minigrid_draws() -> None:
+    """Through the door: whatever happened before, the state alone is drawn."""
+    from minigrid import envs
+
+    layout, seed = "DoorKey-5x5", 3
+    kind, arguments = LAYOUTS[layout]
+    real: Any = getattr(envs, kind)(**arguments, render_mode="rgb_array")
+    real.reset(seed=seed)
+    env: Any = minigrid(layout, seed, render_mode="rgb_array")
+    plain = minigrid(layout, seed)
+    assert env.render_mode == "rgb_array"
+    env.reset()
+    plain.reset()
+    chance = np.random.default_rng(1)
+    pictures = set()
+    for _ in range(400):
+        np.testing.assert_array_equal(env.render(), real.render())
+        pictures.add(env.render().tobytes())
+        action = int(chance.integers(len(env.actions)))
+        seen, _, over, _, _ = env.step(action)
+        np.testing.assert_array_equal(seen, plain.step(action)[0])
+        real.step_count = 0
+        real.step(ACTIONS.index(env.actions[action]))
+        if over:
+            break
+    assert len(pictures) > 20
+    for one in (env, plain, real):
+        one.close()
+    assert plain.render() is None
+
+
 def test_it_is_registered_and_takes_other_actions() -> None:
     assert world.__name__ == "world"
     env: Any = gymnasium.make(

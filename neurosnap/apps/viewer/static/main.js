@@ -22,6 +22,7 @@ import { Search } from "./search.js";
 import { tickAsked, Timeline } from "./timeline.js";
 import { Notices, Voice } from "./voice.js";
 import { WaveView } from "./wave.js";
+import { ImageView } from "./image.js";
 import { WorldView } from "./world.js";
 
 const RARELY = 100; // milliseconds between two orders while it plays
@@ -76,6 +77,7 @@ class Page {
     this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
     this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
+    this.image = new ImageView(run);
     this.voice = new Voice(names);
     this.outline = new Outline(find("sensors"), names, this.growth, (sensor) =>
       this.goTo(sensor),
@@ -148,6 +150,7 @@ class Page {
     this.facts.show(frame);
     this.anomaly.show(frame);
     this.world.show(frame);
+    this.image.show(frame);
     this.plots.at(frame);
     this.voice.show(frame);
   }

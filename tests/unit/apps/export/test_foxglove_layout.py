@@ -35,8 +35,9 @@ def test_the_layout_shows_what_is_there(log: Path, drawn: Path) -> None:
     assert panels["3D!order"]["topics"].keys() <= schemas.keys()
 
 
-def test_every_panel_of_the_layout_has_its_place() -> None:
-    whole = json.loads(layout(["door"], 0))
+@pytest.mark.parametrize("images", [False, True])
+def test_every_panel_of_the_layout_has_its_place(images: bool) -> None:
+    whole = json.loads(layout(["door"], 0, images))
 
     def places(node: Any) -> list[str]:
         if isinstance(node, str):
@@ -48,7 +49,8 @@ def test_every_panel_of_the_layout_has_its_place() -> None:
 
     assert sorted(places(whole["layout"])) == sorted(whole["configById"])
     kinds = {name.partition("!")[0] for name in whole["configById"]}
-    assert kinds == {"3D", "StateTransitions", "Plot", "RosOut", "RawMessages"}
+    plain = {"3D", "StateTransitions", "Plot", "RosOut", "RawMessages"}
+    assert kinds == (plain | {"Image"} if images else plain)
     assert whole.keys() == {
         "configById",
         "globalVariables",
@@ -59,7 +61,7 @@ def test_every_panel_of_the_layout_has_its_place() -> None:
 
 
 def test_panels_are_told_what_they_know() -> None:
-    panels = json.loads(layout(["door"], 0))["configById"]
+    panels = json.loads(layout(["door"], 0, images=True))["configById"]
     for name, panel in panels.items():
         assert panel.keys() <= KEYS[name.partition("!")[0]]
         for path in panel.get("paths", []):

@@ -40,6 +40,7 @@ KEYS = {
     "anomaly": "anomaly",
     "recall": "recall",
     "recalled": "recalled/{}",
+    "image": "image",
     "remind": "remind/cell/3",
     "band": "band/{}",
     "learn": "learn",

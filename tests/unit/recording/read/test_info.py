@@ -90,6 +90,7 @@ def test_it_is_laid_out_as_mcap_info_is(path: Path) -> None:
         "\t(20)  /band      0 msgs (0.00 Hz)  : neurosnap.Band [jsonschema]",
         "\t(21)  /learn     0 msgs (0.00 Hz)  : neurosnap.Learn [jsonschema]",
         "\t(22)  /learned   0 msgs (0.00 Hz)  : neurosnap.Learned [jsonschema]",
+        "\t(23)  /image     0 msgs (0.00 Hz)  : foxglove.CompressedImage [jsonschema]",
         "attachments: 1",
         "\tsnapshot.npz  256.00 B  application/octet-stream",
         "metadata: 2",

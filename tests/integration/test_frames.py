@@ -1,0 +1,238 @@
+"""Images of an environment in a recording: all there, readable, changing nothing."""
+
+import base64
+import io
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+from PIL import Image
+
+from neurosnap import wire
+from neurosnap.agent.continuing import Continuing
+from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.run_facts import options_of
+from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.replay.verify import verify
+from tests.support.command_line import happy, refused
+from tests.support.foxglove_rules import refusals
+from tests.support.recorded_messages import course
+from tests.support.replayed_runs import recorded_run, resumed_run
+from tests.support.rewritten_recordings import rewritten
+from tests.support.run_options import options_for
+
+LAKE = "neurosnap/FrozenLake-v0"
+TICKS = 20
+EVERY = 3
+SEED = 5
+
+
+def lake_run(frames: int = EVERY, **more: object) -> RunOptions:
+    given = {"ticks": TICKS, "cells": "inline", "frames": frames, **more}
+    return options_for(LAKE, SEED, **given)  # type: ignore[arg-type]
+
+
+def images(log: Path) -> dict[int, wire.Image]:
+    found = [
+        each.message
+        for each in Recording.open(log).messages(("image",))
+        if isinstance(each.message, wire.Image)
+    ]
+    by_tick = {image.tick: image for image in found}
+    assert len(by_tick) == len(found)
+    return by_tick
+
+
+def pixels(data: bytes) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(io.BytesIO(data)))
+
+
+def drawn(log: Path) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """Yield each tick and what the lake draws there, the same actions taken."""
+    _, decisions = course(log)
+    env: Any = Continuing(gymnasium.make(LAKE, render_mode="rgb_array"))
+    env.reset(seed=SEED)
+    for tick in range(1, len(decisions)):
+        yield tick, env.render()
+        env.step(decisions[tick].action)
+    env.close()
+
+
+def assert_all_there(log: Path, ticks: int = TICKS, every: int = EVERY) -> None:
+    found = images(log)
+    assert sorted(found) == list(range(1, ticks + 1, every))
+    for tick, shown in drawn(log):
+        if tick in found:
+            np.testing.assert_array_equal(pixels(found[tick].data), shown)
+    verdict = verify(log)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, ticks)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("frames") / "run.mcap"
+    recorded_run(lake_run(), path)
+    return path
+
+
+def test_there_is_one_each_so_many_ticks_and_it_is_what_was_there(log: Path) -> None:
+    assert_all_there(log)
+    assert Recording.open(log).completeness().whole
+
+
+def test_one_that_is_lost_is_missed(log: Path, tmp_path: Path) -> None:
+    gone = 4
+
+    def without(recorded: Iterable[Recorded]) -> list[Recorded]:
+        return [
+            each
+            for each in recorded
+            if not (isinstance(each.message, wire.Image) and each.message.tick == gone)
+        ]
+
+    lost = rewritten(log, tmp_path / "lost.mcap", without)
+    assert sorted(images(lost)) == [t for t in range(1, TICKS + 1, 3) if t != gone]
+    assert Recording.open(lost).completeness().missing == {"world": 1}
+    assert verify(lost).difference is None
+
+
+def test_other_programs_read_it_as_their_own(log: Path) -> None:
+    """By the library of MCAP alone, as Foxglove and Lichtblick would."""
+    with log.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        assert summary is not None
+        (channel,) = [c for c in summary.channels.values() if c.topic == "/image"]
+        schema = summary.schemas[channel.schema_id]
+        assert channel.message_encoding == "json"
+        assert (schema.name, schema.encoding) == (
+            "foxglove.CompressedImage",
+            "jsonschema",
+        )
+        told = json.loads(schema.data)
+        assert refusals(told) == []
+        rules = told["properties"]
+        assert rules["data"]["type"] == "string"
+        assert rules["data"]["contentEncoding"] == "base64"
+        assert rules["frame_id"]["type"] == rules["format"]["type"] == "string"
+        time = rules["timestamp"]["properties"]
+        assert [time[part]["type"] for part in ("sec", "nsec")] == ["integer"] * 2
+        theirs = {"timestamp", "frame_id", "data", "format"}
+        assert theirs <= set(told["required"])
+        count = 0
+        shown = dict(drawn(log))
+        for _, _, message in make_reader(file).iter_messages(topics=["/image"]):
+            image = json.loads(message.data)
+            assert image["format"] == "png"
+            assert image["frame_id"] == "world"
+            seen = pixels(base64.b64decode(image["data"], validate=True))
+            np.testing.assert_array_equal(seen, shown[image["tick"]])
+            stamp = image["timestamp"]
+            nanoseconds = stamp["sec"] * 10**9 + stamp["nsec"]
+            # It was drawn before it was sent, and that by less than a minute.
+            assert 0 <= message.publish_time - nanoseconds < 60 * 10**9
+            count += 1
+        assert count == 7
+
+
+def test_what_is_exported_to_be_drawn_has_them_and_a_panel_for_them(
+    log: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "drawn.mcap"
+    write_drawable(out, Recording.open(log))
+    with out.open("rb") as file:
+        reader = make_reader(file)
+        shown = [m.data for _, _, m in reader.iter_messages(topics=["/image"])]
+        summary = reader.get_summary()
+    recorded = [each.payload for each in Recording.open(log).messages(("image",))]
+    assert shown == recorded
+    assert summary is not None
+    names = {
+        c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values()
+    }
+    assert names["/image"] == "foxglove.CompressedImage"
+    panels = json.loads(layout_of(Recording.open(log)))["configById"]
+    assert panels["Image!environment"] == {"imageMode": {"imageTopic": "/image"}}
+
+
+def test_all_else_is_the_same_without(log: Path, tmp_path: Path) -> None:
+    plain = tmp_path / "plain.mcap"
+    recorded_run(lake_run(frames=0), plain)
+    assert images(plain) == {}
+
+    def told(path: Path) -> list[bytes]:
+        return sorted(
+            each.payload
+            for each in Recording.open(path).messages()
+            if not isinstance(each.message, wire.Image)
+        )
+
+    assert told(plain) == told(log)
+
+
+def test_a_run_that_goes_on_has_all_of_them(log: Path, tmp_path: Path) -> None:
+    start, on = tmp_path / "start.mcap", tmp_path / "on.mcap"
+    recorded_run(lake_run(ticks=11), start)
+    resumed_run(start, on, TICKS)
+    assert_all_there(on)
+    assert course(on) == course(log)
+
+
+def test_a_run_in_several_files_has_all_of_them(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    ticks = 200
+    options = lake_run(frames=2, ticks=ticks, split=1 << 16, keyframe_every=10)
+    recorded_run(options, path)
+    paths = part_paths(path).values()
+    assert len(paths) > 1
+    found = [tick for each in paths for tick in sorted(images(each))]
+    assert found == list(range(1, ticks + 1, 2))
+    verdict = verify(path)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, ticks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", ["process", "worker"])
+def test_in_processes_it_is_the_same(log: Path, tmp_path: Path, cells: str) -> None:
+    path = tmp_path / "run.mcap"
+    recorded_run(lake_run(cells=cells, workers=2), path)
+    assert_all_there(path)
+    assert course(path) == course(log)
+    here, there = images(log), images(path)
+    assert {tick: one.data for tick, one in here.items()} == {
+        tick: one.data for tick, one in there.items()
+    }
+
+
+def test_the_command_line_takes_it(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    given = ("--frames", 7, "--ticks", 15, "--cells", "inline", "--out", path)
+    happy("run", LAKE, *given)
+    assert sorted(images(path)) == [1, 8, 15]
+    assert options_of(Recording.open(path)).frames == 7
+
+
+def test_a_file_takes_it(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    file = tmp_path / "run.toml"
+    file.write_text(
+        f'[source]\nkind = "world"\nid = "{LAKE}"\n[run]\nticks = 5\n[cells]\n'
+        f'kind = "inline"\n[recording]\npath = "{path}"\nframes = 4\n'
+    )
+    happy("run", file)
+    assert sorted(images(path)) == [1, 5]
+
+
+@pytest.mark.parametrize("source", ["neurosnap/Path-v0", "neurosnap/Grid-v0"])
+def test_a_world_that_does_not_draw_is_refused(source: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    said = refused("run", source, "--frames", 1, "--out", path)
+    assert f"the render mode rgb_array, got '{source}'" in said
+    assert not path.exists()

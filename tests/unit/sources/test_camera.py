@@ -1,0 +1,157 @@
+"""Images of an environment: what it draws, and what is refused before a run starts."""
+
+import io
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from neurosnap import wire
+from neurosnap.agent.continuing import Continuing
+from neurosnap.errors import InvalidValueError, MissingExtraError
+from neurosnap.sources.camera import Camera, try_camera
+from neurosnap.sources.gymnasium_source import GymnasiumSource
+from neurosnap.sources.open import open_source
+
+LAKE = "neurosnap/FrozenLake-v0"
+DRAWING = "tests.support.drawing_worlds:Drawing-v0"
+
+
+def drawn(name: str, **arguments: Any) -> GymnasiumSource:
+    source = open_source(name, 3, arguments, None, True)
+    assert isinstance(source, GymnasiumSource)
+    source.first()
+    return source
+
+
+def pixels(image: wire.Image) -> NDArray[np.uint8]:
+    opened = Image.open(io.BytesIO(image.data))
+    assert opened.format is not None
+    assert opened.format.lower() == image.format
+    return np.asarray(opened)
+
+
+def test_an_image_has_what_the_environment_draws() -> None:
+    source = drawn(LAKE)
+    twin: Any = Continuing(gymnasium.make(LAKE, render_mode="rgb_array"))
+    twin.reset(seed=3)
+    camera = Camera(source, 1)
+    for tick, action in enumerate([1, 2, 1, 0, 3], start=1):
+        image = camera.image(tick)
+        assert (image.tick, image.frame_id, image.format) == (tick, "world", "png")
+        np.testing.assert_array_equal(pixels(image), twin.render())
+        source.step(action)
+        twin.step(action)
+    source.close()
+    twin.close()
+
+
+def test_what_is_no_diagram_is_a_jpeg() -> None:
+    source = drawn(DRAWING, height=400, width=400)
+    image = Camera(source, 1).image(1)
+    assert image.format == "jpeg"
+    assert len(image.data) < 400 * 400 * 3
+    found, was = pixels(image), source.render()
+    assert found.shape == was.shape
+    # It is noise, of which a JPEG keeps the brightness about.
+    assert abs(float(found.mean()) - float(was.mean())) < 3
+    source.close()
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_the_first_tick_has_one_and_each_so_many(every: int) -> None:
+    source = drawn(LAKE)
+    camera = Camera(source, every)
+    due = [tick for tick in range(1, 10) if camera.is_due(tick)]
+    assert due == list(range(1, 10, every))
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "kind", "rule"),
+    [
+        (3000, 3000, "noise", r"image: must be of at most 5,592,405 pixels, got"),
+        (2, 2, "floats", r"image: must be an array of bytes, \(height, width, 3\)"),
+        (2, 2, "grey", r"image: must be an array of bytes, .* got \(2, 2\)"),
+        (0, 2, "noise", r"image: must be an array of bytes, .* got \(0, 2, 3\)"),
+        (2, 2, "nothing", r"image: must be an array of bytes, .* got 'NoneType'"),
+    ],
+)
+def test_what_is_no_image_is_refused_before_anything_starts(
+    height: int, width: int, kind: str, rule: str
+) -> None:
+    arguments: dict[str, Any] = {"height": height, "width": width, "kind": kind}
+    source = open_source(DRAWING, 3, arguments, None, True)
+    with pytest.raises(InvalidValueError, match=rule):
+        try_camera(source, 1)
+    source.close()
+
+
+def test_an_environment_that_lacks_what_it_draws_with_is_refused() -> None:
+    source = open_source(DRAWING, 3, {"kind": "missing"}, None, True)
+    rule = r"frames: must go with an environment that can draw itself \(no pencil\)"
+    with pytest.raises(InvalidValueError, match=rule):
+        try_camera(source, 1)
+    source.close()
+
+
+@pytest.mark.parametrize("name", ["neurosnap/Path-v0", "neurosnap/Cycle-v0"])
+def test_what_does_not_draw_is_refused(name: str) -> None:
+    rule = f"frames: must go with an environment that has .* rgb_array, got '{name}'"
+    with pytest.raises(InvalidValueError, match=rule):
+        open_source(name, 3, {}, None, True)
+
+
+def test_what_goes_on_drawing_in_another_mode_is_refused() -> None:
+    rule = "frames: must go with an environment that has the render mode rgb_array"
+    with pytest.raises(InvalidValueError, match=rule):
+        open_source(DRAWING, 3, {"mode": "ansi"}, None, True)
+
+
+def test_another_render_mode_is_refused() -> None:
+    rule = "arguments: must not have render_mode where frames are recorded, got 'human'"
+    with pytest.raises(InvalidValueError, match=rule):
+        open_source(LAKE, 3, {"render_mode": "human"}, None, True)
+
+
+def test_a_file_of_readings_draws_nothing(tmp_path: Path) -> None:
+    table = tmp_path / "readings.csv"
+    table.write_text("a,b\n1,0\n")
+    source = open_source(str(table), 3, {}, None, True)
+    rule = "frames: must be 0 where the source is no Gymnasium environment, got 5"
+    with pytest.raises(InvalidValueError, match=rule):
+        try_camera(source, 5)
+    try_camera(source, 0)
+    source.close()
+
+
+def test_without_pillow_it_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    source = drawn(LAKE)
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(MissingExtraError, match=r"neurosnap-uma\[frames\]"):
+        Camera(source, 1)
+    source.close()
+
+
+def test_what_is_observed_is_the_same_with_and_without() -> None:
+    plain = open_source("neurosnap/Taxi-v0", 3)
+    source = drawn("neurosnap/Taxi-v0")
+    camera, chance = Camera(source, 1), np.random.default_rng(1)
+    first = plain.first()
+    assert first is not None
+    for tick in range(1, 60):
+        camera.image(tick)
+        action = int(chance.integers(6))
+        one, other = plain.step(action), source.step(action)
+        assert one is not None
+        np.testing.assert_array_equal(one, other)
+        assert plain.begins == source.begins
+    plain.close()
+    source.close()
