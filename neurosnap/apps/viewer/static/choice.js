@@ -24,20 +24,20 @@ export class ChoiceView {
   }
 
   /** Show what is selected: `{sensor}`, `{edge}`, or null. */
-  choose(thing, frame, graph) {
+  choose(thing, frame, graph, reasons) {
     this._thing = thing;
     this._graph = null;
     find("choice").hidden = thing === null;
     this._edge.open(thing?.edge ?? null);
     if (thing?.edge) write(find("choice-title"), "Selected edge");
-    if (thing !== null && frame) this.show(frame, graph, false);
+    if (thing !== null && frame) this.show(frame, graph, false, reasons);
   }
 
   /** Show a tick. */
-  show(frame, graph, playing) {
+  show(frame, graph, playing, reasons) {
     if (this._thing === null) return;
     if (this._thing.edge) this._edge.at(frame.tick, playing);
-    else this._showSensor(this._thing.sensor, frame, graph);
+    else this._showSensor(this._thing.sensor, frame, graph, reasons);
   }
 
   /** The scheme of colours has changed. */
@@ -45,11 +45,12 @@ export class ChoiceView {
     if (this._thing?.edge) this._edge.recolour();
   }
 
-  _showSensor(sensor, frame, graph) {
+  _showSensor(sensor, frame, graph, reasons) {
     if (graph !== this._graph || graph === null) {
       this._graph = graph;
       this._reads = make("dd");
       this._has = make("dd");
+      this._why = make("dd");
       const facts = make(
         "dl",
         {},
@@ -57,6 +58,8 @@ export class ChoiceView {
         this._reads,
         make("dt", {}, "state"),
         this._has,
+        make("dt", {}, "belief"),
+        this._why,
         ...(graph ? this._place(sensor, graph) : []),
         ...this._born(sensor),
       );
@@ -66,6 +69,7 @@ export class ChoiceView {
     const gone = unread(frame, sensor);
     write(this._reads, gone || bitWord(frame.bits[sensor]));
     write(this._has, gone || conditions(frame)[sensor]);
+    write(this._why, `${reasons.kind(sensor)}: ${reasons.of(sensor)}`);
   }
 
   /** Names, or what is known of births, have changed. */

@@ -20,8 +20,11 @@ const RING = 5; // by how much what marks a node stands out
 export class Diagram {
   /**
    * @param {HTMLElement} home what it fills
-   * @param {{pick: (thing: object|null) => void, change: () => void}} on told what was
-   *   clicked (`{sensor}`, `{edge}` or null), and when something was expanded or collapsed
+   * @param {object} on
+   * @param {(thing: object|null) => void} on.pick told what was clicked: `{sensor}`,
+   *   `{edge}` or null
+   * @param {() => void} on.change told when something was expanded or collapsed
+   * @param {(item: object) => string} on.tell what to say of an item under the pointer
    */
   constructor(home, on) {
     this._on = on;
@@ -245,7 +248,7 @@ export class Diagram {
 
   /** Name what is under the pointer, which may be too small to read; tell if anything is. */
   _over(home, thing) {
-    const name = thing?.item?.name ?? "";
+    const name = thing?.item ? this._on.tell(thing.item) : "";
     if (home.title !== name) home.title = name;
     return thing !== null;
   }

@@ -2,6 +2,7 @@
 // is where a position becomes a frame, and a frame goes to all that show it.
 
 import * as api from "./api.js";
+import { Reasons, tellItem } from "./belief.js";
 import { showCells } from "./cells.js";
 import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
@@ -66,6 +67,7 @@ class Page {
     this.diagram = new Diagram(find("drawing"), {
       pick: (thing) => this.choose(thing),
       change: () => this.describe(),
+      tell: (item) => tellItem(item, this.reasons()),
     });
     this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
     this.facts = new FactsView(names, run);
@@ -202,9 +204,15 @@ class Page {
   }
 
   showWords() {
+    const reasons = this.reasons();
+    this.outline.show(this.frame, reasons, this.player.playing);
+    this.choice.show(this.frame, this.graph, this.player.playing, reasons);
+  }
+
+  /** Why each sensor is believed at the tick that is shown. */
+  reasons() {
     const graph = this.graph?.id === this.frame.graph ? this.graph : null;
-    this.outline.show(this.frame, graph, this.player.playing);
-    this.choice.show(this.frame, this.graph, this.player.playing);
+    return new Reasons(this.names, this.frame, graph);
   }
 
   showDiagram() {
@@ -248,7 +256,7 @@ class Page {
   choose(thing) {
     this.chosen = thing;
     this.diagram.choose(thing);
-    this.choice.choose(thing, this.frame, this.graph);
+    this.choice.choose(thing, this.frame, this.graph, this.frame && this.reasons());
   }
 
   goTo(sensor) {
