@@ -25,6 +25,7 @@ NAMES = (
             "dom",
             "edge",
             "facts",
+            "focus",
             "hatch",
             "groups",
             "growth",

@@ -69,7 +69,7 @@ export class ChoiceView {
     const gone = unread(frame, sensor);
     write(this._reads, gone || bitWord(frame.bits[sensor]));
     write(this._has, gone || conditions(frame)[sensor]);
-    write(this._why, `${reasons.kind(sensor)}: ${reasons.of(sensor)}`);
+    write(this._why, reasons.of(sensor));
   }
 
   /** Names, or what is known of births, have changed. */

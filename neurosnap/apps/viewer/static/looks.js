@@ -16,7 +16,8 @@ import { beliefs, countKinds } from "./belief.js";
  * @property {boolean} waving a wave is shown
  * @property {boolean} chosen it is selected
  * @property {boolean} found the search found it
- * @property {boolean} dim there is a search, and it did not find it
+ * @property {boolean} dim there is a search, and it did not find it, or something else is
+ *   looked at
  */
 
 /** Something that is the same for looks that are the same. */
@@ -30,10 +31,12 @@ export const lookKey = (look) =>
  * @param {{hops: Map<number, number>, at: number}|null} wave
  * @param {{sensor: number}|null} chosen
  * @param {Set<number>|null} sought the sensors a search has found; null: there is none
+ * @param {Set<number>|null} seen the sensors that are looked at; null: all
  */
-export function looks(frame, wave, chosen, sought) {
+export function looks(frame, wave, chosen, sought, seen = null) {
   const held = beliefs(frame);
   const reached = reach(wave);
+  const isElsewhere = (sensors) => seen !== null && !sensors.some((one) => seen.has(one));
   return ({ kind, sensors }) => {
     const single = kind === "sensor";
     const [sensor] = sensors;
@@ -48,7 +51,7 @@ export function looks(frame, wave, chosen, sought) {
       waving: wave !== null,
       chosen: single && chosen?.sensor === sensor,
       found,
-      dim: sought !== null && !found,
+      dim: (sought !== null && !found) || isElsewhere(sensors),
     };
   };
 }

@@ -8,6 +8,7 @@ import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
 import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
+import { Focus } from "./focus.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
 import { bind } from "./keys.js";
@@ -67,7 +68,12 @@ class Page {
     this.diagram = new Diagram(find("drawing"), {
       pick: (thing) => this.choose(thing),
       change: () => this.describe(),
+      alone: () => this.focus.layOut(true),
       tell: (item) => tellItem(item, this.reasons()),
+    });
+    this.focus = new Focus({
+      isGrown: (sensor) => this.growth.of(sensor) !== undefined,
+      change: () => this.refocus(),
     });
     this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
     this.facts = new FactsView(names, run);
@@ -198,6 +204,7 @@ class Page {
   showGraph() {
     const isMissing = this.graph?.id !== this.frame.graph && this.frame.graph !== "";
     find("drawing").ariaBusy = isMissing;
+    this.refocus();
     this.showDiagram();
     this.describe();
     this.showWords();
@@ -235,11 +242,13 @@ class Page {
     if (this.graph === null) return;
     const { items, sensors } = this.diagram.count;
     const { height, edges, classes } = this.graph;
-    const few = items < sensors ? `, drawn as ${items} items` : "";
+    const all = this.graph.nodes.length;
+    const part = sensors < all ? `, ${sensors} of them shown` : "";
+    const few = part + (items < sensors ? `, drawn as ${items} items` : "");
     const late = find("drawing").ariaBusy === "true" ? `, as of tick ${this.graph.tick}` : "";
     const same = classes.reduce((sum, members) => sum + members.length - 1, 0);
     const counts = [
-      counted(sensors, "sensor"),
+      counted(all, "sensor"),
       counted(edges.length, "covering edge"),
       counted(same, "equivalence"),
     ];
@@ -256,7 +265,15 @@ class Page {
   choose(thing) {
     this.chosen = thing;
     this.diagram.choose(thing);
+    this.refocus();
     this.choice.choose(thing, this.frame, this.graph, this.frame && this.reasons());
+  }
+
+  /** Look at what is selected and filtered for. */
+  refocus() {
+    if (this.graph === null || this.frame === null) return;
+    this.diagram.focus(this.focus.of(this.graph, this.frame, this.chosen));
+    this.describe();
   }
 
   goTo(sensor) {
