@@ -24,6 +24,7 @@ NAMES = (
             "diagram",
             "dom",
             "edge",
+            "edge_list",
             "facts",
             "focus",
             "hatch",
@@ -56,6 +57,7 @@ NAMES = (
             "timeline",
             "voice",
             "wave",
+            "wave_advice",
             "world",
         )
     ),

@@ -2,8 +2,9 @@
 
 import { find, make, write } from "./dom.js";
 import { EdgeView } from "./edge.js";
+import { edgeList } from "./edge_list.js";
 import { unread } from "./growth.js";
-import { bitWord, conditions, drawn, few, literalName, sensorOf } from "./literals.js";
+import { bitWord, conditions, few, literalName, sensorOf } from "./literals.js";
 
 const NAMED = 8; // members of a class that are listed
 
@@ -63,7 +64,7 @@ export class ChoiceView {
         ...(graph ? this._place(sensor, graph) : []),
         ...this._born(sensor),
       );
-      find("choice-body").replaceChildren(facts, this._edges(sensor, graph));
+      find("choice-body").replaceChildren(facts, ...this._edges(sensor, graph));
       write(find("choice-title"), this._names[sensor]);
     }
     const gone = unread(frame, sensor);
@@ -106,25 +107,13 @@ export class ChoiceView {
   }
 
   _edges(sensor, graph) {
-    const list = make("ul", { ariaLabel: "Edges" });
-    for (const edge of graph?.edges ?? []) {
-      const one = drawn(edge.source, edge.target);
-      if (sensorOf(one.source) !== sensor && sensorOf(one.target) !== sensor) continue;
-      const open = make("button", { type: "button", className: "link" }, this._arrow(one));
-      open.addEventListener("click", () => this._on.pick({ edge: one }));
-      list.append(make("li", {}, open));
-    }
-    return list.children.length ? list : make("p", { className: "quiet" }, this._none(sensor, graph));
+    const list = graph ? edgeList(sensor, graph, this._names, (edge) => this._on.pick({ edge })) : [];
+    return list.length ? list : [make("p", { className: "quiet" }, this._none(sensor, graph))];
   }
 
   /** Why there are no edges: those of a class are drawn at the one that stands for all. */
   _none(sensor, graph) {
     const standing = sensorOf(this._node(sensor, graph)?.class ?? 2 * sensor);
     return standing === sensor ? "No edges yet." : `Its edges are those of ${this._names[standing]}.`;
-  }
-
-  _arrow({ source, target, kind }) {
-    const [from, to] = [source, target].map((end) => literalName(this._names, end));
-    return `${from} → ${to} (${kind === "excite" ? "excites" : "inhibits"})`;
   }
 }
