@@ -21,7 +21,7 @@ export function paintStripes(context, bands, { scale, top }, width, colours) {
   });
 }
 
-/** Paint a double line through the members of each class. */
+/** Paint a double line through the members of each class; crossed to a complement. */
 export function paintClasses(context, places, colours) {
   context.strokeStyle = colours.mute;
   context.lineWidth = 1.3;
@@ -56,4 +56,18 @@ function tie(context, one, other) {
     context.lineTo(other.x + side * across, other.y + side * down);
     context.stroke();
   }
+  if (one.item.turned !== other.item.turned) cross(context, one, other);
+}
+
+/** A stroke through a double line: one is equivalent to the complement of the other. */
+function cross(context, one, other) {
+  // In the middle of what is seen of it: the nodes lie above the line.
+  const level = one.y === other.y;
+  const shift = level ? (one.width - other.width) / 4 : 0;
+  const [x, y] = [(one.x + other.x) / 2 + shift, (one.y + other.y) / 2];
+  const [wide, high] = level ? [3, 7] : [7, 3];
+  context.beginPath();
+  context.moveTo(x - wide, y + high);
+  context.lineTo(x + wide, y - high);
+  context.stroke();
 }

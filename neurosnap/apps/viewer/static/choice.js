@@ -2,8 +2,9 @@
 
 import { find, make, write } from "./dom.js";
 import { EdgeView } from "./edge.js";
+import { edgeList } from "./edge_list.js";
 import { unread } from "./growth.js";
-import { bitWord, conditions, drawn, few, literalName, sensorOf } from "./literals.js";
+import { bitWord, conditions, few, literalName, sensorOf } from "./literals.js";
 
 const NAMED = 8; // members of a class that are listed
 
@@ -24,20 +25,20 @@ export class ChoiceView {
   }
 
   /** Show what is selected: `{sensor}`, `{edge}`, or null. */
-  choose(thing, frame, graph) {
+  choose(thing, frame, graph, reasons) {
     this._thing = thing;
     this._graph = null;
     find("choice").hidden = thing === null;
     this._edge.open(thing?.edge ?? null);
     if (thing?.edge) write(find("choice-title"), "Selected edge");
-    if (thing !== null && frame) this.show(frame, graph, false);
+    if (thing !== null && frame) this.show(frame, graph, false, reasons);
   }
 
   /** Show a tick. */
-  show(frame, graph, playing) {
+  show(frame, graph, playing, reasons) {
     if (this._thing === null) return;
     if (this._thing.edge) this._edge.at(frame.tick, playing);
-    else this._showSensor(this._thing.sensor, frame, graph);
+    else this._showSensor(this._thing.sensor, frame, graph, reasons);
   }
 
   /** The scheme of colours has changed. */
@@ -45,11 +46,12 @@ export class ChoiceView {
     if (this._thing?.edge) this._edge.recolour();
   }
 
-  _showSensor(sensor, frame, graph) {
+  _showSensor(sensor, frame, graph, reasons) {
     if (graph !== this._graph || graph === null) {
       this._graph = graph;
       this._reads = make("dd");
       this._has = make("dd");
+      this._why = make("dd");
       const facts = make(
         "dl",
         {},
@@ -57,15 +59,18 @@ export class ChoiceView {
         this._reads,
         make("dt", {}, "state"),
         this._has,
+        make("dt", {}, "belief"),
+        this._why,
         ...(graph ? this._place(sensor, graph) : []),
         ...this._born(sensor),
       );
-      find("choice-body").replaceChildren(facts, this._edges(sensor, graph));
+      find("choice-body").replaceChildren(facts, ...this._edges(sensor, graph));
       write(find("choice-title"), this._names[sensor]);
     }
     const gone = unread(frame, sensor);
     write(this._reads, gone || bitWord(frame.bits[sensor]));
     write(this._has, gone || conditions(frame)[sensor]);
+    write(this._why, reasons.of(sensor));
   }
 
   /** Names, or what is known of births, have changed. */
@@ -102,25 +107,13 @@ export class ChoiceView {
   }
 
   _edges(sensor, graph) {
-    const list = make("ul", { ariaLabel: "Edges" });
-    for (const edge of graph?.edges ?? []) {
-      const one = drawn(edge.source, edge.target);
-      if (sensorOf(one.source) !== sensor && sensorOf(one.target) !== sensor) continue;
-      const open = make("button", { type: "button", className: "link" }, this._arrow(one));
-      open.addEventListener("click", () => this._on.pick({ edge: one }));
-      list.append(make("li", {}, open));
-    }
-    return list.children.length ? list : make("p", { className: "quiet" }, this._none(sensor, graph));
+    const list = graph ? edgeList(sensor, graph, this._names, (edge) => this._on.pick({ edge })) : [];
+    return list.length ? list : [make("p", { className: "quiet" }, this._none(sensor, graph))];
   }
 
   /** Why there are no edges: those of a class are drawn at the one that stands for all. */
   _none(sensor, graph) {
     const standing = sensorOf(this._node(sensor, graph)?.class ?? 2 * sensor);
     return standing === sensor ? "No edges yet." : `Its edges are those of ${this._names[standing]}.`;
-  }
-
-  _arrow({ source, target, kind }) {
-    const [from, to] = [source, target].map((end) => literalName(this._names, end));
-    return `${from} → ${to} (${kind === "excite" ? "excites" : "inhibits"})`;
   }
 }

@@ -3,6 +3,7 @@
 
 import { paintClasses, paintStripes } from "./background.js";
 import { Camera } from "./camera.js";
+import { restricted } from "./focus.js";
 import { Glide } from "./glide.js";
 import { collapse, MOST } from "./groups.js";
 import { Layers } from "./layers.js";
@@ -21,8 +22,12 @@ const RING = 5; // by how much what marks a node stands out
 export class Diagram {
   /**
    * @param {HTMLElement} home what it fills
-   * @param {{pick: (thing: object|null) => void, change: () => void}} on told what was
-   *   clicked (`{sensor}`, `{edge}` or null), and when something was expanded or collapsed
+   * @param {object} on
+   * @param {(thing: object|null) => void} on.pick told what was clicked: `{sensor}`,
+   *   `{edge}` or null
+   * @param {() => void} on.alone told to lay out only what is looked at
+   * @param {() => void} on.change told when something was expanded or collapsed
+   * @param {(item: object) => string} on.tell what to say of an item under the pointer
    */
   constructor(home, on) {
     this._on = on;
@@ -30,6 +35,8 @@ export class Diagram {
     this._camera = new Camera();
     this._painter = new NodePainter();
     this._graph = null;
+    this._seen = null; // the part of it that is laid out
+    this._focus = { sensors: null, edges: new Set(["excite", "inhibit", "same"]), alone: false };
     this._expanded = new Set();
     this._all = false;
     this._drawing = { items: [], links: [], itemOf: [] };
@@ -51,12 +58,16 @@ export class Diagram {
       click: (x, y) => this._click(this._at(x, y)),
       over: (x, y) => this._over(home, this._at(x, y)),
     });
-    home.addEventListener("dblclick", () => this.fit());
+    home.addEventListener("dblclick", ({ offsetX, offsetY }) => {
+      const at = this._at(offsetX, offsetY);
+      if (at?.item?.kind === "sensor") on.alone();
+      else this.fit();
+    });
   }
 
   /** How many items are drawn, of how many sensors. */
   get count() {
-    return { items: this._drawing.items.length, sensors: this._graph?.nodes.length ?? 0 };
+    return { items: this._drawing.items.length, sensors: this._seen?.nodes.length ?? 0 };
   }
 
   /** Whether there is too much to draw every sensor by itself. */
@@ -90,6 +101,21 @@ export class Diagram {
   choose(thing) {
     this._chosen = thing;
     this._paint();
+  }
+
+  /** Show what is looked at, as `Focus.of` has it; the rest is faint or left out. */
+  focus(focus) {
+    const key = ({ sensors, edges, alone }) => [alone, [...edges], [...(sensors ?? ["all"])]].join();
+    const laidOut = this._focus.alone || focus.alone;
+    const same = key(focus) === key(this._focus);
+    this._focus = { ...focus, edges: new Set(focus.edges) };
+    if (same || this._graph === null) return;
+    if (!laidOut) {
+      this._paint();
+      return;
+    }
+    this._whole = true;
+    this._arrange();
   }
 
   /** Mark the sensors a search has found; null: there is no search. */
@@ -144,17 +170,18 @@ export class Diagram {
   // Arranging ------------------------------------------------------------------------
 
   _arrange(glides = true) {
-    const seen = new Map();
-    for (const [key, place] of this._places) seen.set(key, this._camera.over(place));
-    this._drawing = collapse(this._graph, this._expanded, this._all ? Infinity : MOST);
+    const from = new Map();
+    for (const [key, place] of this._places) from.set(key, this._camera.over(place));
+    this._seen = this._focus.alone ? restricted(this._graph, this._focus) : this._graph;
+    this._drawing = collapse(this._seen, this._expanded, this._all ? Infinity : MOST);
     const { items, links } = this._drawing;
     this._laid = layOut(items, links, widthOf);
     this._ways = waysOf(links);
     const { width, height } = this._layers;
     if (this._whole) this._camera.fit(this._laid.box, width, height);
     // The camera may have turned: they set out from where they were on the screen.
-    for (const [key, place] of seen) seen.set(key, this._camera.under(place));
-    this._glide.start(glides ? seen : new Map(), this._laid.places);
+    for (const [key, place] of from) from.set(key, this._camera.under(place));
+    this._glide.start(glides ? from : new Map(), this._laid.places);
   }
 
   /** Draw items at certain places, and the lines between them. */
@@ -204,11 +231,14 @@ export class Diagram {
     this._layers.flat(context);
     paintStripes(context, this._laid.bands, this._camera, width, colours);
     this._layers.aim(context, this._camera);
-    paintClasses(context, this._places, colours);
+    const { sensors: seen, edges } = this._focus;
+    if (edges.has("same")) paintClasses(context, this._places, colours);
+    const isFar = ({ sensors }) => seen !== null && !sensors.some((one) => seen.has(one));
     const chosen = [];
     for (const [link, c] of this._curves) {
+      if (!edges.has(link.kind)) continue;
       if (this._isChosen(link)) chosen.push([link, c]);
-      else paintLink(context, link, c, colours, false);
+      else paintLink(context, link, c, colours, false, isFar(link.from) || isFar(link.to));
     }
     for (const [link, c] of chosen) paintLink(context, link, c, colours, true);
   }
@@ -218,7 +248,9 @@ export class Diagram {
     if (this._frame === null) return;
     const context = this._layers.nodes;
     this._layers.aim(context, this._camera);
-    const lookOf = looks(this._frame, this._wave, this._chosen, this._sought);
+    const lookOf = looks(
+      this._frame, this._wave, this._chosen, this._sought, this._focus.sensors,
+    );
     for (const place of this._places.values()) {
       const look = lookOf(place.item);
       const key = lookKey(look);
@@ -259,7 +291,7 @@ export class Diagram {
 
   /** Name what is under the pointer, which may be too small to read; tell if anything is. */
   _over(home, thing) {
-    const name = thing?.item?.name ?? "";
+    const name = thing?.item ? this._on.tell(thing.item) : "";
     if (home.title !== name) home.title = name;
     return thing !== null;
   }

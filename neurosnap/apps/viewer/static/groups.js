@@ -2,7 +2,7 @@
 // order too large to be looked at collapses, first its classes and then its layers, and
 // is expanded again where somebody wants to see more.
 
-import { drawn, sensorOf } from "./literals.js";
+import { drawn, isComplement, sensorOf } from "./literals.js";
 
 /** The most items that are drawn before anything collapses. */
 export const MOST = 160;
@@ -40,6 +40,7 @@ function single(node) {
     layer: node.layer,
     name: node.name,
     class: classOf(node),
+    turned: isComplement(node.class), // it is the complement that stands in its class
   };
 }
 

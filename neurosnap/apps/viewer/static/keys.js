@@ -52,6 +52,7 @@ export function bind(page) {
     { keys: ["/"], says: "find a sensor", act: () => page.search.focus() },
     { keys: ["+"], says: "larger", act: () => diagram.zoom(1.3) },
     { keys: ["-"], says: "smaller", act: () => diagram.zoom(1 / 1.3) },
+    { keys: ["f"], says: "lay out only what is looked at, or all", act: () => page.focus.toggle() },
     { keys: ["0"], says: "see the whole order", act: () => diagram.fit() },
     { keys: ["t"], says: "more room for plots and tables", act: toggleTaller },
     { keys: ["l"], says: "light or dark", act: toggleTheme },

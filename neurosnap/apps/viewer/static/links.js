@@ -8,6 +8,7 @@ import { isComplement } from "./literals.js";
 /** How wide the part of an item is that stands for the complement. */
 export const CAP = 16;
 
+const FAINT = 0.08; // how much is seen of a link of what is not looked at
 const PIECES = 16; // straight ones, that a curve is taken for
 
 /** Where on an item a literal is. */
@@ -43,13 +44,13 @@ export function along(c, t) {
 }
 
 /** Paint a link along its curve. */
-export function paintLink(context, link, c, colours, strong) {
+export function paintLink(context, link, c, colours, strong, faint = false) {
   const colour = colours[link.kind];
   context.strokeStyle = colour;
   context.fillStyle = colour;
   // Lines between summaries are many, and each is less certain to matter.
   const summary = link.from.kind === "layer" || link.to.kind === "layer";
-  context.globalAlpha = strong ? 1 : summary ? 0.3 : 0.8;
+  context.globalAlpha = faint ? FAINT : strong ? 1 : summary ? 0.3 : 0.8;
   context.lineWidth = (strong ? 2.4 : 1.1) + Math.log2(link.edges.length) / 6;
   context.setLineDash(link.kind === "inhibit" ? [5, 3] : []);
   context.beginPath();

@@ -3,11 +3,13 @@
 
 import { AnomalyCard } from "./anomaly.js";
 import * as api from "./api.js";
+import { Reasons, tellItem } from "./belief.js";
 import { showCells } from "./cells.js";
 import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
 import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
+import { Focus } from "./focus.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
 import { bind } from "./keys.js";
@@ -73,6 +75,12 @@ class Page {
     this.diagram = new Diagram(find("drawing"), {
       pick: (thing) => this.choose(thing),
       change: () => this.describe(),
+      alone: () => this.focus.layOut(true),
+      tell: (item) => tellItem(item, this.reasons()),
+    });
+    this.focus = new Focus({
+      isGrown: (sensor) => this.growth.of(sensor) !== undefined,
+      change: () => this.refocus(),
     });
     this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
     this.facts = new FactsView(names, run);
@@ -213,15 +221,22 @@ class Page {
   showGraph() {
     const isMissing = this.graph?.id !== this.frame.graph && this.frame.graph !== "";
     find("drawing").ariaBusy = isMissing;
+    this.refocus();
     this.showDiagram();
     this.describe();
     this.showWords();
   }
 
   showWords() {
+    const reasons = this.reasons();
+    this.outline.show(this.frame, reasons, this.player.playing);
+    this.choice.show(this.frame, this.graph, this.player.playing, reasons);
+  }
+
+  /** Why each sensor is believed at the tick that is shown. */
+  reasons() {
     const graph = this.graph?.id === this.frame.graph ? this.graph : null;
-    this.outline.show(this.frame, graph, this.player.playing);
-    this.choice.show(this.frame, this.graph, this.player.playing);
+    return new Reasons(this.names, this.frame, graph);
   }
 
   showDiagram() {
@@ -245,11 +260,13 @@ class Page {
     if (this.graph === null) return;
     const { items, sensors } = this.diagram.count;
     const { height, edges, classes } = this.graph;
-    const few = items < sensors ? `, drawn as ${items} items` : "";
+    const all = this.graph.nodes.length;
+    const part = sensors < all ? `, ${sensors} of them shown` : "";
+    const few = part + (items < sensors ? `, drawn as ${items} items` : "");
     const late = find("drawing").ariaBusy === "true" ? `, as of tick ${this.graph.tick}` : "";
     const same = classes.reduce((sum, members) => sum + members.length - 1, 0);
     const counts = [
-      counted(sensors, "sensor"),
+      counted(all, "sensor"),
       counted(edges.length, "covering edge"),
       counted(same, "equivalence"),
     ];
@@ -266,7 +283,15 @@ class Page {
   choose(thing) {
     this.chosen = thing;
     this.diagram.choose(thing);
-    this.choice.choose(thing, this.frame, this.graph);
+    this.refocus();
+    this.choice.choose(thing, this.frame, this.graph, this.frame && this.reasons());
+  }
+
+  /** Look at what is selected and filtered for. */
+  refocus() {
+    if (this.graph === null || this.frame === null) return;
+    this.diagram.focus(this.focus.of(this.graph, this.frame, this.chosen));
+    this.describe();
   }
 
   /** Select a thing that is named somewhere, and bring it into view. */

@@ -21,9 +21,9 @@ export class Outline {
     this._names = names;
     this._growth = growth;
     this._rows = names.map((name, sensor) => {
-      const open = make("button", { type: "button" }, name);
+      const open = make("button", { type: "button", title: name }, name);
       open.addEventListener("click", () => pick(sensor));
-      const cells = ["reads", "state", "layer", "implies"].map((what) =>
+      const cells = ["reads", "state", "belief", "layer", "implies"].map((what) =>
         make("td", { className: what }),
       );
       const born = make("td", { className: "born" });
@@ -31,7 +31,7 @@ export class Outline {
       const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells, ...last);
       return { row, cells, open, born };
     });
-    const titles = ["Sensor", "Reads", "State", "Layer", "Implies (→), excludes (⊣)"];
+    const titles = ["Sensor", "Reads", "State", "Belief", "Layer", "Implies (→), excludes (⊣)"];
     if (growth.grows) titles.push("Born");
     home.replaceChildren(
       make(
@@ -46,18 +46,23 @@ export class Outline {
   }
 
   /** Show a tick; while it plays, now and then. A table that is hidden can wait. */
-  show(frame, graph, playing) {
+  show(frame, reasons, playing) {
+    const { graph } = reasons;
     const now = performance.now();
     if (this._home.hidden || (playing && now - this._shown < RARELY)) return;
     this._shown = now;
     const words = conditions(frame);
-    this._rows.forEach(({ row, cells: [reads, state] }, sensor) => {
+    this._rows.forEach(({ row, cells: [reads, state, belief] }, sensor) => {
       row.hidden = sensor >= frame.sensors;
       if (row.hidden) return;
       const gone = unread(frame, sensor);
       write(reads, gone || bitWord(frame.bits[sensor]));
       write(state, gone || words[sensor]);
+      const kind = reasons.kind(sensor);
+      const isPlain = kind === "read" || kind === "unknown" || gone;
+      write(belief, isPlain ? kind : `${kind}: ${reasons.of(sensor)}`);
       row.dataset.state = words[sensor];
+      row.dataset.belief = kind;
       state.classList.toggle("on", words[sensor] === "on");
     });
     if (graph !== null && graph !== this._graph) this._setGraph(graph);
@@ -69,6 +74,7 @@ export class Outline {
     this._graph = null;
     this._rows.forEach(({ open, born }, sensor) => {
       write(open, this._names[sensor]);
+      open.title = this._names[sensor]; // there may not be room for all of it
       const birth = this._growth.of(sensor);
       write(born, birth ? `tick ${birth.tick}` : "");
     });
@@ -76,7 +82,7 @@ export class Outline {
 
   _setGraph(graph) {
     this._graph = graph;
-    for (const { cells: [, , layer, implies] } of this._rows) {
+    for (const { cells: [, , , layer, implies] } of this._rows) {
       write(layer, "");
       write(implies, "");
     }
@@ -95,7 +101,7 @@ export class Outline {
       members.slice(1).forEach((literal, k) => out[sensorOf(literal)].push(`${others[k]} ≡ ${first}`));
     }
     for (const node of graph.nodes) {
-      const [, , layer, implies] = this._rows[node.sensor].cells;
+      const [, , , layer, implies] = this._rows[node.sensor].cells;
       write(layer, String(node.layer));
       write(implies, out[node.sensor].join("; "));
     }

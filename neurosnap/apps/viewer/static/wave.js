@@ -3,6 +3,7 @@
 
 import { counted, find, make, write } from "./dom.js";
 import { literalName } from "./literals.js";
+import { deepest, whyShallow } from "./wave_advice.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
@@ -28,6 +29,11 @@ export class WaveView {
       this._on.change();
     });
     find("wave-play").addEventListener("click", () => this.toggle());
+    find("wave-deepest").addEventListener("click", () => {
+      this.takeDeepest();
+      this._on.change();
+      find("wave-which").focus(); // the button is gone
+    });
     find("wave-hop").addEventListener("input", (event) => {
       this._started = null;
       this._at = Number(event.target.value);
@@ -48,6 +54,14 @@ export class WaveView {
   /** Whether it starts in a state that was only imagined. */
   get imagined() {
     return this._wave?.imagined ?? false;
+  }
+
+  /** Choose the wave of this tick that goes deepest, if one goes anywhere. */
+  takeDeepest() {
+    const wave = deepest(this._frame.waves);
+    if (wave === null) return;
+    this._which = this._keyOf(wave);
+    this._take(this._frame);
   }
 
   /** Show another tick; its state, until its wave is asked for. */
@@ -174,6 +188,13 @@ export class WaveView {
     find("wave-play").disabled = this._wave === null;
     write(find("wave-play"), hop === null ? "Play wave" : "Show state");
     write(find("wave-says"), this._words(hop));
+    const why = whyShallow(this._frame, this._wave);
+    const other = why ? deepest(this._frame.waves) : null;
+    write(find("wave-why"), why);
+    find("wave-why").hidden = why === "";
+    find("wave-deepest").hidden = other === null;
+    const hops = other && counted(other.depth, "hop");
+    write(find("wave-deepest"), other ? `Show ${this._nameOf(other)}, ${hops}` : "");
   }
 
   _words(hop) {
