@@ -100,22 +100,25 @@ function split(members, places, widest) {
 /** Order a row by its neighbours' middles, and put it as near to them as it fits. */
 function settle(row, near, places) {
   const wanted = new Map();
-  for (const item of row) {
-    const around = near.get(item.key);
-    const own = places.get(item.key).x;
-    const sum = around.reduce((total, key) => total + places.get(key).x, 0);
-    wanted.set(item.key, around.length ? sum / around.length : own);
-  }
-  // The members of a class stay together, in the middle of where they want to be.
   const middles = new Map();
-  for (const item of row) {
-    const [sum, count] = middles.get(item.class) ?? [0, 0];
-    middles.set(item.class, [sum + wanted.get(item.key), count + 1]);
+  // The members of a class stay together, in the middle of where they want to be. Those
+  // without neighbours want to be with the others, or else where they are.
+  for (const [number, members] of Map.groupBy(row, (item) => item.class)) {
+    const linked = members.filter((item) => near.get(item.key).length > 0);
+    for (const item of linked) {
+      wanted.set(item.key, average(near.get(item.key).map((key) => places.get(key).x)));
+    }
+    const own = linked.map((item) => wanted.get(item.key));
+    const middle = average(own.length ? own : members.map((item) => places.get(item.key).x));
+    for (const item of members) if (!wanted.has(item.key)) wanted.set(item.key, middle);
+    middles.set(number, average(members.map((item) => wanted.get(item.key))));
   }
-  const middle = ({ class: number }) => middles.get(number)[0] / middles.get(number)[1];
+  const middle = (item) => middles.get(item.class);
   row.sort((a, b) => middle(a) - middle(b) || a.class - b.class || a.sensors[0] - b.sensors[0]);
   apart(row, wanted, places);
 }
+
+const average = (numbers) => numbers.reduce((sum, one) => sum + one, 0) / numbers.length;
 
 /**
  * Give a row the places that are nearest to those wanted, in square, and do not overlap:
