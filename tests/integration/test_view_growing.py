@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.frame_changes import Change
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import Address, serving
 from neurosnap.apps.viewer.session import ViewSession
@@ -29,7 +29,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(path_run(), tmp_path_factory.mktemp("path") / "run.mcap")
 
 
-def applied(frame: dict[str, Any] | None, change: api.Change) -> dict[str, Any]:
+def applied(frame: dict[str, Any] | None, change: Change) -> dict[str, Any]:
     """Return a frame by the frame before and what has changed, as the page does."""
     fields: dict[str, Any] = msgspec.to_builtins(change)
     before = None if frame is None else frame["tick"]

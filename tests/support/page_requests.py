@@ -5,7 +5,7 @@ from collections.abc import AsyncGenerator
 
 import msgspec
 
-from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.frame_changes import Event
 from neurosnap.apps.viewer.server import Address
 
 
@@ -41,7 +41,7 @@ async def get(
     return status_of(head), body
 
 
-async def events(address: Address) -> AsyncGenerator[api.Event]:
+async def events(address: Address) -> AsyncGenerator[Event]:
     reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
     target = f"/api/events?token={address.token}"
     head = f"GET {target} HTTP/1.1\r\nHost: localhost:{address.port}\r\nConnection: close\r\n\r\n"
@@ -49,6 +49,6 @@ async def events(address: Address) -> AsyncGenerator[api.Event]:
     try:
         while line := await reader.readline():
             if line.startswith(b"data: "):
-                yield msgspec.json.decode(line[6:], type=api.Event)
+                yield msgspec.json.decode(line[6:], type=Event)
     finally:
         writer.close()

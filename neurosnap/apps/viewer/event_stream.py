@@ -2,14 +2,18 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from typing import TYPE_CHECKING
 
 import msgspec
 
-from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.frame_changes import Change, Event, difference
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.events import wait_at_most
+
+if TYPE_CHECKING:
+    from neurosnap.apps.viewer.api import Frame
 
 _EVERY = 0.1
 """Seconds between two events, at least."""
@@ -51,10 +55,10 @@ class _Listener:
 
     def __init__(self) -> None:
         self._run_view: RunView | None = None
-        self._frame: api.Frame | None = None
+        self._frame: Frame | None = None
         self._told: tuple[int, int, bool] | None = None
 
-    def event(self, run_view: RunView, live: bool) -> api.Event | None:
+    def event(self, run_view: RunView, live: bool) -> Event | None:
         """Return what is new; None: nothing is."""
         reset = self._run_view is not None and run_view is not self._run_view
         if reset:
@@ -68,16 +72,16 @@ class _Listener:
         if not changes and now[1:] == said:
             return None
         cut = None if live and not run_view.files.troubled else run_view.cut
-        return api.Event(
+        return Event(
             ticks=run_view.last, live=live, cut=cut, reset=reset, frames=changes
         )
 
-    def cut(self, why: str) -> api.Event:
+    def cut(self, why: str) -> Event:
         """Return that no more can be read."""
         ticks = 0 if self._run_view is None else self._run_view.last
-        return api.Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
+        return Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
 
-    def _changes(self, run_view: RunView) -> list[api.Change]:
+    def _changes(self, run_view: RunView) -> list[Change]:
         """Return how the newest frames differ from what was told.
 
         The last that was told is looked at again, however far behind it is: its
@@ -91,6 +95,6 @@ class _Listener:
             *run_view.frames(newest, run_view.last),
         ):
             if frame != self._frame:
-                changes.append(api.difference(self._frame, frame))
+                changes.append(difference(self._frame, frame))
             self._frame = frame
         return changes

@@ -6,8 +6,9 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.viewer.api import Event, Frame
+from neurosnap.apps.viewer.api import Frame
 from neurosnap.apps.viewer.event_stream import _Listener
+from neurosnap.apps.viewer.frame_changes import Event
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.write.writer import Writer

@@ -4,7 +4,8 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.apps.viewer.api import Change, Frame, Wave, difference
+from neurosnap.apps.viewer.api import Frame, Wave
+from neurosnap.apps.viewer.frame_changes import Change, difference
 
 BITS = st.lists(st.sampled_from([0, 1, None]), min_size=3, max_size=3)
 WAVES = st.builds(
