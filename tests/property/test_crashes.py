@@ -98,19 +98,26 @@ class _Deleting(RestartFiles):
         path.unlink()
 
 
-@pytest.mark.parametrize("seed", [0, 13, 29])
-def test_a_restart_that_deletes_a_damaged_recording_is_found(
-    seed: int, tmp_path: Path
-) -> None:
-    def living(lives: type[RestartFiles]) -> Tally:
-        folder, chance = tmp_path / lives.__name__, random.Random(seed)
+def test_a_restart_that_deletes_a_damaged_recording_is_found(tmp_path: Path) -> None:
+    """Some run in twelve comes to it, and which depends on every byte of the files."""
+
+    def living(seed: int, lives: type[RestartFiles]) -> Tally:
+        folder, chance = tmp_path / f"{seed}-{lives.__name__}", random.Random(seed)
         folder.mkdir()
         options = random_options(chance, folder)
         return live_on(options, random_weather(chance), chance, folder, lives)
 
-    with pytest.raises(WrongError, match="damaged files must be kept"):
-        living(_Deleting)
-    assert living(RestartFiles).kept
+    def is_found(seed: int) -> bool:
+        try:
+            living(seed, _Deleting)
+        except WrongError as error:
+            if "damaged files must be kept" not in str(error):
+                raise
+            return True
+        return False
+
+    found = next(filter(is_found, range(200)))
+    assert living(found, RestartFiles).kept
 
 
 # What is wrong is found ---------------------------------------------------------------
