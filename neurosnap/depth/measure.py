@@ -17,18 +17,14 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.depth.given_orders import check_layers
 from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
-from neurosnap.errors import (
-    InvalidValueError,
-    MissingExtraError,
-    RecordingError,
-)
+from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.launch import Plan, run_processes
-from neurosnap.system.distribution import must_have
-from neurosnap.system.durable import replacing
+from neurosnap.system.durable import replace_file, replacing
+from neurosnap.system.picture import KINDS, canvas_type, encoded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -196,20 +192,18 @@ def write_csv(rows: Iterable[Measured], path: Path) -> None:
         writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
 
 
-def draw(rows: Sequence[Measured], path: Path) -> None:
-    """Write ``depth.png``: depth over height, and time over depth with its line.
+def draw(rows: Sequence[Measured], folder: Path) -> list[Path]:
+    """Write ``depth.png``, ``.svg`` and ``.pdf``: depth over height, time over depth.
 
     State waves are not drawn; see `fit`.
+
+    Returns:
+        What was written.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        rule = must_have("matplotlib", "plot")
-        raise MissingExtraError(f"depth.png: {rule}") from error
-    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    figure = canvas_type("depth.png")(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     signals = [row for row in rows if row.kind == "signal"]
     groups = sorted({(row.sensors, row.wiring) for row in signals})
@@ -228,8 +222,10 @@ def draw(rows: Sequence[Measured], path: Path) -> None:
         axes.grid(alpha=0.3)
         if axes.get_legend_handles_labels()[0]:  # a single depth makes no line
             axes.legend(fontsize="small")
-    with replacing(path) as draft:
-        figure.savefig(draft, dpi=150, format="png")
+    paths = [folder / f"depth.{kind}" for kind in KINDS]
+    for path, kind in zip(paths, KINDS, strict=True):
+        replace_file(path, encoded(figure, kind))
+    return paths
 
 
 def _draw_depth(

@@ -61,8 +61,11 @@ def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
     lines = (out / "depth.csv").read_text().splitlines()
     assert lines[0] == "sensors,wiring,height,depth,longest,pulses,seconds"
     assert len(lines) == 1 + 60
-    assert (out / "depth.png").read_bytes().startswith(b"\x89PNG")
-    assert {path.name for path in out.iterdir()} == {"depth.csv", "depth.png"}
+    for kind, begins in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
+        path = out / f"depth.{kind}"
+        assert path.read_bytes().startswith(begins)
+        assert facts[kind] == str(path)
+    assert len(list(out.iterdir())) == 4
 
 
 def test_depth_needs_a_folder_to_write_to(log: Path, tmp_path: Path) -> None:

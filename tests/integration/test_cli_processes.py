@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.recording.read.reader import Recording
+from neurosnap.system.picture import KINDS
 from tests.support.command_line import RUN_KEYS, last_json
 from tests.support.command_line_files import readings
 from tests.support.disturbed_commands import finish, sound, started
@@ -71,4 +72,5 @@ def test_depth_is_measured_in_swarms(tmp_path: Path) -> None:
     assert [row["height"] for row in facts["rows"]] == [1, 1, 3, 3]
     assert [row["depth"] for row in facts["rows"]] == [1, 1, 3, 3]
     assert facts["line"] is not None
-    assert {path.name for path in tmp_path.iterdir()} == {"depth.csv", "depth.png"}
+    names = {f"depth.{kind}" for kind in ("csv", *KINDS)}
+    assert {path.name for path in tmp_path.iterdir()} == names

@@ -13,6 +13,7 @@ from neurosnap.apps.figures.experiments.learning_error import TruthKind
 from neurosnap.apps.figures.figure import FigureOptions
 from neurosnap.apps.figures.run import FIGURES, run_figures
 from neurosnap.errors import InvalidValueError
+from neurosnap.system.picture import KINDS
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """For what is said of the data: to draw a picture takes a second."""
-    monkeypatch.setattr(run, "_picture", lambda _: b"\x89PNG")
+    monkeypatch.setattr(run, "_pictures", lambda _: {"png": b"\x89PNG"})
 
 
 def options(out: Path, **changes: Any) -> FigureOptions:
@@ -41,8 +42,10 @@ def test_each_figure_comes_with_its_data_and_its_facts(tmp_path: Path) -> None:
     assert [figure.name for figure in results.figures] == list(LEARNING)
     assert (results.computed, results.reused, results.missing) == (80, 0, 0)
     for figure in results.figures:
-        picture, data, facts = (path.read_bytes() for path in figure.files)
-        assert picture.startswith(b"\x89PNG")
+        png, svg, pdf, data, facts = (path.read_bytes() for path in figure.files)
+        assert png.startswith(b"\x89PNG")
+        assert svg.startswith(b"<?xml")
+        assert pdf.startswith(b"%PDF")
         assert data.startswith(b"setting,threshold,decay,step,mean,std,min,max\r\n")
         told = msgspec.json.decode(facts)
         assert told["options"] == {
@@ -199,7 +202,8 @@ def test_the_verb_makes_them_too(tmp_path: Path) -> None:
     assert said.startswith("cells: 44 computed, 0 reused\n")
     assert said.count("holds: ") > 0
     for name in ("learning-empirical", "learning-compared"):
-        assert (tmp_path / f"{name}.png").is_file()
+        for kind in KINDS:
+            assert (tmp_path / f"{name}.{kind}").is_file()
 
 
 def test_the_verb_names_what_is_wrong() -> None:

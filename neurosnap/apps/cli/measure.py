@@ -79,7 +79,10 @@ def depth(
     seed: int = option("seed", "Seed of the random orders."),
     out: Annotated[
         Path,
-        typer.Option(metavar="DIR", help="The folder for depth.csv and depth.png."),
+        typer.Option(
+            metavar="DIR",
+            help="The folder for depth.csv and its picture, as .png, .svg and .pdf.",
+        ),
     ] = Path(),
     as_json: Json = False,
 ) -> None:
@@ -128,8 +131,7 @@ def depth(
         with unwinding():
             write_csv(rows, wrote[0])
             try:
-                draw(rows, out / "depth.png")
-                wrote.append(out / "depth.png")
+                wrote += draw(rows, out)
             except MissingExtraError as error:
                 screen.print(f"no picture: {error}", markup=False, soft_wrap=True)
         line = fit(rows)

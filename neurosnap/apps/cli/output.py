@@ -23,6 +23,7 @@ from neurosnap.health.news import Newsreader
 from neurosnap.protocol.anomaly_text import few
 from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
+from neurosnap.system.picture import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -308,7 +309,7 @@ def depth_facts(
     files = {path.suffix: str(path) for path in wrote}
     return {
         "csv": files.get(".csv"),
-        "png": files.get(".png"),
+        **{kind: files.get(f".{kind}") for kind in KINDS},
         "waves": len(rows),
         "line": None if line is None else msgspec.structs.asdict(line),
         "rows": [msgspec.structs.asdict(row) for row in rows],
@@ -339,7 +340,7 @@ def depths(
         console.print(
             f"time over depth: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
         )
-    console.print(f"wrote {' and '.join(escape(str(path)) for path in wrote)}")
+    console.print(f"wrote {', '.join(escape(str(path)) for path in wrote)}")
 
 
 def _span(values: Sequence[int]) -> str:

@@ -1,8 +1,6 @@
 """A page with the Hasse diagram, the dual and the legend of a model."""
 
-import os
 import textwrap
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,15 +19,15 @@ from neurosnap.apps.drawing.panel import (
     lines,
     stacked,
 )
-from neurosnap.errors import InvalidValueError, MissingExtraError, naming
-from neurosnap.system.distribution import must_have
+from neurosnap.errors import InvalidValueError
+from neurosnap.system.durable import replace_file
+from neurosnap.system.picture import KINDS, canvas_type, encoded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MARGIN = 0.35
 _DPI = 120
-_KINDS = (".png", ".svg", ".pdf")
 
 
 def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
@@ -41,15 +39,7 @@ def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
     """
     check_picture(path)
     figure = figure_of(model, numbers)
-    draft = path.with_name(f"{path.name}.part")
-    try:
-        with naming(path), warnings.catch_warnings():
-            # A sensor's name may be in a script the font lacks: it shows as boxes.
-            warnings.filterwarnings("ignore", message="Glyph")
-            figure.savefig(draft, dpi=_DPI, format=path.suffix[1:].lower())
-        os.replace(draft, path)  # noqa: PTH105 - the one that replaces atomically
-    finally:
-        draft.unlink(missing_ok=True)
+    replace_file(path, encoded(figure, path.suffix[1:].lower(), _DPI))
 
 
 def check_picture(path: Path) -> None:
@@ -60,11 +50,11 @@ def check_picture(path: Path) -> None:
             missing.
         MissingExtraError: matplotlib is not installed.
     """
-    if path.suffix.lower() not in _KINDS:
+    if path.suffix[1:].lower() not in KINDS:
         raise InvalidValueError("out", "must end in .png, .svg or .pdf", str(path))
     if not path.absolute().parent.is_dir():
         raise InvalidValueError("out", "must be in a folder that exists", str(path))
-    _canvas()
+    canvas_type("picture")
 
 
 def figure_of(model: Model, numbers: Numbers) -> "Figure":
@@ -82,7 +72,7 @@ def sheet(page: Panel) -> "Figure":
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    canvas = _canvas()
+    canvas = canvas_type("picture")
     width, height = page.width + 2 * _MARGIN, page.height + 2 * _MARGIN
     figure = canvas(figsize=(width, height))
     axes = figure.add_axes((0, 0, 1, 1))
@@ -138,17 +128,3 @@ def _kept(text: str) -> str:
     for sign in ("<", "="):
         text = text.replace(f" {sign} ", f"\u00a0{sign}\u00a0")
     return text
-
-
-def _canvas() -> "type[Figure]":
-    """Return what a picture is drawn on.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        rule = must_have("matplotlib", "plot")
-        raise MissingExtraError(f"picture: {rule}") from error
-    return Figure

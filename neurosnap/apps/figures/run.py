@@ -1,7 +1,7 @@
 """Runs the experiments: computes missing entries and draws complete figures.
 
-In the output folder every figure has a picture, its data and its facts
-(``NAME.png``, ``.csv``, ``.json``), each written whole or not at all.
+In the output folder every figure has a picture, its data and its facts (``NAME.png``,
+``.svg``, ``.pdf``; ``.csv``; ``.json``), each written whole or not at all.
 """
 
 import csv
@@ -34,12 +34,12 @@ from neurosnap.apps.figures.figure import (
     judged,
 )
 from neurosnap.apps.figures.results_table import Table
-from neurosnap.errors import InvalidValueError, MissingExtraError
-from neurosnap.system.distribution import must_have, version
+from neurosnap.errors import InvalidValueError
+from neurosnap.system.distribution import version
 from neurosnap.system.durable import replace_file
+from neurosnap.system.picture import KINDS, canvas_type, encoded
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as CanvasType
     from numpy.typing import NDArray
 
     from neurosnap.apps.figures.experiments.entry import Entry
@@ -66,7 +66,7 @@ class FigureResult(msgspec.Struct, frozen=True):
     name: str
     title: str
     files: tuple[Path, ...]
-    """The picture, the data and the facts."""
+    """The picture as PNG, SVG and PDF, the data and the facts."""
     lines: tuple[str, ...]
     """Its facts for people, a line each."""
     claims: tuple[Claim, ...]
@@ -111,7 +111,7 @@ def run_figures(
         OSError: The output folder cannot be written.
     """
     _check(options)
-    _canvas()  # hours of computing must not end in a missing package
+    canvas_type("figures")  # hours of computing must not end in a missing package
     chosen = chosen_figures(options.only)
     if options.homes is None and not options.only:
         chosen = [figure for figure in chosen if figure is not fig8_homes.FIGURE]
@@ -170,36 +170,22 @@ def _make(figure: Figure, options: FigureOptions, table: Table) -> FigureResult 
     claims = judged(report.claims, options.steps)
     report = replace(report, claims=claims)
     said = agreement(claims)
-    files = tuple(options.out / f"{figure.name}.{kind}" for kind in _KINDS)
-    contents = (_picture(report), _data(report), _facts(figure, options, report, said))
-    for path, content in zip(files, contents, strict=True):
+    contents = {
+        **_pictures(report),
+        "csv": _data(report),
+        "json": _facts(figure, options, report, said),
+    }
+    files = tuple(options.out / f"{figure.name}.{kind}" for kind in contents)
+    for path, content in zip(files, contents.values(), strict=True):
         replace_file(path, content)
     return FigureResult(figure.name, figure.title, files, report.lines, claims, said)
 
 
-_KINDS = ("png", "csv", "json")
-
-
-def _canvas() -> "CanvasType":
-    """Return an empty canvas.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure as Canvas
-    except ImportError as error:
-        rule = must_have("matplotlib", "plot")
-        raise MissingExtraError(f"figures: {rule}") from error
-    return Canvas(layout="constrained")
-
-
-def _picture(report: Report) -> bytes:
-    canvas = _canvas()
+def _pictures(report: Report) -> dict[str, bytes]:
+    """Return the picture as files of all kinds."""
+    canvas = canvas_type("figures")(layout="constrained")
     report.draw(canvas)
-    buffer = io.BytesIO()
-    canvas.savefig(buffer, dpi=150, format="png")
-    return buffer.getvalue()
+    return {kind: encoded(canvas, kind) for kind in KINDS}
 
 
 def _data(report: Report) -> bytes:

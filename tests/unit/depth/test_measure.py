@@ -124,13 +124,14 @@ def test_a_csv_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
     ids=["two groups", "one depth", "no depth", "state waves only", "both kinds"],
 )
 def test_a_figure_is_drawn_whole(tmp_path: Path, rows: list[Measured]) -> None:
-    path = tmp_path / "depth.png"
-    draw(rows, path)
-    data = path.read_bytes()
-    assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    assert b"IEND" in data[-12:]
-    assert len(data) > 5000
-    assert list(tmp_path.iterdir()) == [path]
+    paths = draw(rows, tmp_path)
+    assert set(tmp_path.iterdir()) == set(paths)
+    png, svg, pdf = (path.read_bytes() for path in paths)
+    assert png.startswith(b"\x89PNG\r\n\x1a\n")
+    assert b"IEND" in png[-12:]
+    assert svg.rstrip().endswith(b"</svg>")
+    assert pdf.rstrip().endswith(b"%%EOF")
+    assert min(map(len, (png, svg, pdf))) > 5000
 
 
 @pytest.mark.parametrize(

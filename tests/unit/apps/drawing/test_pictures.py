@@ -1,6 +1,7 @@
 """Pictures: what is parallel, what keeps its distance, and that text is readable."""
 
 import functools
+import io
 import itertools
 import sys
 from pathlib import Path
@@ -211,9 +212,9 @@ def test_a_picture_that_fails_leaves_what_was_there(
 ) -> None:
     from matplotlib.figure import Figure
 
-    def savefig(self: Figure, path: Path, **_: object) -> None:
-        path.write_text("half")
-        raise OSError(28, "No space left on device", str(path))
+    def savefig(self: Figure, buffer: io.BytesIO, **_: object) -> None:
+        buffer.write(b"half")
+        raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Figure, "savefig", savefig)
     path = tmp_path / "picture.png"

@@ -194,7 +194,7 @@ def test_outages_are_read_and_refused(tmp_path: Path) -> None:
 def test_a_figure_of_homes_has_every_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "_picture", lambda _: b"\x89PNG")
+    monkeypatch.setattr(run, "_pictures", lambda _: {"png": b"\x89PNG"})
     monkeypatch.setattr(cases, "CASES", 3)
     monkeypatch.setattr(cases, "ONSETS", 1)
     write(tmp_path / "one.sensors", 21, 3)
