@@ -24,6 +24,7 @@ from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.system.durable import replace_file, replacing
+from neurosnap.system.palette import MANY, MARKERS
 from neurosnap.system.picture import KINDS, canvas_type, encoded
 
 if TYPE_CHECKING:
@@ -209,9 +210,10 @@ def draw(rows: Sequence[Measured], folder: Path) -> list[Path]:
     groups = sorted({(row.sensors, row.wiring) for row in signals})
     for number, (sensors, wiring) in enumerate(groups):
         chosen = [r for r in signals if (r.sensors, r.wiring) == (sensors, wiring)]
-        label, colour = f"{sensors} cells, {wiring}", f"C{number}"
-        _draw_depth(left, chosen, label, colour)
-        _draw_time(right, chosen, label, colour)
+        label = f"{sensors} cells, {wiring}"
+        look = MANY[number % len(MANY)], MARKERS[number % len(MARKERS)]
+        _draw_depth(left, chosen, label, look)
+        _draw_time(right, chosen, label, look)
     reach = max((max(row.height, row.depth) for row in rows), default=1)
     left.plot([0, reach], [0, reach], color="0.6", lw=1, ls="--", label="y = x")
     left.set(xlabel="height (edges on the longest chain)", ylabel="depth (hops)")
@@ -229,21 +231,26 @@ def draw(rows: Sequence[Measured], folder: Path) -> list[Path]:
 
 
 def _draw_depth(
-    axes: "Axes", rows: Sequence[Measured], label: str, colour: str
+    axes: "Axes", rows: Sequence[Measured], label: str, look: tuple[str, str]
 ) -> None:
     """Draw how often each depth came at each height: larger dots, more waves."""
     pairs = np.array([(row.height, row.depth) for row in rows])
     places, counts = np.unique(pairs, axis=0, return_counts=True)
     sizes = 12 + 60 * counts / counts.max()
     heights, depths = places.T
-    axes.scatter(heights, depths, s=sizes, color=colour, alpha=0.6, label=label)
-
-
-def _draw_time(axes: "Axes", rows: Sequence[Measured], label: str, colour: str) -> None:
-    depths = np.array([row.depth for row in rows])
+    colour, marker = look
     axes.scatter(
-        depths, [1e3 * row.seconds for row in rows], s=10, color=colour, alpha=0.5
+        heights, depths, s=sizes, color=colour, marker=marker, alpha=0.6, label=label
     )
+
+
+def _draw_time(
+    axes: "Axes", rows: Sequence[Measured], label: str, look: tuple[str, str]
+) -> None:
+    colour, marker = look
+    depths = np.array([row.depth for row in rows])
+    times = [1e3 * row.seconds for row in rows]
+    axes.scatter(depths, times, s=10, color=colour, marker=marker, alpha=0.5)
     line = fit(rows)
     if line is None:
         return

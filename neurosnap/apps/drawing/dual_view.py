@@ -1,6 +1,5 @@
 """The parts of a dual to be drawn: positions, edges, squares, colours, names."""
 
-import colorsys
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +12,7 @@ from neurosnap.apps.drawing.panel import short
 from neurosnap.poc.dual.homology import cubes_among
 from neurosnap.poc.dual.realization import corners
 from neurosnap.poc.order.pocset import PocSet
-
-_HUES = (0.58, 0.055, 0.36, 0.80, 0.13, 0.48, 0.92, 0.24, 0.68)
+from neurosnap.system.palette import HUES, mixed, rgb
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +141,9 @@ class View:
             self.sides[square].tolist(),
             key=lambda k: (sizes[self.layout.families[k]], -k),
         )
-        mixed = 0.72 * _rgb(self.colours[one]) + 0.28 * _rgb(self.colours[two])
+        between = np.array(rgb(mixed(self.colours[one], self.colours[two], 0.28)))
         share = 0.36 if strong else 0.17
-        red, green, blue = (1 - share + share * mixed).tolist()
+        red, green, blue = (1 - share + share * between).tolist()
         return red, green, blue
 
     def element(self, k: int) -> str:
@@ -175,13 +173,12 @@ def _crossing(poc: PocSet, own: tuple[int, ...]) -> NDArray[np.bool_]:
     return np.array(pairs, np.bool_).reshape(len(own), len(own))
 
 
-def _rgb(colour: str) -> Floats:
-    """Return ``#rrggbb`` as three numbers in [0, 1]."""
-    return np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
-
-
 def _colours(layout: Layout) -> tuple[str, ...]:
-    """Return colours: a hue for each way that elements' being on leads, in shades."""
+    """Return colours: a hue for each way that elements' being on leads, in shades.
+
+    Ways that share a hue have shades of their own, and elements of a way go from dark
+    to light.
+    """
     leads = {
         family: layout.directions[layout.families == family][0]
         for family in layout.families.tolist()
@@ -190,12 +187,17 @@ def _colours(layout: Layout) -> tuple[str, ...]:
         (family, bool(layout.directions[k] @ leads[family] > 0))
         for k, family in enumerate(layout.families.tolist())
     ]
-    hues = {way: number for number, way in enumerate(dict.fromkeys(ways))}
-    shades = []
-    for k, way in enumerate(ways):
-        size, place, number = ways.count(way), ways[:k].count(way), hues[way]
-        hue = _HUES[number % len(_HUES)] + 0.03 * (number // len(_HUES))
-        share = place / (size - 1) if size > 1 else 0.3
-        rgb = colorsys.hls_to_rgb(hue % 1, 0.30 + 0.33 * share, 0.85 - 0.2 * share)
-        shades.append("#" + "".join(f"{round(255 * c):02x}" for c in rgb))
-    return tuple(shades)
+    colours = [""] * len(ways)
+    distinct = list(dict.fromkeys(ways))
+    for number, (dark, light) in enumerate(HUES):
+        place = -1.0
+        places: dict[int, float] = {}
+        for way in distinct[number :: len(HUES)]:
+            for k in (k for k, other in enumerate(ways) if other == way):
+                place += 1.0
+                places[k] = place
+            place += 0.5
+        longest = max(place - 0.5, 1.0)
+        for k, where in places.items():
+            colours[k] = mixed(dark, light, where / longest)
+    return tuple(colours)

@@ -10,6 +10,7 @@ from neurosnap.apps.drawing.layout_cost import Floats
 from neurosnap.apps.drawing.panel import INK, LINE, PALE, STATE, Panel, say, text_width
 from neurosnap.apps.drawing.rank_layout import stand
 from neurosnap.poc.order.pocset import PocSet
+from neurosnap.system.palette import ink_on, rgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -158,5 +159,5 @@ def _box(
             zorder=2,
         )
     )
-    ink = "white" if filled else INK if proper else PALE
+    ink = ink_on(rgb(colour)) if filled and colour else INK if proper else PALE
     say(axes, x, y, name, _SIZE, ink, layer=3).set_gid("element")

@@ -10,6 +10,7 @@ from neurosnap.apps.figures import learners, plots
 from neurosnap.apps.figures.curves import Curve, fitted
 from neurosnap.apps.figures.experiments.walks import SETTINGS, walks
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
+from neurosnap.system.palette import steps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 _EXPONENTIAL = 0.9
 _STILL = 0.05
 _AROUND = 2.0
-_BLUES = ((0.0, 0.0, 0.4), (0.05, 0.35, 0.95), (0.1, 0.95, 1.0))
 
 Curves = Mapping[str, Sequence[Curve]]
 
@@ -229,15 +229,16 @@ def _smallest_probabilities(options: FigureOptions) -> dict[str, float]:
 
 
 def _draw(canvas: "Canvas", curves: Sequence[Curve]) -> None:
-    colours = plots.shades(_BLUES, len(learners.THRESHOLDS))
+    colours = steps(len(learners.THRESHOLDS))
     colour = dict(zip(learners.THRESHOLDS, colours, strict=True))
     strokes = [
         plots.Stroke(curve, _label(curve.cell.threshold), colour[curve.cell.threshold])
         for curve in curves
     ]
+    bar = plots.Bar("threshold τ", [_label(each) for each in colour], colours)
     cell = curves[0].cell
     title = f"Empirical snapshots learning from {cell.runs} random walks"
-    plots.draw(canvas, strokes, title, "threshold τ", "linear")
+    plots.draw(canvas, strokes, title, bar, "linear")
 
 
 def _label(threshold: float) -> str:

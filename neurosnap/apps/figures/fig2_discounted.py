@@ -9,13 +9,13 @@ from neurosnap.apps.figures import learners, plots
 from neurosnap.apps.figures.curves import Curve
 from neurosnap.apps.figures.experiments.waiting_time import to_learn
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
+from neurosnap.system.palette import steps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 _BEST, _BETTER_WAIT = 5, 4
 _UNIFORM = 0.25  # every weight of a new snapshot
-_REDS = ((0.4, 0.0, 0.0), (0.95, 0.25, 0.05), (1.0, 0.88, 0.15))
 
 Curves = Mapping[str, Sequence[Curve]]
 
@@ -123,18 +123,18 @@ def _listed(numbers: Mapping[float, int]) -> str:
 
 
 def _draw(canvas: "Canvas", curves: Sequence[Curve]) -> None:
-    colours = plots.shades(_REDS, len(learners.DECAYS))
+    colours = steps(len(learners.DECAYS))
+    labels = [rf"$1 - 2^{{-{k + 2}}}$" for k in range(len(learners.DECAYS))]
     order = {decay: k for k, decay in enumerate(learners.DECAYS)}
     strokes = []
     for curve in curves:
         k = order[curve.cell.decay or 0.0]
-        label = rf"$1 - 2^{{-{k + 2}}}$"
-        strokes.append(plots.Stroke(curve, label, colours[k]))
+        strokes.append(plots.Stroke(curve, labels[k], colours[k]))
     title = (
         f"Discounted snapshots learning from {curves[0].cell.runs} random walks,"
         f" τ = 1/{learners.SENSORS}³"
     )
-    plots.draw(canvas, strokes, title, "decay q", "log")
+    plots.draw(canvas, strokes, title, plots.Bar("decay q", labels, colours), "log")
 
 
 FIGURE = Figure(

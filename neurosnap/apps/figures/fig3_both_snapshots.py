@@ -10,12 +10,13 @@ from neurosnap.apps.figures.curves import Curve
 from neurosnap.apps.figures.experiments.learning_error import LearningEntry
 from neurosnap.apps.figures.experiments.walks import SETTINGS
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
+from neurosnap.system.palette import FEW, rgb
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 _DECAY = learners.DECAYS[4]
-_BLUE, _RED = (0.1, 0.25, 0.8), (0.85, 0.15, 0.1)
+_EMPIRICAL, _DISCOUNTED = rgb(FEW[0]), rgb(FEW[1])
 
 
 def cells(options: FigureOptions) -> list[LearningEntry]:
@@ -60,9 +61,9 @@ def claims(curves: Mapping[str, Sequence[Curve]]) -> tuple[Claim, ...]:
 
 def _draw(canvas: "Canvas", curves: Sequence[Curve]) -> None:
     strokes = [
-        plots.Stroke(curve, "empirical", _BLUE, band=True)
+        plots.Stroke(curve, "empirical", _EMPIRICAL, band=True)
         if curve.cell.decay is None
-        else plots.Stroke(curve, "discounted", _RED, band=True)
+        else plots.Stroke(curve, "discounted", _DISCOUNTED, band=True)
         for curve in curves
     ]
     title = (

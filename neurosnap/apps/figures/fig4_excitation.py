@@ -15,6 +15,7 @@ from neurosnap.apps.figures.experiments.target_distance import (
 )
 from neurosnap.apps.figures.experiments.walks import SETTINGS
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
+from neurosnap.system.palette import FEW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +25,7 @@ _DECAY = learners.DECAYS[4]
 _END = 0  # the place at one end of the path
 _BINS = 90
 _SINCE = (1000, 4000)  # steps from which on means are told
-_COLOURS = {None: (0.1, 0.25, 0.8), _DECAY: (0.85, 0.15, 0.1)}
+_COLOURS = {None: FEW[0], _DECAY: FEW[1]}
 _TITLES = {
     "path": "path, thresholds",
     "cycle": "cycle, beacons",

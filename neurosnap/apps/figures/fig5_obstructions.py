@@ -16,6 +16,7 @@ from neurosnap.apps.figures.experiments.obstacles import (
     arena,
 )
 from neurosnap.apps.figures.figure import Claim, Figure, FigureOptions, Report
+from neurosnap.system.palette import FEW, QUANTITY, ink_on
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +39,9 @@ _TASKS: tuple[tuple[str, AgentName, int, tuple[str, ...]], ...] = (
     (_RAIL, "excited", 12, ("near_12",)),
     (_RAIL, "random", 12, ("near_12",)),
 )
-_COLOURS = {"greedy": "C3", "excited": "C0", "random": "0.5"}
+_WORLDS = {_GRID: "whole grid", _PUNCTURED: "punctured grid", _RAIL: "rail"}
+_COLOURS = {"excited": FEW[0], "greedy": FEW[1], "random": FEW[2]}
+_MARKERS = {"excited": "o", "greedy": "s", "random": "^"}
 
 Results = Mapping[tuple[str, AgentName], tuple[ObstacleEntry, NDArray[np.int32]]]
 
@@ -187,7 +190,8 @@ def _table(results: Results) -> Iterator[Sequence[object]]:
 
 def _draw(canvas: "Canvas", results: Results) -> None:
     canvas.set_size_inches(12, 7.6)
-    panels = canvas.subplots(2, 3)
+    rows: Any = canvas.subfigures(2, 1)  # their columns are not alike
+    top, bottom = (row.subplots(1, 3) for row in rows)
     maps: tuple[tuple[str, AgentName], ...] = (
         (_GRID, "greedy"),
         (_PUNCTURED, "greedy"),
@@ -199,21 +203,21 @@ def _draw(canvas: "Canvas", results: Results) -> None:
         "punctured grid, excitation-driven",
     )
     image: Any = None
-    for axes, key, title in zip(panels[0], maps, titles, strict=True):
+    for axes, key, title in zip(top, maps, titles, strict=True):
         cell, found = results[key]
         image = _map(axes, arena(cell.world, cell.target), found)
         axes.set_title(title, fontsize="medium")
-    canvas.colorbar(image, ax=panels[0], label="share of runs that arrive", shrink=0.8)
-    _rail(panels[1, 0], results)
+    canvas.colorbar(image, ax=top, label="share of runs that arrive", shrink=0.8)
+    _rail(bottom[0], results)
     _bars(
-        panels[1, 1],
+        bottom[1],
         {
             "whole, greedy": results[_GRID, "greedy"],
             "punctured, greedy": results[_PUNCTURED, "greedy"],
             "punctured, excited": results[_PUNCTURED, "excited"],
         },
     )
-    _arrivals(panels[1, 2], results)
+    _arrivals(bottom[2], results)
     canvas.suptitle("Obstructions to greedy planning, with perfect exposure beforehand")
 
 
@@ -224,8 +228,8 @@ def _map(axes: "Axes", world: Arena, found: NDArray[np.int32]) -> object:
     size = x.max() + 1, y.max() + 1
     picture = np.full(size[::-1], np.nan)
     picture[y, x] = shares
-    axes.set_facecolor("black")  # what is missing
-    image = axes.imshow(picture, origin="lower", vmin=0, vmax=1, cmap="RdYlGn")
+    _missing(axes, picture)
+    image = axes.imshow(picture, origin="lower", vmin=0, vmax=1, cmap=QUANTITY)
     for start in range(len(x)):
         firsts = found[:, start, FIRST]
         firsts = firsts[firsts >= 0]
@@ -233,6 +237,7 @@ def _map(axes: "Axes", world: Arena, found: NDArray[np.int32]) -> object:
             continue
         action = int(np.bincount(firsts).argmax())
         turn = _direction(world, action)
+        red, green, blue = np.asarray(image.to_rgba(shares[start]))[:3].tolist()
         if turn is not None:
             axes.quiver(
                 x[start],
@@ -242,7 +247,7 @@ def _map(axes: "Axes", world: Arena, found: NDArray[np.int32]) -> object:
                 pivot="mid",
                 scale=16,
                 width=0.008,
-                color="0.15",
+                color=ink_on((red, green, blue)),
             )
     goal = int(np.argmin(world.distances))
     axes.plot(x[goal], y[goal], "*", color="white", mec="black", ms=15)
@@ -250,6 +255,13 @@ def _map(axes: "Axes", world: Arena, found: NDArray[np.int32]) -> object:
         xlabel="x", ylabel="y", xticks=range(0, size[0], 5), yticks=range(0, size[1], 5)
     )
     return image
+
+
+def _missing(axes: "Axes", picture: NDArray[np.float64]) -> None:
+    """Cross out the places that the world lacks: black is a colour of the map's end."""
+    for y, x in np.argwhere(np.isnan(picture)).tolist():
+        for way in (0.5, -0.5):
+            axes.plot([x - 0.5, x + 0.5], [y - way, y + way], color="black", lw=1.2)
 
 
 def _direction(world: Arena, action: int) -> tuple[float, float] | None:
@@ -270,7 +282,8 @@ def _rail(axes: "Axes", results: Results) -> None:
         cell, found = results[_RAIL, agent]
         steps = np.where(found[:, :, ARRIVED] >= 0, found[:, :, ARRIVED], cell.limit)
         means = [steps[:, shortest == way].mean() for way in ways]
-        axes.plot(ways, means, "o-", ms=3, color=_COLOURS[agent], label=agent)
+        line = f"{_MARKERS[agent]}-"
+        axes.plot(ways, means, line, ms=4, color=_COLOURS[agent], label=agent)
     axes.plot(ways, ways, "--", color="0.6", label="shortest way")
     axes.set_yscale("symlog", linthresh=1)
     axes.set_xticks(range(0, int(ways[-1]) + 1, 2))
@@ -296,19 +309,17 @@ def _bars(
 
 def _arrivals(axes: "Axes", results: Results) -> None:
     facts = [_summary(*result) for result in results.values()]
-    names = [
-        f"{each['world'].removeprefix('neurosnap/').removesuffix('-v0')}, {each['agent']}"
-        for each in facts
-    ]
+    names = [f"{_WORLDS[each['world']]}, {each['agent']}" for each in facts]
     shares = [100 * each["arrived"] for each in facts]
     colours = [_COLOURS[each["agent"]] for each in facts]
     bars = axes.barh(range(len(facts)), shares, color=colours)
     axes.bar_label(bars, [f"{share:.0f} %" for share in shares], padding=2)
     axes.set_yticks(range(len(facts)), names)
     axes.invert_yaxis()
-    axes.set_xlim(0, 118)
-    axes.set_xlabel(f"starts from which the target is reached in {_LIMIT} steps (%)")
-    axes.set_title("who arrives", fontsize="medium")
+    axes.set_xlim(0, 130)  # room for "100 %" behind a bar
+    axes.set_xticks(range(0, 101, 20))
+    axes.set_xlabel("share of the starts (%)")
+    axes.set_title(f"who arrives in {_LIMIT} steps", fontsize="medium")
 
 
 FIGURE = Figure(

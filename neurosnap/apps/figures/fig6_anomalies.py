@@ -5,7 +5,7 @@ house do when they fail is not known here, since no recording at hand says which
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -26,14 +26,18 @@ from neurosnap.apps.figures.experiments.fault_detection import (
 from neurosnap.apps.figures.experiments.sensor_faults import FAULTS, PLACES
 from neurosnap.apps.figures.figure import Figure, FigureOptions, Report
 from neurosnap.apps.figures.learners import DECAYS, LEAST
+from neurosnap.system.palette import FEW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
+Learner: TypeAlias = tuple[float, float | None]
+"""A threshold, and a decay if it forgets."""
+
 _MOST_RUNS = 5  # watchers go step by step: a run takes a second
 _FORGIVING = 0.01
-_LEARNERS: tuple[tuple[float, float | None], ...] = (
+_LEARNERS: tuple[Learner, ...] = (
     (LEAST, None),
     (_FORGIVING, None),
     (LEAST, DECAYS[4]),
@@ -49,7 +53,7 @@ _COLUMNS = (
     *("precision", "false in 1000", "faults caught", "delay", "right", "among"),
 )
 """Of the table for people."""
-_COLOURS: dict[Judge, str] = {"after": "0.7", "before": "C0", "held": "C1"}
+_COLOURS: dict[Judge, str] = dict(zip(JUDGES, FEW, strict=True))
 
 
 class Score(msgspec.Struct, frozen=True):
@@ -245,9 +249,10 @@ def _learner(threshold: float, decay: float | None) -> str:
 
 def _draw(canvas: "Canvas", kinds: Sequence[Score], whole: Sequence[Score]) -> None:
     """Draw recall above and false alarms below, a column a learner."""
-    canvas.set_size_inches(13, 6.5)
-    panels = canvas.subplots(2, len(_LEARNERS), sharey="row")
-    for (above, below), learner in zip(panels.T, _LEARNERS, strict=True):
+    drawn, silent = _told_of(kinds)
+    canvas.set_size_inches(1.8 + 2.8 * max(len(drawn), 2), 6.5)
+    panels = canvas.subplots(2, len(drawn), sharey="row", squeeze=False)
+    for (above, below), learner in zip(panels.T, drawn, strict=True):
         above.set_title(_learner(*learner), fontsize="medium")
         mine = [s for s in kinds if (s.threshold, s.decay) == learner]
         _recall(above, [s for s in mine if s.fault != "none"])
@@ -259,7 +264,22 @@ def _draw(canvas: "Canvas", kinds: Sequence[Score], whole: Sequence[Score]) -> N
     canvas.legend(
         handles, labels, loc="outside lower center", ncols=len(labels), frameon=False
     )
-    canvas.suptitle("Faults of sensors: what is noticed, in five worlds together")
+    title = "Faults of sensors: what is noticed, in five worlds together"
+    for learner in silent:
+        title += f"\n{_learner(*learner)}: no anomaly at all, not drawn"
+    canvas.suptitle(title)
+
+
+def _told_of(scores: Sequence[Score]) -> tuple[list[Learner], list[Learner]]:
+    """Return the learners to draw, and those that told of no step at all.
+
+    A discounted one has learned nothing before some hundred steps: its panels would be
+    empty. If all are like that, the empty panels are what there is.
+    """
+    told = {(s.threshold, s.decay) for s in scores if s.recall or s.false}
+    drawn = [learner for learner in _LEARNERS if learner in told]
+    silent = [learner for learner in _LEARNERS if learner not in told]
+    return (drawn, silent) if drawn else (silent, [])
 
 
 def _recall(axes: "Axes", scores: Sequence[Score]) -> None:
@@ -283,7 +303,7 @@ def _false(axes: "Axes", scores: Sequence[Score]) -> None:
     bars = axes.bar(range(len(scores)), heights, 0.6, color=colours)
     axes.bar_label(bars, [f"{height:.3g}" for height in heights], fontsize="small")
     axes.set_xticks(range(len(scores)), [s.judge for s in scores], fontsize="small")
-    axes.set_ylim(0, 1000)
+    axes.set_ylim(0, 3000)  # room for the numbers over 1000
 
 
 FIGURE = Figure(

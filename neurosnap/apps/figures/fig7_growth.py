@@ -28,6 +28,7 @@ from neurosnap.apps.figures.experiments.growing import (
 )
 from neurosnap.apps.figures.experiments.stages import settings, stage_of
 from neurosnap.apps.figures.figure import Figure, FigureOptions, Report
+from neurosnap.system.palette import MANY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +44,7 @@ _COLUMNS = (
     *("journeys", "of them", "reached", "shortest", "waves a step"),
     *("falls", "unforeseen"),
 )
-_COLOURS = dict(zip(METHODS, ("C0", "C1", "C2", "C3", "0.5", "C4", "C5"), strict=True))
+_COLOURS = dict(zip(METHODS, MANY, strict=True))
 
 
 class Score(msgspec.Struct, frozen=True):

@@ -22,6 +22,7 @@ from neurosnap.apps.figures.experiments.homes.methods import METHODS
 from neurosnap.apps.figures.figure import Figure, FigureOptions, Report
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import parse_budget
+from neurosnap.system.palette import MANY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -210,7 +211,8 @@ def _curves(axes: "Axes", row: Floats) -> None:
         hours = np.sort(_there(row[:, 0, ..., place].ravel()))
         share = np.arange(1, len(hours) + 1) / max(1, len(hours))
         got = np.isfinite(hours)
-        axes.step(hours[got], share[got], where="post", label=method)
+        colour = MANY[place]
+        axes.step(hours[got], share[got], where="post", color=colour, label=method)
     axes.set_ylim(0, 1)
     axes.set_xlim(0, 168)
     axes.grid(alpha=0.25, lw=0.6)
@@ -224,7 +226,8 @@ def _bars(axes: "Axes", row: Floats) -> None:
     }
     for place, method in enumerate(METHODS):
         heights = [np.nan_to_num(values[group, method]) for group in _GROUPS]
-        axes.bar(np.arange(len(heights)) + 0.16 * (place - 2), heights, 0.15)
+        places = np.arange(len(heights)) + 0.16 * (place - 2)
+        axes.bar(places, heights, 0.15, color=MANY[place])
     axes.set_xticks(range(len(_GROUPS)), list(_GROUPS), fontsize="small")
     axes.set_ylim(0, 1)
     axes.grid(axis="y", alpha=0.25, lw=0.6)

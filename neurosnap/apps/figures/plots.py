@@ -7,19 +7,18 @@ holds nothing but 0, which gets its own tick: nothing is cut off, nothing is inv
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from neurosnap.apps.figures.curves import Curve
 from neurosnap.apps.figures.experiments.walks import SETTINGS, Setting
+from neurosnap.system.palette import Rgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-
-Colour: TypeAlias = tuple[float, float, float]
-"""Red, green and blue, each in [0, 1]."""
+    from numpy.typing import NDArray
 
 _TITLES = {
     "path": "a path of 21 places, threshold sensors",
@@ -36,35 +35,35 @@ class Stroke:
     curve: Curve
     label: str
     """Its entry in the legend, which all panels share."""
-    colour: Colour
+    colour: Rgb
     band: bool = False
     """Whether its spread is drawn: readable for a few curves, not for ten."""
 
 
-def shades(stops: Sequence[Colour], count: int) -> list[Colour]:
-    """Return colours in equal steps along `stops`, the first and the last included."""
-    places = np.linspace(0, len(stops) - 1, count)
-    channels = [
-        np.interp(places, np.arange(len(stops)), channel)
-        for channel in zip(*stops, strict=True)
-    ]
-    return [(float(r), float(g), float(b)) for r, g, b in zip(*channels, strict=True)]
+@dataclass(frozen=True)
+class Bar:
+    """A colour bar: steps of a quantity."""
+
+    title: str
+    labels: Sequence[str]
+    """One a step, the least first."""
+    colours: Sequence[Rgb]
 
 
 def draw(
     canvas: "Canvas",
     strokes: Sequence[Stroke],
     title: str,
-    legend: str,
+    legend: str | Bar,
     scale: Literal["linear", "log"],
 ) -> None:
-    """Draw four panels that share their scales, and one legend.
+    """Draw four panels that share their scales, and one legend or colour bar.
 
     Args:
         canvas: An empty canvas.
         strokes: All curves; each goes to the panel of its setting.
         title: Above everything.
-        legend: The title of the legend.
+        legend: The title of the legend, or a bar in its place.
         scale: Of the steps.
     """
     canvas.set_size_inches(11, 7.6)
@@ -78,16 +77,34 @@ def draw(
         axes.set_xlabel("step t (observations)")
     for axes in panels[:, 0]:
         axes.set_ylabel("Err(t), mean of runs (edges)")
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    canvas.legend(
-        handles,
-        labels,
-        loc="outside right center",
-        title=legend,
-        fontsize="small",
-        frameon=False,
-    )
+    if isinstance(legend, Bar):
+        _bar(canvas, panels, legend)
+    else:
+        handles, labels = panels.flat[0].get_legend_handles_labels()
+        canvas.legend(
+            handles,
+            labels,
+            loc="outside right center",
+            title=legend,
+            fontsize="small",
+            frameon=False,
+        )
     canvas.suptitle(title)
+
+
+def _bar(canvas: "Canvas", panels: "NDArray[Any]", bar: Bar) -> None:
+    """Draw a colour bar to the right of the panels, the first step lowest."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    count = len(bar.colours)
+    edges = np.arange(count + 1) - 0.5
+    scale = ScalarMappable(BoundaryNorm(edges, count), ListedColormap(bar.colours))
+    drawn = canvas.colorbar(scale, ax=panels, ticks=range(count), shrink=0.6, aspect=25)
+    drawn.set_ticklabels(bar.labels)
+    drawn.minorticks_off()
+    drawn.ax.tick_params(length=0, labelsize="small")
+    drawn.ax.set_title(bar.title, fontsize="medium")
 
 
 def _panel(axes: "Axes", setting: Setting, strokes: Sequence[Stroke]) -> None:
@@ -104,10 +121,11 @@ def _panel(axes: "Axes", setting: Setting, strokes: Sequence[Stroke]) -> None:
                 lw=0,
             )
         axes.plot(steps, curve.mean, color=stroke.colour, lw=1.1, label=stroke.label)
+    title = f"({setting.letter}) {_TITLES[setting.name]}"
     if len({stroke.curve.mean.tobytes() for stroke in strokes}) == 1 < len(strokes):
-        note = f"all {len(strokes)} coincide"
-        axes.text(0.97, 0.93, note, transform=axes.transAxes, ha="right", va="top")
-    axes.set_title(f"({setting.letter}) {_TITLES[setting.name]}", fontsize="medium")
+        # Not on the panel: there is no place on it that no line may run through.
+        title += f": all {len(strokes)} coincide"
+    axes.set_title(title, fontsize="medium")
     axes.grid(alpha=0.25, lw=0.6)
 
 

@@ -1,7 +1,6 @@
 """Pictures: what is parallel, what keeps its distance, and that text is readable."""
 
 import functools
-import io
 import itertools
 import sys
 from pathlib import Path
@@ -210,13 +209,12 @@ def test_every_named_model_is_drawn_whole(
 def test_a_picture_that_fails_leaves_what_was_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from matplotlib.figure import Figure
+    def write_half(path: Path, data: bytes) -> int:
+        with path.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(28, "No space left on device", str(path))
 
-    def savefig(self: Figure, buffer: io.BytesIO, **_: object) -> None:
-        buffer.write(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Figure, "savefig", savefig)
+    monkeypatch.setattr(Path, "write_bytes", write_half)
     path = tmp_path / "picture.png"
     path.write_text("what was there before")
     model = find("simple")

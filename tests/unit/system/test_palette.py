@@ -1,0 +1,135 @@
+"""Colours stay apart in print and for the colour-blind."""
+
+import itertools
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from neurosnap.apps.drawing.dual_view import View
+from neurosnap.apps.drawing.find_model import find
+from neurosnap.system.palette import FEW, HUES, MANY, ink_on, luminance, mixed, rgb
+
+Floats = NDArray[np.float64]
+
+# Machado, Oliveira & Fernandes 2009, table 1, severity 1.0; of linear RGB.
+SEEN_BY = {
+    "everybody": np.eye(3),
+    "protanopia": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "deuteranopia": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
+    ),
+}
+# sRGB to CIE XYZ, and the white of D65.
+_XYZ = np.array(
+    [
+        [0.4124, 0.3576, 0.1805],
+        [0.2126, 0.7152, 0.0722],
+        [0.0193, 0.1192, 0.9505],
+    ]
+)
+_WHITE = _XYZ.sum(axis=1)
+
+
+def lab(colour: str | tuple[float, ...], seen_by: str = "everybody") -> Floats:
+    """Return a colour in CIE L*a*b*, in which 2.3 is a difference just noticed."""
+    c = np.array(rgb(colour) if isinstance(colour, str) else colour)
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    xyz = _XYZ @ np.clip(SEEN_BY[seen_by] @ linear, 0, 1) / _WHITE
+    f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def closest(colours: tuple[str, ...], seen_by: str) -> float:
+    places = [lab(colour, seen_by) for colour in colours]
+    pairs = itertools.combinations(places, 2)
+    return min(float(np.linalg.norm(one - two)) for one, two in pairs)
+
+
+def grey_gap(colours: tuple[str, ...]) -> float:
+    return float(np.diff(sorted(lab(colour)[0] for colour in colours)).min())
+
+
+def test_the_measure_knows_colours_that_are_confused() -> None:
+    red, green = "#d62728", "#2ca02c"  # matplotlib's own
+    assert closest((red, green), "everybody") > 100
+    assert closest((red, green), "deuteranopia") < 40
+    assert closest(("#0072b2", "#d55e00", "#009e73"), "protanopia") > 25
+    assert grey_gap(("#d55e00", "#009e73", "#cc79a7")) < 5
+    np.testing.assert_allclose(lab("#ffffff"), [100, 0, 0], atol=0.02)
+    assert lab("#777777")[0] == pytest.approx(50.03, abs=0.05)
+
+
+@pytest.mark.parametrize("seen_by", SEEN_BY)
+@pytest.mark.parametrize(("palette", "least"), [(FEW, 40), (MANY, 25)])
+def test_colours_stay_apart(
+    palette: tuple[str, ...], least: float, seen_by: str
+) -> None:
+    assert closest(palette, seen_by) > least
+
+
+@pytest.mark.parametrize(("palette", "least"), [(FEW, 20), (MANY, 9)])
+def test_colours_stay_apart_in_grey(palette: tuple[str, ...], least: float) -> None:
+    assert grey_gap(palette) > least
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seen_by", SEEN_BY)
+def test_steps_of_a_quantity_rise_in_lightness(seen_by: str) -> None:
+    pytest.importorskip("matplotlib")
+    from neurosnap.system.palette import steps
+
+    rising = np.diff([lab(colour, seen_by)[0] for colour in steps(10)])
+    assert rising.min() > 4
+    assert lab(steps(10)[-1])[0] < 82  # a line of it is seen on white
+
+
+@pytest.mark.parametrize("name", ["simple", "beacons", "six-arcs", "six-wide-arcs"])
+@pytest.mark.parametrize("seen_by", SEEN_BY)
+def test_sensors_of_a_dual_stay_apart(name: str, seen_by: str) -> None:
+    model = find(name)
+    assert model.vertices is not None
+    colours = View.of(model.poc, model.vertices, seen=model.witnessed).colours
+    assert closest(colours, seen_by) > 25
+    assert grey_gap(colours) > 9
+
+
+@pytest.mark.parametrize("name", ["grid", "path-with-all-contexts", "thresholds"])
+def test_sensors_of_a_direction_go_from_dark_to_light(name: str) -> None:
+    model = find(name)
+    assert model.vertices is not None
+    view = View.of(model.poc, model.vertices, level=model.level, seen=model.witnessed)
+    ways: dict[tuple[float, ...], list[float]] = {}
+    for way, colour in zip(
+        view.layout.directions.round(9).tolist(), view.colours, strict=True
+    ):
+        ways.setdefault(tuple(way), []).append(lab(colour)[0])
+    assert max(map(len, ways.values())) > 1
+    for shades in ways.values():
+        assert len(shades) == 1 or np.diff(shades).min() > 0.5
+
+
+def test_hues_are_of_the_palette_and_shades_lie_between() -> None:
+    assert {colour for hue in HUES for colour in hue} == set(MANY) - {"#000000"}
+    assert mixed("#000000", "#ffffff", 0.0) == "#000000"
+    assert mixed("#000000", "#ffffff", 0.6) == "#999999"
+
+
+def test_what_stands_on_a_colour_is_read() -> None:
+    for dark, light in HUES:
+        for share in np.linspace(0, 1, 9).tolist():
+            colour = rgb(mixed(dark, light, share))
+            ink = ink_on(colour)
+            over = 1.0 if ink == "white" else luminance(rgb(ink))
+            low, high = sorted((over, luminance(colour)))
+            assert (high + 0.05) / (low + 0.05) > 3.7  # of bold labels WCAG wants 3
