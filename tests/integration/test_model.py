@@ -92,6 +92,17 @@ def test_a_recording_is_drawn_with_its_state(log: Path, folder: Path) -> None:
     assert early["witnessed"] <= 2
 
 
+def test_some_sensors_of_a_recording_are_drawn(log: Path, folder: Path) -> None:
+    facts = asked(str(log), "--only", "light, door", "--out", "some.svg")
+    assert facts["title"].endswith("tick 8 (2 of 3 sensors)")
+    assert (facts["png"], facts["svg"]) == (None, "some.svg")
+    assert facts["elements"] == [["light"], ["door"]]
+    assert facts["dual"]["vertices"] == ["10", "01", "00"]
+    assert facts["dual"]["witnessed"] == [0, 1, 2]
+    assert len(facts["dual"]["possible"]) == 1
+    assert (folder / "some.svg").read_text().rstrip().endswith("</svg>")
+
+
 def test_a_dual_too_large_is_left_out_of_a_recordings_picture(log: Path) -> None:
     facts = asked(str(log), "--at", "0", "--limit", "7")
     assert facts["vertices"] is None
@@ -111,6 +122,16 @@ def test_a_dual_too_large_is_left_out_of_a_recordings_picture(log: Path) -> None
         (["grid", "--limit", "20"], 2, "dual: must have at most 20 vertices"),
         (["simple", "--at", "3"], 2, "tick: must be of a recording"),
         (["simple", "--out", "a.jpg"], 2, "out: must end in .png, .svg or .pdf, got"),
+        (["simple", "--only", "a,q"], 2, "q"),
+        (
+            [
+                ",".join(f"s{k}" for k in range(70))
+                + " : "
+                + " < ".join(f"s{k}" for k in range(70))
+            ],
+            2,
+            "--only A,B",
+        ),
         (["simple", "--out", "no/a.png"], 2, "out: must be in a folder that exists"),
         (["missing.mcap"], 2, "missing.mcap"),
         (["foreign.mcap"], 1, "foreign.mcap"),

@@ -118,6 +118,14 @@ def model(
         int,
         typer.Option(help="Do not draw the dual if it has more vertices than this."),
     ] = 256,
+    only: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B",
+            help="Draw these sensors only, and the order among them.",
+            show_default="all",
+        ),
+    ] = "",
     names: Annotated[
         bool,
         typer.Option("--list", metavar=FLAG, help="List the names of the models."),
@@ -128,6 +136,8 @@ def model(
     from neurosnap.apps.drawing.find_model import find, listed
     from neurosnap.apps.drawing.measures import in_words, measure
     from neurosnap.apps.drawing.page import check_picture, draw_model
+    from neurosnap.apps.drawing.structure import structure
+    from neurosnap.system.picture import KINDS
 
     with errors():
         if names:
@@ -141,7 +151,8 @@ def model(
             raise InvalidValueError("model", rule, "nothing")
         if out is not None or not as_json:
             check_picture(out or Path("a.png"))
-        found = find(what, at, limit)
+        kept = [name.strip() for name in only.split(",") if name.strip()]
+        found = find(what, at, limit, kept)
         path = Path(f"{found.name}.png") if out is None and not as_json else out
         numbers = measure(found)
         lines = [numbers.title, *in_words(numbers)]
@@ -152,8 +163,13 @@ def model(
         for line in lines:
             say(as_json).print(line, markup=False, soft_wrap=True)
         if as_json:
-            drawn = None if path is None else str(path)
-            print_json({"png": drawn, **msgspec.to_builtins(numbers)})
+            files = dict.fromkeys(KINDS)
+            drawn = {} if path is None else {path.suffix[1:].lower(): str(path)}
+            facts = {
+                **msgspec.to_builtins(numbers),
+                **msgspec.to_builtins(structure(found)),
+            }
+            print_json({**files, **drawn, **facts})
         if found.recording is not None:
             end_by(found.recording)
 

@@ -28,6 +28,10 @@ NAMED = 48
 RING = "#d4521a"
 PUNCTURE = "#c1121f"
 RADIUS = 0.062
+THICK, THIN = 3.0, 1.3
+"""Widths of edges that are shown, and of those that are not."""
+SHINE = 0.62
+"""How opaque a square's tile is."""
 _MARKED = 0.115
 _LABEL = 8.5
 _GAP = 0.55
@@ -178,7 +182,7 @@ class Drawing:
             Polygon(
                 middle + 0.86 * (ring - middle),
                 facecolor=colour,
-                alpha=0.62,
+                alpha=SHINE,
                 lw=0,
                 zorder=at,
             )
@@ -188,7 +192,7 @@ class Drawing:
         ends = self._view.edges[number]
         colour = self._view.colours[self._view.crossed[number]]
         x, y = points[ends].T
-        wide = 3.0 if self._seen[ends].all() else 1.3
+        wide = THICK if self._seen[ends].all() else THIN
         axes.plot(x, y, color="white", lw=wide + 2.4, zorder=at - 1e-4)
         axes.plot(x, y, color=colour, lw=wide, zorder=at, solid_capstyle="round")
 

@@ -1,6 +1,7 @@
 """Finds the model to draw: by name, from a recording, or from an expression."""
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +21,8 @@ from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.sensorium import unpack
 
-MOST = 400
-"""The most elements a Hasse diagram is drawn of."""
+MOST = 4_000
+"""The most elements that are measured: it takes seconds."""
 
 _NAMED = {make.__name__.replace("_", "-"): make for make in EXAMPLES.values()}
 _CALLED = {**EXAMPLES, **_NAMED}
@@ -32,7 +33,12 @@ def listed() -> dict[str, str]:
     return {name: make().title for name, make in _NAMED.items()}
 
 
-def find(text: str, tick: int | None = None, limit: int = LIMIT) -> Model:
+def find(
+    text: str,
+    tick: int | None = None,
+    limit: int = LIMIT,
+    only: Sequence[str] = (),
+) -> Model:
     """Return the model that is asked for.
 
     Args:
@@ -40,10 +46,12 @@ def find(text: str, tick: int | None = None, limit: int = LIMIT) -> Model:
             `PocSet.parse` reads it.
         tick: Of a recording: as it was after this tick.
         limit: The most vertices that are listed.
+        only: The sensors to keep, with the order among them; none: all.
 
     Raises:
         InvalidValueError: There is no such model, the expression is wrong, or there
-            is too much to draw.
+            is too much to measure.
+        UnknownSensorError: One of `only` is not among the sensors.
         RecordingError: The recording is damaged or somebody else's.
     """
     if limit < 1:
@@ -59,9 +67,11 @@ def find(text: str, tick: int | None = None, limit: int = LIMIT) -> Model:
         raise InvalidValueError("model", _unknown(text), text)
     if tick is not None:
         raise InvalidValueError("tick", "must be of a recording (.mcap)", text)
-    elements = len(np.unique(found.poc.graph.representative))
+    if only:
+        found = _among(found, only)
+    elements = found.elements
     if not 0 < elements <= MOST:
-        rule = f"must have from 1 to {MOST} elements to be drawn"
+        rule = f"must have from 1 to {MOST:,} elements; keep some sensors with --only"
         raise InvalidValueError("poc set", rule, elements)
     return replace(found, limit=limit)
 
@@ -103,6 +113,29 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
         state=state,
         lenient=True,
         recording=recording,
+    )
+
+
+def _among(model: Model, names: Sequence[str]) -> Model:
+    """Return a model of some of its sensors; what is marked in it is left out."""
+    poc = model.poc.restricted(names)
+    every = list(model.poc.sensorium)
+    rows = [every.index(name) for name in poc.sensorium]
+    fields, state = model.fields, model.state
+    if fields is not None:
+        fields = Realization(fields.fields[rows], poc.sensorium)
+    if state is not None:
+        state = state.reshape(-1, 2)[rows].ravel()
+    return replace(
+        model,
+        title=f"{model.title} ({len(rows)} of {len(every)} sensors)",
+        poc=poc,
+        fields=fields,
+        state=state,
+        marks=(),
+        parts=(),
+        target=None,
+        joined=(),
     )
 
 

@@ -46,7 +46,7 @@ def hasse_panel(
     x, rank = stood.across, stood.rank
     span = max(float(np.ptp(rank)), 1e-9)
     # Lines that pass ranks need room between them, and wide orders steep lines.
-    least = 5.0 if all(len(line) < 3 for line in stood.lines) else 9.0
+    least = 2.8 if all(len(line) < 3 for line in stood.lines) else 9.0
     step = float(np.clip(least / span, 0.56, 0.9))
     step = max(step, min(float(x.max()) / 3 / span, 1.8))
     y = (rank - rank.min()) * step + 0.16

@@ -4,7 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from neurosnap.apps.drawing.dual_panel import RING, Point, dot, halo, put_mark
+from neurosnap.apps.drawing.dual_panel import (
+    RING,
+    SHINE,
+    THIN,
+    Point,
+    dot,
+    halo,
+    put_mark,
+)
 from neurosnap.apps.drawing.dual_view import View
 from neurosnap.apps.drawing.model import Mark, Model
 from neurosnap.apps.drawing.panel import (
@@ -63,9 +71,7 @@ def key_panel(model: Model, view: View, nameless: int, *, brief: bool) -> Panel:
         PALE,
     )
     parts = [head, beside(columns, 0.2)]
-    marks = _marks(model)
-    if marks:
-        parts.append(stacked(marks, 0))
+    parts.append(stacked(_marks(model, view), 0))
     parts.append(lines(_words(nameless, len(view.corners)), 8.5, PALE))
     return stacked(parts, 0.16)
 
@@ -84,16 +90,16 @@ def _words(nameless: int, vertices: int) -> list[str]:
     return words
 
 
-def _marks(model: Model) -> list[Panel]:
+def _marks(model: Model, view: View) -> list[Panel]:
     """Return what the signs on vertices mean."""
     found: list[Panel] = []
     if model.witnessed is not None:
-        found.append(
-            _entry(f"{model.witness} shows it", lambda a, p: dot(a, p, seen=True))
-        )
+        found.append(_entry(f"a vertex: {model.witness} shows it", _dot))
         if len(model.witnessed) < len(model.vertices or ()):
             found.append(_entry("none does", lambda a, p: dot(a, p, seen=False)))
-            found.append(_entry("thin, pale: not in the punctured dual", _blank))
+            found.append(_entry("not in the punctured dual", _thin(view)))
+    else:
+        found.append(_entry("a vertex: a state without contradiction", _dot))
     if model.possible is not None:
         found.append(_entry("possible in the current state", _halo))
     kinds = dict.fromkeys(mark.kind for mark in model.marks)
@@ -143,6 +149,28 @@ def _arrow(view: View, k: int) -> "Sign":
 
 def _put(mark: Mark) -> "Sign":
     return lambda axes, point: put_mark(axes, point, mark)
+
+
+def _dot(axes: "Axes", point: Point) -> None:
+    dot(axes, point, seen=True)
+
+
+def _thin(view: View) -> "Sign":
+    """Return an edge and a tile as what no point shows is drawn."""
+
+    def draw(axes: "Axes", point: Point) -> None:
+        from matplotlib.patches import Rectangle
+
+        x, y = point
+        if len(view.squares):
+            corner = x - _SIGN / 2, y - 0.36 * _ROW
+            tile = Rectangle(corner, _SIGN, 0.72 * _ROW, lw=0, alpha=SHINE)
+            tile.set_facecolor(view.tint(0, strong=False))
+            axes.add_patch(tile)
+        ends = [x - _SIGN / 2, x + _SIGN / 2], [y, y]
+        axes.plot(*ends, color=view.colours[0], lw=THIN)
+
+    return draw
 
 
 def _halo(axes: "Axes", point: Point) -> None:

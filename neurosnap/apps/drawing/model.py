@@ -75,6 +75,11 @@ class Model:
         """The sensor whose edges lie level."""
         return self.parts[0][1][0] if self.parts else None
 
+    @property
+    def elements(self) -> int:
+        """How many literals differ: what a Hasse diagram has a box for."""
+        return len(np.unique(self.poc.graph.representative))
+
     @cached_property
     def cubing(self) -> Cubing:
         """The dual."""

@@ -26,6 +26,9 @@ from neurosnap.system.picture import KINDS, canvas_type, encoded
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MOST = 120
+"""The most elements that are drawn: 60 sensors. Of more nobody sees anything."""
+
 _MARGIN = 0.35
 _DPI = 120
 
@@ -34,10 +37,11 @@ def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
     """Write the picture of a model: whole or not at all; what was there is replaced.
 
     Raises:
-        InvalidValueError: As from `check_picture`.
+        InvalidValueError: As from `check_picture` and `check_size`.
         MissingExtraError: matplotlib is not installed.
     """
     check_picture(path)
+    check_size(model)
     figure = figure_of(model, numbers)
     replace_file(path, encoded(figure, path.suffix[1:].lower(), _DPI))
 
@@ -55,6 +59,21 @@ def check_picture(path: Path) -> None:
     if not path.absolute().parent.is_dir():
         raise InvalidValueError("out", "must be in a folder that exists", str(path))
     canvas_type("picture")
+
+
+def check_size(model: Model) -> None:
+    """Refuse a model too large for a page.
+
+    Raises:
+        InvalidValueError: It has more than `MOST` elements.
+    """
+    if model.elements > MOST:
+        rule = (
+            f"must have at most {MOST} elements (60 sensors that differ) to be drawn:"
+            " keep some sensors with --only A,B, or see all of them on the page of"
+            " `neurosnap view`, in `neurosnap graph`, or as data with --json"
+        )
+        raise InvalidValueError("model", rule, model.elements)
 
 
 def figure_of(model: Model, numbers: Numbers) -> "Figure":
@@ -111,15 +130,28 @@ def _row(model: Model, *, brief: bool = False) -> Panel:
         "Order (Hasse diagram)", hasse_panel(model.poc, view, model.state)
     )
     key = captioned("Key", key_panel(model, view, dual.nameless, brief=brief))
-    row = beside([hasse, captioned("Dual (model space)", dual), key])
+    row = _arranged(hasse, captioned("Dual (model space)", dual), key)
     apart = layers_panel(model, view, unit)
     return row if apart is None else stacked([row, apart], 0.35)
+
+
+def _arranged(hasse: Panel, dual: Panel, key: Panel) -> Panel:
+    """Return the three on as little paper as they take, and no wider than need be."""
+    ways = (
+        beside([hasse, dual, key]),
+        beside([hasse, stacked([dual, key], 0.4)]),
+        beside([stacked([hasse, dual], 0.4), key]),
+    )
+    return min(ways, key=lambda panel: panel.width * panel.height)
 
 
 def _heading(model: Model, numbers: Numbers) -> Panel:
     """Return title, poc set and numbers."""
     title = lines([model.title], 14)
-    poc = textwrap.wrap(_kept(str(model.poc)), 130, max_lines=4, placeholder=" …")
+    poc = textwrap.wrap(_kept(str(model.poc)), 130)
+    if len(poc) > 1:  # names and relations are in the diagram below
+        sensors = f"{len(model.poc)} sensors"
+        poc = [f"{sensors}, {model.elements} literals that differ"]
     return stacked([title, lines([*poc, *in_words(numbers)])], 0.1)
 
 

@@ -12,6 +12,7 @@ import pytest
 from neurosnap.apps.drawing import dual_view, page
 from neurosnap.apps.drawing.cube_layers import layers
 from neurosnap.apps.drawing.dual_layout import Layout, lay_out
+from neurosnap.apps.drawing.dual_panel import THIN
 from neurosnap.apps.drawing.dual_view import View
 from neurosnap.apps.drawing.find_model import find, listed
 from neurosnap.apps.drawing.measures import in_words, measure
@@ -269,14 +270,81 @@ def test_marks_are_what_the_figures_mark() -> None:
         ("a, b : a < b < a", "^relations: must have no cycle"),
         ("a, b : a < q", "q"),
         (",", "^sensor name"),
-        (":", "^poc set: must have from 1 to 400 elements to be drawn, got 0"),
+        (":", "^poc set: must have from 1 to 4,000 elements; keep .* --only, got 0"),
         (",".join(f"s{k}" for k in range(9)), "^dual: must have at most 256 vertices"),
-        (",".join(f"s{k}" for k in range(201)), "^poc set: must have from 1 to 400"),
+        (",".join(f"s{k}" for k in range(2001)), r"^poc set: .* got 4002$"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(text: str, message: str) -> None:
     with pytest.raises(InvalidValueError, match=message):
         measure(find(text))
+
+
+def test_what_nobody_could_read_is_refused_with_its_number(tmp_path: Path) -> None:
+    chain = " < ".join(f"s{k}" for k in range(61))
+    names = ", ".join(f"s{k}" for k in range(61))
+    model = find(f"{names} : {chain}")
+    numbers = measure(model)
+    assert numbers.height == 60
+    message = r"^model: must have at most 120 elements .*--only A,B.*--json, got 122$"
+    for name in ("a.png", "a.svg"):
+        with pytest.raises(InvalidValueError, match=message):
+            draw_model(model, numbers, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+    same = find(f"{names}, t : {chain}, t = s2".replace("s59 < s60", "s59 = s60"))
+    assert (len(same.poc), same.elements) == (62, 120)  # equal literals are one
+    page.check_size(same)
+    few = find(f"{names} : {chain}", only=("s3", "s40"))
+    draw_model(few, measure(few), tmp_path / "a.png")
+    assert few.title.endswith("(2 of 61 sensors)")
+
+
+def texts_of(text: str) -> list[str]:
+    (axes,) = figure_once(text).axes
+    return [shown.get_text() for shown in axes.texts]
+
+
+@pytest.mark.slow
+def test_the_key_says_what_a_dot_is_and_shows_what_is_thin() -> None:
+    assert "a vertex: a state without contradiction" in texts_of("simple")
+    assert "a vertex: a point shows it" in texts_of("thresholds")
+    assert "not in the punctured dual" not in texts_of("thresholds")
+    found = texts_of("six-arcs")
+    assert "not in the punctured dual" in found
+    (axes,) = figure_once("six-arcs").axes
+    place = next(t for t in axes.texts if t.get_text() == "not in the punctured dual")
+    x, y = place.get_position()
+    swatch = [
+        line
+        for line in axes.lines
+        if line.get_linewidth() == THIN
+        and np.allclose(line.get_ydata(), y)
+        and np.all(np.asarray(line.get_xdata()) < x)
+    ]
+    assert len(swatch) == 1
+
+
+@pytest.mark.slow
+def test_a_heading_does_not_enumerate_what_the_diagram_shows() -> None:
+    assert "16 sensors, 32 literals that differ" in texts_of("path-with-all-contexts")
+    assert "a, b, c : a\u00a0<\u00a0c*, b\u00a0<\u00a0c*" in texts_of("simple")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["thresholds", "simple", "bad-dual"])
+def test_a_small_model_leaves_little_paper_white(text: str) -> None:
+    """Of the rows of the paper below the heading, most have something on them."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas: Any = FigureCanvasAgg(figure_once(text))
+    canvas.draw()
+    ink = np.asarray(canvas.buffer_rgba())[..., :3].min(axis=2) < 250
+    boxes = [
+        ink[y : y + 40, x : x + 40].any()
+        for y in range(0, ink.shape[0], 40)
+        for x in range(0, ink.shape[1], 40)
+    ]
+    assert np.mean(boxes) > 0.3
 
 
 def test_more_is_listed_when_asked_for() -> None:
