@@ -12,7 +12,8 @@ from playwright.async_api import Page, expect
 
 from neurosnap import wire
 from neurosnap.recording.read.reader import Recorded, Recording
-from tests.support.browser_pages import IN_BROWSER, faults, go_to, opened
+from tests.support.browser_pages import IN_BROWSER, go_to, opened
+from tests.support.page_faults import faults
 from tests.support.recorded_runs import recorded
 from tests.support.rewritten_recordings import rewritten
 from tests.support.run_options import options_for

@@ -11,7 +11,8 @@ from playwright.async_api import expect
 from neurosnap import wire
 from neurosnap.agent.continuing import Continuing
 from neurosnap.recording.read.reader import Recording
-from tests.support.browser_pages import IN_BROWSER, faults, go_to, opened
+from tests.support.browser_pages import IN_BROWSER, go_to, opened
+from tests.support.page_faults import faults
 from tests.support.recorded_runs import recorded
 from tests.support.run_options import options_for
 from tools.browser import Scheme

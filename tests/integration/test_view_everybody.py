@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.support.browser_pages import IN_BROWSER, opened
+from tests.support.page_faults import faults
 from tests.support.recorded_runs import TICKS
 from tools.browser import SIZE, Scheme, wait_shown
 from tools.screenshots import shoot
 
 pytestmark = IN_BROWSER
 
-AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 GOAL = "x_below_1"  # the first literal of what the planner wants
 CONTROLS = ("#search", "#help", "#fit", "#wave-play", "#taller", "#speed")
 schemes = pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -24,7 +24,6 @@ schemes = pytest.mark.parametrize("scheme", ["light", "dark"])
 async def test_axe_finds_no_serious_fault(scheme: Scheme, planner_log: Path) -> None:
     async with opened(planner_log, f"#t={TICKS}", scheme) as page:
         await wait_shown(page, TICKS)
-        await page.evaluate(AXE.read_text(encoding="utf-8"))
         await page.click("#tab-sensors")
         await page.locator("#outline button").first.click()
         await page.locator("#choice button.link").first.click()
@@ -32,12 +31,7 @@ async def test_axe_finds_no_serious_fault(scheme: Scheme, planner_log: Path) -> 
         for tab in ("sensors", "cells", "plots"):
             await page.click(f"#tab-{tab}")
             await page.wait_for_selector(f"#{tab}:not(:empty)")
-            faults = await page.evaluate(
-                """async () => (await axe.run()).violations
-                    .filter(({ impact }) => impact === "serious" || impact === "critical")
-                    .map(({ id, nodes }) => [id, nodes.map(({ html }) => html)])"""
-            )
-            assert faults == []
+            assert await faults(page) == []
 
 
 async def test_it_fits_a_small_screen(planner_log: Path) -> None:

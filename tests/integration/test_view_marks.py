@@ -9,13 +9,13 @@ from playwright.async_api import expect
 from neurosnap.apps.viewer.marks import RunMarks
 from neurosnap.apps.viewer.run_view import RunView
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
+from tests.support.page_faults import faults
 from tests.support.recorded_runs import csv_run, recorded
 from tools.browser import Scheme, wait_shown
 
 pytestmark = IN_BROWSER
 
 TICKS = 60
-AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 
 
 @pytest.fixture(scope="module")
@@ -36,24 +36,24 @@ def marked(log: Path) -> RunMarks:
 async def test_the_strip_shows_what_happened(broken_log: Path) -> None:
     marks = marked(broken_log).marks(1, TICKS, TICKS)
     async with opened(broken_log) as page:
-        await page.wait_for_selector("#lane .anomaly")
+        await page.wait_for_selector("#strip .anomaly")
         drawn = await page.evaluate(
             """() => [".anomaly", ".rewired", ".begins"].map(
-                (kind) => document.querySelectorAll(`#lane ${kind}`).length)"""
+                (kind) => document.querySelectorAll(`#strip ${kind}`).length)"""
         )
         some = (marks.anomalies, marks.rewired, marks.begins)
         assert drawn == [sum(map(bool, counts)) for counts in some]
-        said = await page.get_attribute("#lane", "aria-label")
+        said = await page.get_attribute("#strip", "aria-label")
         assert f"{sum(marks.anomalies)} tick" in str(said)
-        box = await page.locator("#lane").bounding_box()
+        box = await page.locator("#strip").bounding_box()
         assert box is not None
         first = marks.anomalies.index(1) + 1
         across = 8 + (box["width"] - 16) * (first - 0.5) / TICKS
-        await page.locator("#lane").hover(position={"x": across, "y": 5})
-        title = await page.locator("#lane title").text_content()
+        await page.locator("#strip").hover(position={"x": across, "y": 5})
+        title = await page.locator("#strip title").text_content()
         assert str(title).startswith(f"tick {first}, ")
         assert "1 tick with an anomaly" in str(title)
-        await page.locator("#lane").click(position={"x": across, "y": 5})
+        await page.locator("#strip").click(position={"x": across, "y": 5})
         await wait_shown(page, first)
 
 
@@ -61,7 +61,7 @@ async def test_n_and_p_go_from_anomaly_to_anomaly(broken_log: Path) -> None:
     every = marked(broken_log).marks(1, TICKS, TICKS).anomalies
     ticks = [tick for tick, some in enumerate(every, 1) if some]
     async with opened(broken_log, "#t=1") as page:
-        await page.wait_for_selector("#lane .anomaly")
+        await page.wait_for_selector("#strip .anomaly")
         for tick in ticks:
             await page.keyboard.press("n")
             await wait_shown(page, tick)
@@ -87,11 +87,7 @@ async def test_the_card_names_what_may_be_wrong(
         for sensor in (*frame.anomaly.culprits, *frame.anomaly.others):
             assert names[sensor] in text
         assert frame.anomaly.broken[0].evidence in text
-        await page.evaluate(AXE.read_text(encoding="utf-8"))
-        faults = await page.evaluate(
-            "async () => (await axe.run()).violations.map(({ id }) => id)"
-        )
-        assert faults == []
+        assert await faults(page) == []
         await card.locator("p button").first.click()
         first = (*frame.anomaly.culprits, *frame.anomaly.others)[0]
         assert await page.inner_text("#choice-title") == names[first]

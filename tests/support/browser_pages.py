@@ -25,8 +25,6 @@ IN_BROWSER = [
 ]
 """What marks the tests of the page."""
 
-_AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
-
 shared: list[Browser] = []
 """The browser of the module, while there is one."""
 
@@ -112,17 +110,6 @@ async def states(page: Page, tick: int) -> list[str]:
     """Return what the table in words says of every sensor at a tick."""
     await page.wait_for_selector(f'#outline[data-tick="{tick}"]', state="attached")
     return await page.locator("#outline td.state").all_inner_texts()
-
-
-async def faults(page: Page) -> list[object]:
-    """Return the serious faults that axe finds on the page as it is now."""
-    await page.evaluate(_AXE.read_text(encoding="utf-8"))
-    found: list[object] = await page.evaluate(
-        """async () => (await axe.run()).violations
-            .filter(({ impact }) => impact === "serious" || impact === "critical")
-            .map(({ id, nodes }) => [id, nodes.map(({ html }) => html)])"""
-    )
-    return found
 
 
 def derived(log: Path) -> dict[int, list[str]]:

@@ -160,8 +160,6 @@ class Broken(msgspec.Struct, frozen=True, kw_only=True):
 class Anomaly(msgspec.Struct, frozen=True, kw_only=True):
     """What was observed contradicts what was learned before."""
 
-    line: str
-    """All of it, as `neurosnap watch` says it."""
     culprits: list[int]
     """The likeliest of the smallest sets of sensors that can be wrong."""
     others: list[int]

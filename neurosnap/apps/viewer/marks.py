@@ -1,6 +1,6 @@
 """What happened at which ticks of a run, found in the background.
 
-Anomalies, edges rewired, and beginnings of trajectories, for the lane above the slider.
+Anomalies, edges rewired, and beginnings of trajectories, for the strip over the slider.
 """
 
 import math

@@ -33,7 +33,7 @@ from neurosnap.errors import (
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly_messages import told, with_support
-from neurosnap.protocol.anomaly_text import anomaly_line, evidence
+from neurosnap.protocol.anomaly_text import evidence
 from neurosnap.recording.read.growing_files import Files
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.run_facts import options_of, resumed_at
@@ -289,7 +289,6 @@ class RunView:
         pairs = zip(anomaly.sources, anomaly.targets, words.broken, strict=True)
         others = [one for one in anomaly.candidates if one not in anomaly.culprits]
         return api.Anomaly(
-            line=anomaly_line(words),
             culprits=list(anomaly.culprits),
             others=others,
             exact=anomaly.exact,

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.datastructures import QueryParams
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
@@ -78,10 +79,14 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
         asked = (whole(request.query_params, n) for n in ("source", "target", "tick"))
         return answer(await session.ask(weighed, *asked))
 
+    def ticks_of(query: QueryParams) -> tuple[int, int]:
+        """Return the ticks that are asked for: all there are, but for what is said."""
+        first = max(1, whole(query, "from", 1))
+        return first, whole(query, "to", max(first, session.run_view.last))
+
     async def series(request: Request) -> Response:
         query = request.query_params
-        first = max(1, whole(query, "from", 1))
-        last = whole(query, "to", max(first, session.run_view.last))
+        first, last = ticks_of(query)
         points = whole(query, "points", 600)
         if not 4 <= points <= api.MOST_POINTS:
             rule = f"must be in [4, {api.MOST_POINTS}]"
@@ -97,8 +102,7 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
 
     async def marks(request: Request) -> Response:
         query = request.query_params
-        first = max(1, whole(query, "from", 1))
-        last = whole(query, "to", max(first, session.run_view.last))
+        first, last = ticks_of(query)
         bins = whole(query, "bins", 600)
         if not 1 <= bins <= api.MOST_BINS:
             rule = f"must be in [1, {api.MOST_BINS}]"

@@ -13,7 +13,6 @@ import { Focus } from "./focus.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
 import { bind } from "./keys.js";
-import { Lane } from "./lane.js";
 import { follow, patched } from "./live.js";
 import { Orders } from "./orders.js";
 import { Outline } from "./outline.js";
@@ -21,6 +20,7 @@ import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { FrameCache } from "./frames.js";
 import { Search } from "./search.js";
+import { Strip } from "./strip.js";
 import { tickAsked, Timeline } from "./timeline.js";
 import { Notices, Voice } from "./voice.js";
 import { WaveView } from "./wave.js";
@@ -70,7 +70,7 @@ class Page {
       change: () => this.timeline.showPlayer(),
     });
     this.timeline = new Timeline(this.player);
-    this.lane = new Lane({ fetchMarks, seek: (tick) => this.player.seek(tick) });
+    this.strip = new Strip({ fetchMarks, seek: (tick) => this.player.seek(tick) });
     this.anomaly = new AnomalyCard(names, (thing) => this.pick(thing));
     this.diagram = new Diagram(find("drawing"), {
       pick: (thing) => this.choose(thing),
@@ -209,7 +209,7 @@ class Page {
   async toAnomaly(way) {
     const tick = await fetchBeside(this.player.tick, way).catch(said);
     if (tick) this.player.seek(tick);
-    else notices.tell(`no anomaly ${way > 0 ? "after" : "before"} this tick`);
+    else this.voice.tell(`no anomaly ${way > 0 ? "after" : "before"} this tick`);
   }
 
   showLate(graph) {
@@ -334,7 +334,7 @@ class Page {
     this.frameCache.last = ticks;
     this.player.setRange(first, ticks);
     this.plots.load(first, ticks).catch(said);
-    this.lane.load(first, ticks).catch(said);
+    this.strip.load(first, ticks).catch(said);
     this.growth.load(first, ticks).catch(said);
     this.health.load().catch(said);
   }

@@ -23,6 +23,12 @@ export class Voice {
     this._timer = setTimeout(() => this._say(frame), PATIENCE);
   }
 
+  /** Say something else, once, in place of the tick. */
+  tell(text) {
+    clearTimeout(this._timer);
+    find("said").textContent = text;
+  }
+
   _say(frame) {
     const words = conditions(frame);
     const before = this._words ?? words;
@@ -56,11 +62,6 @@ export class Notices {
   /** Say whether the server is there: whoever gets an answer knows. */
   link(here) {
     this.say("link", here ? "" : GONE);
-  }
-
-  /** Say something once, to a screen reader. */
-  tell(text) {
-    find("said").textContent = text;
   }
 
   /** Have a question say what goes wrong, until it is answered again. */

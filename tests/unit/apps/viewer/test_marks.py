@@ -11,7 +11,7 @@ from neurosnap.apps.viewer.marks import RunMarks
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.literals import from_words
 from neurosnap.protocol.anomaly_messages import told, with_support
-from neurosnap.protocol.anomaly_text import anomaly_line
+from neurosnap.protocol.anomaly_text import evidence
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.replay.replay import Replay
 from tests.support.lamp import LIMITED, lamp_options
@@ -122,7 +122,8 @@ def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
         assert frame.anomaly is not None
         anomaly = found[frame.tick]
         words = told(anomaly, view.options.sensors)
-        assert frame.anomaly.line == anomaly_line(words)
+        said = [one.evidence for one in frame.anomaly.broken]
+        assert said == [evidence(link) for link in words.broken]
         assert frame.anomaly.culprits == list(anomaly.culprits)
         both = {*frame.anomaly.culprits, *frame.anomaly.others}
         assert both == {*anomaly.culprits, *anomaly.candidates}

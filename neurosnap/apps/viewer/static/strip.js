@@ -9,7 +9,7 @@ const STRETCH = 3; // pixels
 const THUMB = 8; // half of the slider's thumb, which stays within its ends
 
 /** The strip. */
-export class Lane {
+export class Strip {
   /**
    * @param {object} on
    * @param {(from: number, to: number, bins: number) => Promise<object>} on.fetchMarks
@@ -17,7 +17,7 @@ export class Lane {
    */
   constructor(on) {
     this._on = on;
-    this._home = find("lane");
+    this._home = find("strip");
     this._range = [1, 0];
     this._marks = null;
     this._loading = false;
