@@ -6,6 +6,8 @@ names the seed, and ``tools/simulate --only SEED`` repeats it.
 
 import asyncio
 import random
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,19 +25,21 @@ from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
-from tools.simulate import __main__ as simulate
+from tools.simulate.__main__ import gathered
 from tools.simulate.case import live_on, random_options
 from tools.simulate.case import simulate as schedule
 from tools.simulate.check import WrongError, check
+from tools.simulate.schedules import outcomes
 from tools.simulate.weather import Tally, Weather, random_weather
 
 BATCH = 25
+TOOL = Path(__file__).parents[2] / "tools" / "simulate"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", range(8))
 def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
-    total = simulate.gathered(simulate.outcomes(batch * BATCH, BATCH, 1))
+    total = gathered(outcomes(batch * BATCH, BATCH, 1))
     assert total.schedules == BATCH
     assert min(total.crashes, total.cuts, total.losses, total.repeats) > BATCH / 2
     assert total.restarts > BATCH / 2
@@ -88,7 +92,21 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
 
     expected = r"(?s)ZeroDivisionError.*seed 7 fails; again: tools/simulate --only 7$"
     with pytest.raises(SystemExit, match=expected):
-        simulate.gathered(simulate.outcomes(5, 5, 1, third))
+        gathered(outcomes(5, 5, 1, third))
+
+
+def test_several_processes_find_what_one_does() -> None:
+    said = [
+        subprocess.run(
+            [sys.executable, TOOL, "--schedules", "6", "--processes", processes],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for processes in ("1", "2")
+    ]
+    one, two = (text.rpartition("seconds")[0] for text in said)
+    assert one == two != ""
 
 
 class _Deleting(RestartFiles):

@@ -31,9 +31,7 @@ class Stretch(NamedTuple):
 
 def head_of(snapshot: Snapshot) -> bytes:
     """Return the archive of a snapshot, with nothing of its pairs."""
-    arrays = snapshot.arrays()
-    empty = {name: arrays[name][..., :0] for name in OF_PAIRS if name in arrays}
-    return snapshot.packed(arrays | empty)
+    return snapshot.packed(snapshot.head())
 
 
 def stretches_of(

@@ -19,11 +19,7 @@ from neurosnap.poc.learning.newborn import Newborn
 from neurosnap.poc.learning.pair_codes import leads, strict
 from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
-from neurosnap.poc.learning.weight_store import (
-    Weights,
-    pair_of,
-    pairs_of,
-)
+from neurosnap.poc.learning.weight_store import Weights, pair_of, pairs_of
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
@@ -293,9 +289,7 @@ class Snapshot(Archived):
 
     def without_pairs(self) -> Self:
         """Return what is left of a snapshot whose pairs others have: with its graph."""
-        arrays = self.arrays()
-        empty = {name: arrays[name][..., :0] for name in OF_PAIRS if name in arrays}
-        rest = self.from_arrays(arrays | empty, range(0))
+        rest = self.from_arrays(self.head(), range(0))
         rest._rows[:] = self._rows  # noqa: SLF001 - its own class
         return rest
 
@@ -472,12 +466,20 @@ class Snapshot(Archived):
 
         Returns:
             The same object until the graph changes.
+
+        Raises:
+            InvalidValueError: Others have pairs of it, and equivalences are to be left
+                out: only the codes of the pairs say which edges those are.
         """
         if equivalences not in self._graphs:
-            rows = self._rows.copy()
-            if not equivalences:
-                rows.fill(0)
+            if equivalences:
+                rows = self._rows.copy()
+            elif len(self._share) == len(self._sensorium):
+                rows = np.zeros_like(self._rows)
                 kernels.draw(strict(self._codes), rows, 0)
+            else:
+                rule = "must be True where others have pairs"
+                raise InvalidValueError("equivalences", rule, equivalences)
             self._graphs[equivalences] = PocGraph.of_rows(rows)
         return self._graphs[equivalences]
 
@@ -551,6 +553,12 @@ class Snapshot(Archived):
             **({"born": self._born} if self._born.any() else {}),
             **self._skips(),
         }
+
+    def head(self) -> Arrays:
+        """Return the arrays, with nothing of the pairs."""
+        arrays = self.arrays()
+        empty = {name: arrays[name][..., :0] for name in OF_PAIRS if name in arrays}
+        return arrays | empty
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, share: range | None = None) -> Self:
