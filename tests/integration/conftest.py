@@ -11,7 +11,14 @@ from tests.support import browser_pages as pages
 from tests.support import preloaded
 from tests.support.left_processes import no_process_left
 from tests.support.patience import PATIENCE
-from tests.support.recorded_runs import csv_run, path_run, planner_run, recorded
+from tests.support.recorded_runs import (
+    csv_run,
+    large_run,
+    path_run,
+    planner_run,
+    recorded,
+    unread_run,
+)
 from tools.browser import started
 
 
@@ -29,6 +36,17 @@ def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("csv")
     return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
+
+
+@pytest.fixture(scope="session")
+def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
+
+
+@pytest.fixture(scope="session")
+def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("large")
+    return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
 
 
 @pytest.fixture

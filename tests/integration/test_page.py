@@ -18,19 +18,11 @@ from neurosnap.sensorium import unpack
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.recorded_runs import (
     TICKS,
-    large_run,
-    recorded,
     told,
 )
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER
-
-
-@pytest.fixture(scope="module")
-def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("large")
-    return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
 
 
 def between_classes(hasse: frozenset[tuple[int, int]]) -> set[tuple[int, int]]:

@@ -11,10 +11,8 @@ from playwright.async_api import Page, expect
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.page_faults import faults
 from tests.support.recorded_runs import (
-    large_run,
     named_run,
     recorded,
-    unread_run,
 )
 from tools.browser import Scheme, wait_shown
 
@@ -41,17 +39,6 @@ LOOK = """async ([sensor]) => {
         [...read.getImageData(x + across * scale, y + down * scale, 1, 1).data].join());
     return { condition, reads, predicted, own: ink(half.own), cap: ink(half.cap) };
 }"""
-
-
-@pytest.fixture(scope="module")
-def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
-
-
-@pytest.fixture(scope="module")
-def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("large")
-    return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from playwright.async_api import Page, expect
 
 from tests.support.browser_pages import IN_BROWSER, opened
 from tests.support.page_faults import faults
-from tests.support.recorded_runs import TICKS, large_run, recorded, told, unread_run
+from tests.support.recorded_runs import TICKS, told
 from tools.browser import Scheme, wait_shown
 
 pytestmark = IN_BROWSER
@@ -25,17 +25,6 @@ LAID = """async () => {
     const items = page.diagram._drawing.items;
     return items.flatMap(({ sensors }) => sensors).sort((a, b) => a - b);
 }"""
-
-
-@pytest.fixture(scope="module")
-def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
-
-
-@pytest.fixture(scope="module")
-def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("large")
-    return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
 
 
 def related(log: Path, tick: int, sensor: int) -> list[int]:

@@ -10,15 +10,10 @@ from playwright.async_api import expect
 
 from tests.support.browser_pages import IN_BROWSER, opened
 from tests.support.page_faults import faults
-from tests.support.recorded_runs import TICKS, unread_run
+from tests.support.recorded_runs import TICKS
 from tools.browser import Scheme, wait_shown
 
 pytestmark = IN_BROWSER
-
-
-@pytest.fixture(scope="module")
-def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
 
 
 async def test_a_state_wave_that_goes_nowhere_says_why_and_offers_another(

@@ -17,18 +17,12 @@ from neurosnap.recording.read.run_facts import options_of
 from tests.support.browser_pages import IN_BROWSER, derived, go_to, opened, states
 from tests.support.recorded_runs import (
     TICKS,
-    unread_run,
 )
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
 
 GOAL = "x_below_1"  # the first literal of what the planner wants
-
-
-@pytest.fixture(scope="module")
-def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
 
 
 @pytest.mark.parametrize("name", ["csv", "planner"])
