@@ -121,7 +121,11 @@ def test_a_dual_too_large_is_left_out_of_a_recordings_picture(log: Path) -> None
         (["simple", "--limit", "0"], 2, "limit: must be at least 1, got 0"),
         (["grid", "--limit", "20"], 2, "dual: must have at most 20 vertices"),
         (["simple", "--at", "3"], 2, "tick: must be of a recording"),
-        (["simple", "--out", "a.jpg"], 2, "out: must end in .png, .svg or .pdf, got"),
+        (
+            ["simple", "--out", "a.jpg"],
+            2,
+            "out: must end in .png, .svg, .pdf or .tex, got",
+        ),
         (["simple", "--only", "a,q"], 2, "q"),
         (
             [

@@ -108,8 +108,8 @@ def model(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Where to put the picture, a .png, .svg or .pdf; replaces what is"
-            " there.",
+            help="Where to put the picture, a .png, .svg, .pdf or .tex (TikZ); replaces"
+            " what is there.",
             show_default="NAME.png; none with --json",
         ),
     ] = None,
@@ -163,7 +163,7 @@ def model(
         for line in lines:
             say(as_json).print(line, markup=False, soft_wrap=True)
         if as_json:
-            files = dict.fromkeys(KINDS)
+            files = dict.fromkeys((*KINDS, "tex"))
             drawn = {} if path is None else {path.suffix[1:].lower(): str(path)}
             facts = {
                 **msgspec.to_builtins(numbers),

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from neurosnap.apps.drawing.cube_layers import layers_panel
-from neurosnap.apps.drawing.dual_panel import dual_panel, unit_of
+from neurosnap.apps.drawing.dual_panel import dual_panel
+from neurosnap.apps.drawing.dual_places import unit_of
 from neurosnap.apps.drawing.dual_view import View
 from neurosnap.apps.drawing.hasse_panel import hasse_panel
 from neurosnap.apps.drawing.legend import key_panel
@@ -19,6 +20,7 @@ from neurosnap.apps.drawing.panel import (
     lines,
     stacked,
 )
+from neurosnap.apps.drawing.tikz import tikz
 from neurosnap.errors import InvalidValueError
 from neurosnap.system.durable import replace_file
 from neurosnap.system.picture import KINDS, canvas_type, encoded
@@ -38,12 +40,16 @@ def draw_model(model: Model, numbers: Numbers, path: Path) -> None:
 
     Raises:
         InvalidValueError: As from `check_picture` and `check_size`.
-        MissingExtraError: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed; a .tex does without.
     """
     check_picture(path)
     check_size(model)
-    figure = figure_of(model, numbers)
-    replace_file(path, encoded(figure, path.suffix[1:].lower(), _DPI))
+    kind = path.suffix[1:].lower()
+    if kind == "tex":
+        data = tikz(model, numbers).encode()
+    else:
+        data = encoded(figure_of(model, numbers), kind, _DPI)
+    replace_file(path, data)
 
 
 def check_picture(path: Path) -> None:
@@ -54,11 +60,14 @@ def check_picture(path: Path) -> None:
             missing.
         MissingExtraError: matplotlib is not installed.
     """
-    if path.suffix[1:].lower() not in KINDS:
-        raise InvalidValueError("out", "must end in .png, .svg or .pdf", str(path))
+    kind = path.suffix[1:].lower()
+    if kind not in (*KINDS, "tex"):
+        rule = "must end in .png, .svg, .pdf or .tex"
+        raise InvalidValueError("out", rule, str(path))
     if not path.absolute().parent.is_dir():
         raise InvalidValueError("out", "must be in a folder that exists", str(path))
-    canvas_type("picture")
+    if kind != "tex":
+        canvas_type("picture")
 
 
 def check_size(model: Model) -> None:
