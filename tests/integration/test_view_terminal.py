@@ -46,7 +46,9 @@ def test_wrong_usage_is_one_line(tmp_path: Path, log: Path) -> None:
     assert (code, text[:36]) == (1, "error: log: must be an MCAP recordin")
     code, text = refused("--live")
     assert code == 2
-    assert "must be named where there is not just one" in text
+    assert "swarm: must run on this machine, got 'none'" in text
+    code, text = refused(str(log), str(log))
+    assert (code, text) == (2, f"error: log: must be named once, got '{log}'")
     code, text = refused("--live", "00000000")
     assert code == 2
     assert "no swarm runs here" in text
@@ -114,7 +116,7 @@ async def test_a_recording_that_is_about_to_begin_is_waited_for(
     monkeypatch.setattr("neurosnap.runtime.registry.recorded_in", recorded_in)
     monkeypatch.setattr("neurosnap.apps.cli.page.typer.echo", say)
     async with asyncio.timeout(PATIENCE):
-        await look(late, stop, browser=False)
+        await look([late], stop, browser=False)
     assert said[0].startswith(f"{late}: http://127.0.0.1:")
     assert set(asked) == {late}
 

@@ -255,7 +255,7 @@ async def test_the_address_is_written_once_one_stays(path_log: Path) -> None:
         )
         await wait_shown(page, 35)
         await expect(page).to_have_url(re.compile(r"#t=35$"))
-        assert await page.evaluate("window.written") == ["#t=35"]
+        assert await page.evaluate("window.written") == ["/#t=35"]
         assert (
             await page.evaluate(
                 """async () => {

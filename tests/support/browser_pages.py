@@ -34,14 +34,15 @@ async def opened(
     log: Path,
     where: str = "",
     scheme: Scheme = "light",
-    *,
+    *others: Path,
     grows: Callable[[], bool] = lambda: False,
     still: bool = False,
     but_for: str = "",
 ) -> AsyncIterator[Page]:
-    """Serve a recording and look at it until the page shows a tick."""
+    """Serve recordings and look at the first until the page shows a tick."""
+    sessions = [ViewSession(each, grows) for each in (log, *others)]
     async with (
-        serving(ViewSession(log, grows)) as address,
+        serving(*sessions) as address,
         looked_at(address.url, scheme, still=still, but_for=but_for) as page,
     ):
         await page.goto(address.url + where)

@@ -4,14 +4,15 @@ import asyncio
 import contextlib
 import importlib.util
 import webbrowser
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import typer
 
 from neurosnap.apps.cli.shared import print_json
-from neurosnap.errors import MissingExtraError, RecordingError
+from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.system.distribution import must_have
 
@@ -34,7 +35,7 @@ def check_page() -> None:
 
 
 async def look(
-    log: Path,
+    logs: Sequence[Path],
     stop: asyncio.Event,
     *,
     port: int = 0,
@@ -42,19 +43,20 @@ async def look(
     grows: Callable[[], bool] | None = None,
     as_json: bool = False,
 ) -> None:
-    """Serve a page for a recording until `stop` is set, and say where it is.
+    """Serve a page for recordings until `stop` is set, and say where it is.
 
     Args:
-        log: The recording.
+        logs: The recordings, one or more; the page opens with the first.
         stop: Ends it.
         port: 0: any that is free.
         browser: Whether to open it.
-        grows: Says whether somebody still writes it; None: if a swarm of this machine
-            is noted to. As long as somebody does, its beginning is waited for.
+        grows: Says whether somebody still writes them; None: each if a swarm of this
+            machine is noted to. As long as somebody does, its beginning is waited for.
         as_json: Say where as JSON.
 
     Raises:
-        NeurosnapError: The recording cannot be read, the port cannot be used, or what
+        InvalidValueError: A recording is named twice.
+        NeurosnapError: A recording cannot be read, the port cannot be used, or what
             serves the page is not installed.
     """
     check_page()
@@ -62,18 +64,36 @@ async def look(
     from neurosnap.apps.viewer.session import ViewSession
     from neurosnap.runtime.registry import recorded_in
 
-    writes = grows or (lambda: bool(recorded_in(log)))
-    session = await _begun(lambda: ViewSession(log, writes), writes, stop)
-    async with serving(session, port) as address:
+    def writer_of(log: Path) -> Callable[[], bool]:
+        return lambda: bool(recorded_in(log))
+
+    _refuse_twice(logs)
+    sessions = []
+    for log in logs:
+        writes = grows or writer_of(log)
+        opened = partial(ViewSession, log, writes)
+        sessions.append(await _begun(opened, writes, stop))
+    async with serving(*sessions, port=port) as address:
         # Not through what folds lines: it is to be copied whole.
         if as_json:
-            print_json({"log": str(log), "url": address.url})
+            named = {"log": str(logs[0]), "logs": [str(log) for log in logs]}
+            print_json({**named, "url": address.url})
         else:
-            typer.echo(f"{log}: {address.url}")
+            for number, log in enumerate(logs):
+                shown = f"#run={number}" if number else ""
+                typer.echo(f"{log}: {address.url}{shown}")
         if browser:
             with contextlib.suppress(webbrowser.Error):
                 await asyncio.to_thread(webbrowser.open, address.url)
         await stop.wait()
+
+
+def _refuse_twice(logs: Sequence[Path]) -> None:
+    known: set[Path] = set()
+    for log in logs:
+        if log.resolve() in known:
+            raise InvalidValueError("log", "must be named once", str(log))
+        known.add(log.resolve())
 
 
 async def _begun(
@@ -115,7 +135,7 @@ async def viewed(
     halt = asyncio.Event()
     running = asyncio.create_task(work(stop), name="view/run")
     page = asyncio.create_task(
-        look(log, halt, port=port, browser=browser, grows=lambda: not running.done()),
+        look([log], halt, port=port, browser=browser, grows=lambda: not running.done()),
         name="view/page",
     )
     try:

@@ -1,4 +1,4 @@
-"""``neurosnap view``: opens the page for a recording or a running swarm."""
+"""``neurosnap view``: opens the page for recordings or running swarms."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,16 +14,18 @@ from neurosnap.errors import InvalidValueError
 @app.command()
 def view(
     what: Annotated[
-        str | None,
+        list[str] | None,
         typer.Argument(
-            metavar="LOG|SWARM",
-            help="A recording (.mcap); with --live the id of a swarm that runs here.",
+            metavar="LOG|SWARM...",
+            help="Recordings (.mcap), one or more to compare; with --live the ids of"
+            " swarms that run here.",
+            show_default="all that run here, with --live",
         ),
     ] = None,
     live: Annotated[
         bool,
         typer.Option(
-            "--live", metavar=FLAG, help="Follow a swarm that runs on this machine."
+            "--live", metavar=FLAG, help="Follow swarms that run on this machine."
         ),
     ] = False,
     port: Annotated[
@@ -44,38 +46,41 @@ def view(
         ),
     ] = False,
 ) -> None:
-    """Show a recording, or a swarm while it runs, in the browser."""
+    """Show recordings, or swarms while they run, in the browser."""
     with errors():
-        log = _followed(what) if live else _named(what)
+        logs = _followed(what or []) if live else _named(what or [])
         run_async(
-            lambda stop: look(log, stop, port=port, browser=browser, as_json=as_json)
+            lambda stop: look(logs, stop, port=port, browser=browser, as_json=as_json)
         )
 
 
-def _named(what: str | None) -> Path:
-    """Return the recording that was named.
+def _named(given: list[str]) -> list[Path]:
+    """Return the recordings that were named.
 
     Raises:
         InvalidValueError: None was.
     """
-    if what is None:
+    if not given:
         raise InvalidValueError("log", "must be given, or --live", "nothing")
-    return Path(what)
+    return [Path(each) for each in given]
 
 
-def _followed(swarm: str | None) -> Path:
-    """Return where a swarm of this machine is recorded.
+def _followed(given: list[str]) -> list[Path]:
+    """Return where swarms of this machine are recorded.
 
     Args:
-        swarm: Its id; None: the only one.
+        given: Their ids; empty: all there are.
 
     Raises:
-        InvalidValueError: There is none, or more than one, or it is not recorded.
+        InvalidValueError: There is none, or one is not recorded.
     """
-    from neurosnap.runtime.registry import find, only
+    from neurosnap.runtime.registry import find, swarms
 
-    note = only() if swarm is None else find(swarm)
-    if not note.log:
-        rule = "must be recorded to be looked at"
-        raise InvalidValueError("swarm", rule, note.swarm)
-    return Path(note.log)
+    notes = [find(each) for each in given] if given else swarms()
+    if not notes:
+        raise InvalidValueError("swarm", "must run on this machine", "none")
+    for note in notes:
+        if not note.log:
+            rule = "must be recorded to be looked at"
+            raise InvalidValueError("swarm", rule, note.swarm)
+    return [Path(note.log) for note in notes]

@@ -6,6 +6,7 @@ Literals are numbered as in `neurosnap.sensorium`: ``2s`` is sensor `s` itself a
 ================================================= ============
 asked                                             answer
 ================================================= ============
+``/api/runs``                                     `.listed_runs.Runs`
 ``/api/run``                                      `Run`
 ``/api/frames?from=&to=``                         `Frames`
 ``/api/graph?tick=``                              `Graph`
@@ -18,8 +19,11 @@ asked                                             answer
 ``/api/marks?from=&to=&bins=``                    `Marks`
 ``/api/beside?tick=&way=``                        `Beside`
 ``/api/events``                                   `.frame_changes.Event`, again
+``/api/partings?other=``                          `.partings.Partings`
+``/api/difference?tick=&other=&then=``            `.tick_difference.TickDifference`
 ================================================= ============
 
+``run=`` says in each which recording is meant, by its number; without it the first.
 What is wrong with a question is answered by `Wrong`, with status 400, 404 or 500.
 ``/api/events`` is a stream of server-sent events without names; a line that starts with
 a colon is there to show that the connection is alive.

@@ -15,6 +15,7 @@ NAMES = (
     *(
         f"{module}.js"
         for module in (
+            "address",
             "anomaly",
             "api",
             "background",
@@ -22,6 +23,8 @@ NAMES = (
             "camera",
             "cells",
             "choice",
+            "compare",
+            "compare_curves",
             "diagram",
             "dom",
             "edge",
@@ -53,6 +56,7 @@ NAMES = (
             "frames",
             "glide",
             "reach",
+            "runs",
             "search",
             "strip",
             "summaries",

@@ -159,7 +159,7 @@ class RunView:
             InvalidValueError: There is no such tick.
             RecordingError: An observation or a key-frame that is needed is not there.
         """
-        learned = self._learned_at(tick)
+        learned = self.learned(tick)
         graph = learned.snapshot.poc_graph()
         name = graph_id(graph, learned.body)
         if name not in self._graphs:
@@ -176,9 +176,15 @@ class RunView:
             InvalidValueError: There is no such tick.
             RecordingError: An observation or a key-frame that is needed is not there.
         """
-        return self._learned_at(tick).snapshot
+        return self.learned(tick).snapshot
 
-    def _learned_at(self, tick: int) -> Learning:
+    def learned(self, tick: int) -> Learning:
+        """Return what was learned by a tick, and of which sensors; not to be changed.
+
+        Raises:
+            InvalidValueError: There is no such tick.
+            RecordingError: An observation or a key-frame that is needed is not there.
+        """
         least = 0 if self.first == 1 else self.first
         if not least <= tick <= self.last:
             rule = f"must be in [{least}, {self.last}]"
@@ -252,7 +258,7 @@ class RunView:
             bits=_bits(observed),
             state=_bits(literals),
             contradicted=np.flatnonzero(reached[::2] & reached[1::2]).tolist(),
-            action=self._named(choice),
+            action=self.named(choice),
             choice=choice,
             why="" if decision is None else decision.why,
             begins=observation is not None and observation.begins,
@@ -307,7 +313,7 @@ class RunView:
             place = f"{self.path}: tick {state.tick}"
             raise RecordingError(f"{place}: /state: {error}") from error
 
-    def _named(self, choice: int) -> str | None:
+    def named(self, choice: int) -> str | None:
         """Return what a choice is called; None: nothing is done."""
         if not 0 <= choice < len(self._choices):
             return None

@@ -1,4 +1,4 @@
-"""The web server of the page: static files and one recording.
+"""The web server of the page: static files, and one recording or several.
 
 It listens on loopback alone. What may ask it anything is for
 `neurosnap.apps.viewer.auth` to say; what it answers is listed here and in
@@ -9,13 +9,12 @@ import asyncio
 import contextlib
 import secrets
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.datastructures import QueryParams
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
@@ -24,10 +23,12 @@ from starlette.types import ASGIApp
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.assets import asset
 from neurosnap.apps.viewer.auth import LARGEST_HEAD, Guard
+from neurosnap.apps.viewer.comparisons import Comparisons
 from neurosnap.apps.viewer.connection import MOST, Connection
 from neurosnap.apps.viewer.event_stream import news
 from neurosnap.apps.viewer.evidence import weighed
 from neurosnap.apps.viewer.json_answers import answer, refusal, whole
+from neurosnap.apps.viewer.listed_runs import listed
 from neurosnap.apps.viewer.members import members
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession
@@ -51,17 +52,34 @@ class Address:
         return f"http://{_LOOPBACK}:{self.port}/?token={self.token}"
 
 
-def application(session: ViewSession, address: Address, stop: asyncio.Event) -> ASGIApp:
+def application(
+    sessions: Sequence[ViewSession], address: Address, stop: asyncio.Event
+) -> ASGIApp:
     """Return what answers requests.
 
     Args:
-        session: The recording.
+        sessions: The recordings, one or more.
         address: Where it is asked.
         stop: Ends what would go on for ever.
     """
+    comparisons = Comparisons()
+
+    def asked(request: Request, name: str = "run") -> ViewSession:
+        """Return the recording that is asked about: the first, but for what is said."""
+        number = whole(request.query_params, name, 0)
+        if number >= len(sessions):
+            rule = f"must be in [0, {len(sessions) - 1}]"
+            raise InvalidValueError(name, rule, number)
+        sessions[number].wanted.set()
+        return sessions[number]
+
+    async def runs(_: Request) -> Response:
+        for session in sessions:
+            await session.look()
+        return answer(listed(sessions))
 
     async def run(request: Request) -> Response:
-        return answer(await session.run())
+        return answer(await asked(request).run())
 
     async def frames(request: Request) -> Response:
         first = max(1, whole(request.query_params, "from"))
@@ -69,45 +87,47 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
         if last - first >= api.MOST_FRAMES:
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
-        return answer(api.Frames(await session.ask(RunView.frames, first, last)))
+        return answer(api.Frames(await asked(request).ask(RunView.frames, first, last)))
 
     async def graph(request: Request) -> Response:
         tick = whole(request.query_params, "tick")
-        return answer(await session.ask(RunView.graph, tick))
+        return answer(await asked(request).ask(RunView.graph, tick))
 
     async def edge(request: Request) -> Response:
-        asked = (whole(request.query_params, n) for n in ("source", "target", "tick"))
-        return answer(await session.ask(weighed, *asked))
+        query = request.query_params
+        named = [whole(query, name) for name in ("source", "target", "tick")]
+        return answer(await asked(request).ask(weighed, *named))
 
-    def ticks_of(query: QueryParams) -> tuple[int, int]:
+    def ticks_of(request: Request) -> tuple[int, int]:
         """Return the ticks that are asked for: all there are, but for what is said."""
+        query, last = request.query_params, asked(request).run_view.last
         first = max(1, whole(query, "from", 1))
-        return first, whole(query, "to", max(first, session.run_view.last))
+        return first, whole(query, "to", max(first, last))
 
     async def series(request: Request) -> Response:
         query = request.query_params
-        first, last = ticks_of(query)
+        first, last = ticks_of(request)
         points = whole(query, "points", 600)
         if not 4 <= points <= api.MOST_POINTS:
             rule = f"must be in [4, {api.MOST_POINTS}]"
             raise InvalidValueError("points", rule, points)
         column = query.get("column", "")
-        return answer(session.time_series.series(column, first, last, points))
+        return answer(asked(request).time_series.series(column, first, last, points))
 
     async def births(request: Request) -> Response:
-        return answer(session.time_series.grown())
+        return answer(asked(request).time_series.grown())
 
     async def health(request: Request) -> Response:
-        return answer(session.health.health)
+        return answer(asked(request).health.health)
 
     async def marks(request: Request) -> Response:
         query = request.query_params
-        first, last = ticks_of(query)
+        first, last = ticks_of(request)
         bins = whole(query, "bins", 600)
         if not 1 <= bins <= api.MOST_BINS:
             rule = f"must be in [1, {api.MOST_BINS}]"
             raise InvalidValueError("bins", rule, bins)
-        return answer(session.marks.marks(first, last, bins))
+        return answer(asked(request).marks.marks(first, last, bins))
 
     async def beside(request: Request) -> Response:
         query = request.query_params
@@ -115,20 +135,30 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
         if way not in ("-1", "1"):
             raise InvalidValueError("way", "must be 1 or -1", way)
         tick = whole(query, "tick")
-        return answer(session.marks.anomaly_beside(tick, int(way)))
+        return answer(asked(request).marks.anomaly_beside(tick, int(way)))
 
     async def cells(request: Request) -> Response:
-        return answer(await session.ask(members))
+        return answer(await asked(request).ask(members))
 
     async def image(request: Request) -> Response:
         tick = whole(request.query_params, "tick")
-        found = await session.ask(lambda view: view.images.latest(tick))
+        found = await asked(request).ask(lambda view: view.images.latest(tick))
         if found is None or found.tick != tick:
             return refusal(404, f"no image of tick {tick} was recorded")
         return Response(found.data, media_type=f"image/{found.format}")
 
     async def events(request: Request) -> Response:
-        return StreamingResponse(news(session, stop), media_type="text/event-stream")
+        told = news(asked(request), stop)
+        return StreamingResponse(told, media_type="text/event-stream")
+
+    async def partings(request: Request) -> Response:
+        pair = asked(request), asked(request, "other")
+        return answer(await comparisons.partings(*pair))
+
+    async def difference(request: Request) -> Response:
+        tick, then = (whole(request.query_params, name) for name in ("tick", "then"))
+        here, there = asked(request), asked(request, "other")
+        return answer(await comparisons.difference(here, tick, there, then))
 
     async def static(request: Request) -> Response:
         return asset(request.path_params["name"]) or await nowhere(request)
@@ -136,8 +166,9 @@ def application(session: ViewSession, address: Address, stop: asyncio.Event) -> 
     async def nowhere(request: Request, _: Exception | None = None) -> Response:
         return refusal(404, "not here")
 
-    endpoints: tuple[Endpoint, ...] = (run, frames, graph, edge, series, births)
-    endpoints += (health, marks, beside, cells, image, events)
+    endpoints: tuple[Endpoint, ...] = (runs, run, frames, graph, edge, series)
+    endpoints += (births, health, marks, beside, cells, image, events)
+    endpoints += (partings, difference)
     app = Starlette(
         routes=[
             *(
@@ -176,11 +207,11 @@ class _Server(uvicorn.Server):
 
 
 @asynccontextmanager
-async def serving(session: ViewSession, port: int = 0) -> AsyncIterator[Address]:
+async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Address]:
     """Serve while the context is entered; yields where, once it listens.
 
     Args:
-        session: The recording.
+        sessions: The recordings, one or more.
         port: 0: any that is free.
 
     Raises:
@@ -192,7 +223,7 @@ async def serving(session: ViewSession, port: int = 0) -> AsyncIterator[Address]
         address = Address(listener.getsockname()[1], secrets.token_urlsafe(24))
         server = _Server(
             uvicorn.Config(
-                application(session, address, stop),
+                application(sessions, address, stop),
                 http=Connection,
                 ws="none",
                 lifespan="off",
@@ -207,7 +238,8 @@ async def serving(session: ViewSession, port: int = 0) -> AsyncIterator[Address]
         )
         async with asyncio.TaskGroup() as group:
             group.create_task(server.serve(sockets=[listener]), name="view/server")
-            group.create_task(session.read_on(stop), name="view/series")
+            for session in sessions:
+                group.create_task(session.read_on(stop), name="view/series")
             try:
                 yield address
             finally:

@@ -17,7 +17,7 @@ from neurosnap.apps.viewer.marks import RunMarks
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.events import wait_any, wait_at_most
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -44,6 +44,8 @@ class ViewSession:
         self._grows = grows
         self._lock = asyncio.Lock()
         self._looked = 0.0
+        self.wanted = asyncio.Event()
+        """Set once somebody looks at it: of several only these are read through."""
         self._open()
 
     def _open(self) -> None:
@@ -104,7 +106,8 @@ class ViewSession:
         return grows and (files.split or not files.finished)
 
     async def read_on(self, stop: asyncio.Event) -> None:
-        """Read on in the background, until `stop` is set."""
+        """Read on in the background once that is wanted, until `stop` is set."""
+        await wait_any(self.wanted, stop)
         while not stop.is_set():
             time_series, health, live = self.time_series, self.health, self.live
             marks = self.marks

@@ -1,12 +1,22 @@
 // What the server can be asked, one function a question. Addresses are relative to the
 // page, so that it works wherever the server puts it.
 
+import { told } from "./address.js";
+
 /** What there is to say where nobody answers. */
 export const GONE = "the server does not answer; has it been stopped?";
 
+/** The number of the recording that is looked at; the address says it. */
+export const run = told().get("run") ?? "0";
+
+/** Where something is to be asked, of the recording that is looked at but for `query`. */
+export function at(what, query = {}) {
+  const search = new URLSearchParams({ ...(run === "0" ? {} : { run }), ...query }).toString();
+  return `api/${what}${search && `?${search}`}`;
+}
+
 async function ask(what, query = {}, signal = undefined) {
-  const search = new URLSearchParams(query).toString();
-  const address = `api/${what}${search && `?${search}`}`;
+  const address = at(what, query);
   let response;
   try {
     response = await fetch(address, { signal });
@@ -19,6 +29,15 @@ async function ask(what, query = {}, signal = undefined) {
   if (response.ok && answer !== null) return answer;
   throw new Error(answer?.error ?? `the server answered ${response.status}`);
 }
+
+/** All recordings of this server, by their numbers. */
+export const fetchRuns = async () => (await ask("runs")).runs;
+
+/** Where this recording and another part, as far as that is known. */
+export const fetchPartings = (other) => ask("partings", { other });
+
+/** What differs between a tick here and a tick in another recording, or in this. */
+export const fetchDifference = (tick, other, then) => ask("difference", { tick, other, then });
 
 /** What is being looked at: sensors, ticks, world, columns. */
 export const fetchRun = () => ask("run");
@@ -37,6 +56,10 @@ export const fetchEdge = (source, target, tick, signal) =>
 export const fetchSeries = (column, from, to, points) =>
   ask("series", { column, from, to, points });
 
+/** The same of another recording. */
+export const fetchSeriesOf = (other, column, from, to, points) =>
+  ask("series", { column, from, to, points, run: other });
+
 /** The sensors that were grown, as far as that was read. */
 export const fetchBirths = () => ask("births");
 
@@ -53,4 +76,4 @@ export const fetchBeside = async (tick, way) => (await ask("beside", { tick, way
 export const fetchCells = () => ask("cells");
 
 /** The stream of what is new in a recording that grows. */
-export const openEvents = () => new EventSource("api/events");
+export const openEvents = () => new EventSource(at("events"));

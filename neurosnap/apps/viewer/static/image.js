@@ -1,5 +1,6 @@
 // How the environment drew itself: the last image at the tick one is at, or before.
 
+import { at } from "./api.js";
 import { find, write } from "./dom.js";
 
 /** The panel of the image; not there where the run recorded none. */
@@ -23,7 +24,7 @@ export class ImageView {
       write(find("image-tick"), "none near this tick was recorded");
       return;
     }
-    this._image.src = `api/image?tick=${image}`;
+    this._image.src = at("image", { tick: image });
     this._image.alt = `The environment at tick ${image}, as it draws itself.`;
     write(find("image-tick"), `tick ${image}`);
   }

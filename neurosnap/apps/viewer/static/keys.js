@@ -1,10 +1,10 @@
 // How the page is told what to do: buttons, tabs, the address, and the keyboard. Everything
 // that is done often has a key, and one of them lists the rest.
 
+import { tickAsked } from "./address.js";
 import { find, make } from "./dom.js";
 import { tabs } from "./tabs.js";
 import { theme } from "./theme.js";
-import { tickAsked } from "./timeline.js";
 
 const TYPED = 'input:not([type="range"]), select, textarea, dialog[open]';
 const MOVES = /^(Arrow\w+|Home|End)$/;

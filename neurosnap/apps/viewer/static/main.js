@@ -1,12 +1,14 @@
 // The page: who is told what. Everything shown follows from the player's position; this
 // is where a position becomes a frame, and a frame goes to all that show it.
 
+import { tickAsked } from "./address.js";
 import { AnomalyCard } from "./anomaly.js";
 import * as api from "./api.js";
 import { Reasons, tellItem } from "./belief.js";
 import { showCells } from "./cells.js";
 import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
+import { CompareView } from "./compare.js";
 import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
 import { Focus } from "./focus.js";
@@ -19,9 +21,10 @@ import { Outline } from "./outline.js";
 import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { FrameCache } from "./frames.js";
+import { chooseRun } from "./runs.js";
 import { Search } from "./search.js";
 import { Strip } from "./strip.js";
-import { tickAsked, Timeline } from "./timeline.js";
+import { Timeline } from "./timeline.js";
 import { Notices, Voice } from "./voice.js";
 import { WaveView } from "./wave.js";
 import { ImageView } from "./image.js";
@@ -40,6 +43,12 @@ const fetchHealth = notices.watched("health", api.fetchHealth);
 const fetchMarks = notices.watched("marks", api.fetchMarks);
 const fetchBeside = notices.watched("marks", api.fetchBeside);
 const fetchCells = notices.watched("cells", api.fetchCells);
+const comparing = {
+  fetchPartings: notices.watched("compare", api.fetchPartings),
+  fetchDifference: api.fetchDifference,
+  fetchSeries,
+  fetchSeriesOf: api.fetchSeriesOf,
+};
 const said = () => {}; // what failed was said where it was asked
 
 /** Everything there is on the page of one run. */
@@ -97,6 +106,11 @@ class Page {
     this.plots = new Plots(find("plots"), run.columns, fetchSeries, (tick) =>
       this.player.seek(tick),
     );
+    this.compare = new CompareView(names, run, {
+      ...comparing,
+      seek: (tick) => this.player.seek(tick),
+      pick: (thing) => this.pick(thing),
+    });
     this.search = new Search(names, this.growth, {
       mark: (found) => this.diagram.seek(found),
       pick: (sensor) => this.goTo(sensor),
@@ -160,6 +174,7 @@ class Page {
     this.world.show(frame);
     this.image.show(frame);
     this.plots.at(frame);
+    this.compare.show(frame, this.player.playing);
     this.voice.show(frame);
   }
 
@@ -315,6 +330,7 @@ class Page {
     this.diagram.recolour();
     this.plots.recolour();
     this.choice.recolour();
+    this.compare.recolour();
   }
 
   // A run under way ------------------------------------------------------------------
@@ -375,6 +391,7 @@ class Page {
     this.player.position = asked ?? this.run.first;
     this.player.following = asked === null && this.run.live;
     this.setRun(this.run);
+    chooseRun().then((runs) => this.compare.offer(runs, api.run), said);
     if (this.run.live) {
       follow(
         api.openEvents,
@@ -386,6 +403,7 @@ class Page {
 
   /** A panel of the dock has come up. */
   open(panel) {
+    if (panel === "compare") this.compare.open();
     if (panel === "sensors" && this.frame) this.showWords();
     if (panel !== "cells") return;
     fetchCells().then(

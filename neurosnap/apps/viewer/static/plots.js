@@ -9,7 +9,8 @@ const AGAIN = 700; // milliseconds until what is not read yet is asked for once 
 
 // What belongs together is plotted together; the rest by itself.
 const PLOTS = [["edges"], ["err"], ["depth", "height"], ["pulses"], ["distance"]];
-const TITLES = {
+/** What the columns are called. */
+export const TITLES = {
   edges: "Edges",
   err: "Err",
   depth: "Depth",

@@ -1,6 +1,7 @@
 // The time line: a slider over the whole recording, buttons around it, and the tick in
 // the page's address.
 
+import { keep } from "./address.js";
 import { find, make, write } from "./dom.js";
 import { SPEEDS } from "./player.js";
 
@@ -59,13 +60,6 @@ export class Timeline {
   _keep() {
     const { tick, first, last, playing, following } = this._player;
     if (playing || last < first) return;
-    const where = following ? location.pathname + location.search : `#t=${tick}`;
-    history.replaceState(null, "", where);
+    keep({ t: following ? null : tick });
   }
-}
-
-/** The tick in the address; null if there is none. */
-export function tickAsked() {
-  const found = /^#t=(\d+)$/.exec(location.hash);
-  return found && Number(found[1]);
 }

@@ -1,0 +1,22 @@
+// What the page's address says behind its #: where one is in which recording, as names
+// with values. It is what a link brings; the rest of the address is the server's.
+
+/** The names and values there are. */
+export const told = () => new URLSearchParams(location.hash.slice(1));
+
+/** Set some of them, null: they are not there; the others stay. */
+export function keep(values) {
+  const all = told();
+  for (const [name, value] of Object.entries(values)) {
+    if (value === null) all.delete(name);
+    else all.set(name, value);
+  }
+  const text = all.toString();
+  history.replaceState(null, "", location.pathname + location.search + (text && `#${text}`));
+}
+
+/** The tick in the address; null if there is none. */
+export function tickAsked() {
+  const tick = told().get("t") ?? "";
+  return /^\d+$/.test(tick) ? Number(tick) : null;
+}
