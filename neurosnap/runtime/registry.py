@@ -67,7 +67,7 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         log="" if log is None else str(log.resolve()),
     )
     # Nobody keeps two launchers from taking the same id, each with a hub of its own.
-    path = _folder() / f"{swarm}-{process.pid}{_ENTRY}"
+    path = own_folder() / f"{swarm}-{process.pid}{_ENTRY}"
     replace_file(path, msgspec.json.encode(note))
     try:
         yield
@@ -83,7 +83,7 @@ def recorded_in(log: Path) -> list[Note]:
 def swarms() -> list[Note]:
     """Return the swarms whose launchers are alive, by id."""
     found = []
-    for path in sorted(_folder().glob(f"*{_ENTRY}")):
+    for path in sorted(own_folder().glob(f"*{_ENTRY}")):
         with suppress(OSError, msgspec.MsgspecError):
             note = msgspec.json.decode(path.read_bytes(), type=Note)
             if _launcher(note) is None:
@@ -204,7 +204,7 @@ def _launcher(note: Note) -> psutil.Process | None:
     return None
 
 
-def _folder() -> Path:
+def own_folder() -> Path:
     """Return where notes are, entered by this user alone.
 
     Anybody may make the folder in the temporary one first; it is then theirs, and never

@@ -11,9 +11,10 @@ import msgspec
 import pytest
 
 from neurosnap import wire
+from neurosnap.apps.viewer.address import Address
 from neurosnap.apps.viewer.frame_changes import Change
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.server import Address, serving
+from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
 from tests.support.page_requests import events, get

@@ -10,7 +10,8 @@ import msgspec
 import pytest
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.server import Address, serving
+from neurosnap.apps.viewer.address import Address
+from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
 from tests.support.page_requests import get, say, status_of

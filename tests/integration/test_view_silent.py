@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from neurosnap.apps.viewer import connection
-from neurosnap.apps.viewer.server import Address, serving
+from neurosnap.apps.viewer.address import Address
+from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from tests.support.page_requests import get, status_of
 from tests.support.patience import PATIENCE

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from neurosnap.apps.cli import app
 from neurosnap.apps.cli.page import look, viewed
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.server import Address
+from neurosnap.apps.viewer.address import Address
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe

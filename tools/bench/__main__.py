@@ -48,6 +48,7 @@ ROWS = {
     "scale": "scale",
     "verify": "run",
     "page": "page",
+    "seek": "seek",
 }
 """The module that measures a row, in a function of the row's name."""
 

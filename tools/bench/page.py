@@ -61,7 +61,7 @@ def page(sizes: Sizes) -> list[Line]:
     small, large = sizes.sensors[0], sizes.crowd
     with tempfile.TemporaryDirectory() as folder:
         few, many = (
-            asyncio.run(_recorded(Path(folder), sensors, sizes.ticks))
+            asyncio.run(walks(Path(folder), sensors, sizes.ticks))
             for sensors in (small, large)
         )
         return [
@@ -101,7 +101,7 @@ def _line(what: str, played: Played) -> Line:
     )
 
 
-async def _recorded(folder: Path, sensors: int, ticks: int) -> Path:
+async def walks(folder: Path, sensors: int, ticks: int) -> Path:
     """Record readings of five chains of thresholds, each of a walk of its own."""
     chance = random.Random(0)
     names = [f"w{k % 5}_below_{k // 5}" for k in range(sensors)]

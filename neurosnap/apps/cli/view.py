@@ -31,7 +31,8 @@ def view(
     port: Annotated[
         int,
         typer.Option(
-            help="The port of the page, on this machine only. 0: any that is free."
+            help="The port of the page, on this machine only. 0: that of the page"
+            " before, or any that is free."
         ),
     ] = 0,
     browser: Annotated[

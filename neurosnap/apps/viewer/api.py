@@ -19,6 +19,7 @@ asked                                             answer
 ``/api/marks?from=&to=&bins=``                    `Marks`
 ``/api/beside?tick=&way=``                        `Beside`
 ``/api/events``                                   `.frame_changes.Event`, again
+``/api/presence``                                 `Presence`
 ``/api/partings?other=``                          `.partings.Partings`
 ``/api/difference?tick=&other=&then=``            `.tick_difference.TickDifference`
 ================================================= ============
@@ -397,6 +398,13 @@ class Cells(msgspec.Struct, frozen=True):
     cells: list[Member]
     read_to: int
     """The last tick whose messages are counted."""
+
+
+class Presence(msgspec.Struct, frozen=True):
+    """Whether the recording is still there."""
+
+    trouble: str | None
+    """What has become of it; None: it is there."""
 
 
 class Wrong(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from neurosnap.apps.viewer.json_answers import refusal
@@ -34,6 +34,15 @@ _HEADERS = {
     "x-frame-options": "DENY",
 }
 _DEFAULTS = {"cache-control": "no-store"}
+_FROM_ELSEWHERE = (
+    "This link was opened from another page, which must not lead here.",
+    "Copy the link, and paste it into the address bar.",
+)
+_WITHOUT_TOKEN = (
+    "This browser has not been let in yet.",
+    "Open the address that neurosnap view has printed in the terminal. After that this"
+    " link works, too.",
+)
 
 
 class Guard:
@@ -82,7 +91,8 @@ class Guard:
         if any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
             return refusal(403, "origin: must be this server's own page")
         if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
-            return refusal(403, "request: must come from this server's own page")
+            error = "request: must come from this server's own page"
+            return _answer(headers, 403, error, _FROM_ELSEWHERE)
         if scope["method"] not in ("GET", "HEAD"):
             response = refusal(405, "method: must be GET or HEAD")
             response.headers["allow"] = "GET, HEAD"
@@ -107,7 +117,8 @@ class Guard:
             return response
         if self._is_token(self._brought(scope)):
             return None
-        return refusal(401, "token: must be the one in the address that was printed")
+        error = "token: must be the one in the address that was printed"
+        return _answer(Headers(scope=scope), 401, error, _WITHOUT_TOKEN)
 
     def _brought(self, scope: Scope) -> str:
         """Return the token in the cookie; empty: there is none."""
@@ -117,3 +128,17 @@ class Guard:
 
     def _is_token(self, text: str) -> bool:
         return secrets.compare_digest(text.encode(), self._token.encode())
+
+
+def _answer(
+    headers: Headers, status: int, error: str, lines: tuple[str, str]
+) -> Response:
+    """Return what is wrong: to a person in a page, to a program as everywhere."""
+    if headers.get("sec-fetch-dest") != "document":
+        return refusal(status, error)
+    said = "".join(f"<p>{line}</p>" for line in lines)
+    head = "<meta charset=utf-8><meta name=viewport content='width=device-width'>"
+    page = (
+        f"<!doctype html><html lang=en>{head}<title>neurosnap</title><h1>neurosnap</h1>"
+    )
+    return HTMLResponse(f"{page}{said}", status)

@@ -11,7 +11,6 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 
 import uvicorn
 from starlette.applications import Starlette
@@ -21,6 +20,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.address import LOOPBACK, Address
 from neurosnap.apps.viewer.assets import asset
 from neurosnap.apps.viewer.auth import LARGEST_HEAD, Guard
 from neurosnap.apps.viewer.comparisons import Comparisons
@@ -34,22 +34,10 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
-_LOOPBACK = "127.0.0.1"
+_FRAMES_AT_ONCE = 30
+"""Frames read before another question has its turn: many are asked for in advance."""
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
-
-
-@dataclass(frozen=True)
-class Address:
-    """Where a server is."""
-
-    port: int
-    token: str
-
-    @property
-    def url(self) -> str:
-        """What to open in a browser. Who has it may look at the recording."""
-        return f"http://{_LOOPBACK}:{self.port}/?token={self.token}"
 
 
 def application(
@@ -87,7 +75,11 @@ def application(
         if last - first >= api.MOST_FRAMES:
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
-        return answer(api.Frames(await asked(request).ask(RunView.frames, first, last)))
+        found: list[api.Frame] = []
+        for start in range(first, last + 1, _FRAMES_AT_ONCE):
+            end = min(start + _FRAMES_AT_ONCE - 1, last)
+            found += await asked(request).ask(RunView.frames, start, end)
+        return answer(api.Frames(found))
 
     async def graph(request: Request) -> Response:
         tick = whole(request.query_params, "tick")
@@ -151,6 +143,9 @@ def application(
         told = news(asked(request), stop)
         return StreamingResponse(told, media_type="text/event-stream")
 
+    async def presence(request: Request) -> Response:
+        return answer(api.Presence(await asyncio.to_thread(asked(request).trouble)))
+
     async def partings(request: Request) -> Response:
         pair = asked(request), asked(request, "other")
         return answer(await comparisons.partings(*pair))
@@ -168,7 +163,7 @@ def application(
 
     endpoints: tuple[Endpoint, ...] = (runs, run, frames, graph, edge, series)
     endpoints += (births, health, marks, beside, cells, image, events)
-    endpoints += (partings, difference)
+    endpoints += (presence, partings, difference)
     app = Starlette(
         routes=[
             *(
@@ -207,20 +202,24 @@ class _Server(uvicorn.Server):
 
 
 @asynccontextmanager
-async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Address]:
+async def serving(
+    *sessions: ViewSession, port: int = 0, last: Address | None = None
+) -> AsyncIterator[Address]:
     """Serve while the context is entered; yields where, once it listens.
 
     Args:
         sessions: The recordings, one or more.
-        port: 0: any that is free.
+        port: 0: that of `last`, or any that is free.
+        last: Where it was served before: who was let in there is let in again.
 
     Raises:
         InvalidValueError: The port is in use, may not be used, or is none.
     """
     stop = asyncio.Event()
-    listener = _listener(port)
+    listener = _listener(port, last)
     with listener:
-        address = Address(listener.getsockname()[1], secrets.token_urlsafe(24))
+        token = secrets.token_urlsafe(24) if last is None else last.token
+        address = Address(listener.getsockname()[1], token)
         server = _Server(
             uvicorn.Config(
                 application(sessions, address, stop),
@@ -247,12 +246,15 @@ async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Addres
                 server.should_exit = True
 
 
-def _listener(port: int) -> socket.socket:
+def _listener(port: int, last: Address | None) -> socket.socket:
     """Return a socket that listens on loopback."""
+    if port == 0 and last is not None:
+        with contextlib.suppress(OSError):  # another page is there
+            return socket.create_server((LOOPBACK, last.port))
     if not 0 <= port < 1 << 16:
         raise InvalidValueError("port", "must be in [0, 65535]", port)
     try:
-        return socket.create_server((_LOOPBACK, port))
+        return socket.create_server((LOOPBACK, port))
     except OSError as error:
         rule = f"must be free on this machine ({error})"
         raise InvalidValueError("port", rule, port) from error

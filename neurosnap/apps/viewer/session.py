@@ -8,6 +8,7 @@ file under the same name, and everything begins again.
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -46,6 +47,8 @@ class ViewSession:
         self._looked = 0.0
         self.wanted = asyncio.Event()
         """Set once somebody looks at it: of several only these are read through."""
+        self._renewed = asyncio.Event()
+        """Another recording was opened: there is more to read after all."""
         self._open()
 
     def _open(self) -> None:
@@ -64,13 +67,44 @@ class ViewSession:
         *arguments: P.args,
         **named: P.kwargs,
     ) -> T:
-        """Return what `question` finds, given the view; one at a time."""
+        """Return what `question` finds, given the view; one at a time.
+
+        Raises:
+            RecordingError: The recording is not there any more.
+        """
+
+        def answered() -> T:
+            # A chunk that cannot be read passes for damage: its ticks for not recorded.
+            if not self.live and (trouble := self.trouble()) is not None:
+                raise RecordingError(trouble)
+            return question(self.run_view, *arguments, **named)
+
         async with self._lock:
-            return await asyncio.to_thread(question, self.run_view, *arguments, **named)
+            return await asyncio.to_thread(answered)
+
+    def trouble(self) -> str | None:
+        """Return what has become of the recording; None: it is there."""
+        name = self._log.name
+        try:
+            if not self.run_view.files.replaced():
+                return None
+        except RecordingError:
+            return f"{name} was deleted or moved: only what was read before is shown"
+        return f"{name} was replaced by another recording: reload the page to see that"
 
     async def run(self) -> api.Run:
-        """Return what is being looked at, as it is now."""
+        """Return what is being looked at, as it is now: this is how a page begins.
+
+        Raises:
+            RecordingError: It is not there any more, or cannot be read.
+        """
         await self.look()
+        before = self.run_view
+        if not self.live:
+            async with self._lock:
+                await asyncio.to_thread(self._open_again)
+        if self.run_view is not before:
+            self._renewed.set()
         return await self.ask(RunView.run, self.live)
 
     async def look(self) -> None:
@@ -85,6 +119,12 @@ class ViewSession:
         self._looked = now
         async with self._lock:
             await asyncio.to_thread(self._look)
+
+    def _open_again(self) -> None:
+        """Open what is there now under the same name, if that is another recording."""
+        with suppress(RecordingError):  # deleted: who asks is told
+            if self.run_view.files.replaced():
+                self._open()
 
     def _look(self) -> None:
         # Asked first: what was written before its end is seen after.
@@ -109,6 +149,8 @@ class ViewSession:
         """Read on in the background once that is wanted, until `stop` is set."""
         await wait_any(self.wanted, stop)
         while not stop.is_set():
+            async with self._lock:
+                pass  # who asks now goes before what is only needed soon
             time_series, health, live = self.time_series, self.health, self.live
             marks = self.marks
             try:
@@ -130,4 +172,5 @@ class ViewSession:
             if live:
                 await wait_at_most(stop, _IDLE)
             else:  # nothing more can come
-                await stop.wait()
+                await wait_any(self._renewed, stop)
+                self._renewed.clear()

@@ -15,7 +15,15 @@ export function at(what, query = {}) {
   return `api/${what}${search && `?${search}`}`;
 }
 
+let ended = null;
+
+/** Ask no more, for a reason: what would be answered is of something else; null: do. */
+export const stopAsking = (reason) => {
+  ended = reason;
+};
+
 async function ask(what, query = {}, signal = undefined) {
+  if (ended !== null && what !== "presence") throw new Error(ended);
   const address = at(what, query);
   let response;
   try {
@@ -74,6 +82,9 @@ export const fetchBeside = async (tick, way) => (await ask("beside", { tick, way
 
 /** The parts of the swarm. */
 export const fetchCells = () => ask("cells");
+
+/** Whether the recording is still there. */
+export const fetchPresence = () => ask("presence");
 
 /** The stream of what is new in a recording that grows. */
 export const openEvents = () => new EventSource(at("events"));

@@ -37,6 +37,18 @@ export class Camera {
     this.scale = scale;
   }
 
+  /** The place in the middle of the screen, and how large it is. */
+  view(width, height) {
+    return { ...this.under(width / 2, height / 2), scale: this.scale };
+  }
+
+  /** See a place in the middle, at a scale. */
+  look({ x, y, scale }, width, height) {
+    this.scale = Math.min(Math.max(scale, SMALLEST), LARGEST);
+    this.left = width / 2 - this.scale * x;
+    this.top = height / 2 - this.scale * y;
+  }
+
   move(across, down) {
     this.left += across;
     this.top += down;

@@ -73,6 +73,7 @@ export class CompareView {
 
   /** The tab has come up. */
   open() {
+    if (!this._isOpen) return;
     this._ask();
     if (this._isOther) this._follow(this._other);
     this._curves.resize();
@@ -84,7 +85,7 @@ export class CompareView {
   }
 
   get _isOpen() {
-    return !find("compare").hidden;
+    return this._runs.length > 0 && !find("compare").hidden;
   }
 
   get _other() {

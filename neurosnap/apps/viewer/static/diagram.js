@@ -27,6 +27,7 @@ export class Diagram {
    *   `{edge}` or null
    * @param {() => void} on.alone told to lay out only what is looked at
    * @param {() => void} on.change told when something was expanded or collapsed
+   * @param {() => void} on.aim told when one looks elsewhere
    * @param {(item: object) => string} on.tell what to say of an item under the pointer
    */
   constructor(home, on) {
@@ -154,9 +155,24 @@ export class Diagram {
     this._aim((camera) => camera.zoom(factor, width / 2, height / 2));
   }
 
+  /** Where one looks: the place in the middle, and the scale; null: at all of it. */
+  get view() {
+    const { width, height } = this._layers;
+    return this._whole ? null : this._camera.view(width, height);
+  }
+
+  /** Look there. */
+  look(view) {
+    const { width, height } = this._layers;
+    this._aim((camera) => camera.look(view, width, height));
+  }
+
   /** See everything. */
   fit() {
-    this._whole = true;
+    if (!this._whole) {
+      this._whole = true;
+      this._on.aim();
+    }
     this._camera.fit(this._laid.box, this._layers.width, this._layers.height);
     this._paint();
   }
@@ -212,6 +228,7 @@ export class Diagram {
     this._whole = false;
     move(this._camera);
     this._paint();
+    this._on.aim();
   }
 
   // Painting -------------------------------------------------------------------------

@@ -29,6 +29,10 @@ export class FrameCache {
 
   /** The frame of a tick, once it is here; null: the recording has none. */
   async at(tick) {
+    const number = Math.floor(tick / BLOCK);
+    if (tick <= this.last && this.peek(tick) === undefined && !this._asked.has(number)) {
+      await this._loadFirst(number, tick);
+    }
     // An answer may be to a question from before the recording had this tick.
     while (tick <= this.last && this.peek(tick) === undefined) {
       await this._load(Math.floor(tick / BLOCK));
@@ -54,6 +58,31 @@ export class FrameCache {
     this.last = 0;
     this._blocks.clear();
     this._asked = new Map();
+  }
+
+  /**
+   * Fetch the one frame of a block that is wanted now, and then the block, which takes
+   * longer: its order is asked for in between.
+   */
+  _loadFirst(number, tick) {
+    const asked = this._asked;
+    const key = `first of ${number}`;
+    if (!asked.has(key)) {
+      const answered = this._fetch(tick, tick).then(
+        ([frame]) => {
+          asked.delete(key);
+          if (asked !== this._asked) return;
+          if (frame) this.add(frame);
+          setTimeout(() => this._load(number).catch(() => {})); // who needs it hears why
+        },
+        (error) => {
+          setTimeout(() => asked.delete(key), REST);
+          throw error;
+        },
+      );
+      asked.set(key, answered);
+    }
+    return asked.get(key);
   }
 
   /** Fetch a block, whatever is here of it already. */

@@ -1,7 +1,7 @@
 // How the page is told what to do: buttons, tabs, the address, and the keyboard. Everything
 // that is done often has a key, and one of them lists the rest.
 
-import { tickAsked } from "./address.js";
+import { keep, keepSoon, tickAsked, told } from "./address.js";
 import { find, make } from "./dom.js";
 import { tabs } from "./tabs.js";
 import { theme } from "./theme.js";
@@ -31,10 +31,19 @@ export function bind(page) {
     ["birth-on", () => page.toBirth(1)],
   ];
   for (const [id, act] of acts) find(id).addEventListener("click", act);
-  tabs(document.querySelector('[role="tablist"]'), (panel) => page.open(panel));
+  tabs(
+    document.querySelector('[role="tablist"]'),
+    (panel) => {
+      keepSoon({ tab: panel === "plots" ? null : panel });
+      page.open(panel);
+    },
+    told().get("tab"),
+  );
+  find("link").addEventListener("click", () => copyLink(page));
   addEventListener("hashchange", () => {
     const tick = tickAsked();
     if (tick !== null && tick !== player.tick) player.step(tick - player.tick);
+    page.restore();
   });
   listen([
     { keys: [" "], says: "play, or pause", act: () => player.toggle() },
@@ -59,6 +68,26 @@ export function bind(page) {
     { keys: ["Escape"], says: "select nothing", act: () => page.choose(null) },
     { keys: ["?"], says: "these keys", act: help },
   ]);
+}
+
+/** Copy the address of what is shown: it holds no token. */
+async function copyLink({ player, voice }) {
+  keep({ t: player.tick });
+  try {
+    await navigator.clipboard.writeText(location.href);
+    voice.tell("link copied");
+    flash(find("link"), "Copied");
+  } catch {
+    flash(find("link"), "In the address bar"); // the browser lets nobody copy
+  }
+}
+
+/** Have a button say something else for a moment. */
+function flash(button, text) {
+  const before = button.dataset.says ?? button.textContent;
+  button.dataset.says = before;
+  button.textContent = text;
+  setTimeout(() => (button.textContent = before), 1500);
 }
 
 /**

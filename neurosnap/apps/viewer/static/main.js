@@ -15,12 +15,15 @@ import { Focus } from "./focus.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
 import { bind } from "./keys.js";
+import { Lateness } from "./late.js";
+import { choiceAsked, keepChoice, keepView, keepWave, viewAsked, waveAsked } from "./link.js";
 import { follow, patched } from "./live.js";
 import { Orders } from "./orders.js";
 import { Outline } from "./outline.js";
 import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { FrameCache } from "./frames.js";
+import { attend } from "./presence.js";
 import { chooseRun } from "./runs.js";
 import { Search } from "./search.js";
 import { Strip } from "./strip.js";
@@ -42,6 +45,7 @@ const fetchBirths = notices.watched("births", api.fetchBirths);
 const fetchHealth = notices.watched("health", api.fetchHealth);
 const fetchMarks = notices.watched("marks", api.fetchMarks);
 const fetchBeside = notices.watched("marks", api.fetchBeside);
+const fetchPresence = notices.watched("presence", api.fetchPresence);
 const fetchCells = notices.watched("cells", api.fetchCells);
 const comparing = {
   fetchPartings: notices.watched("compare", api.fetchPartings),
@@ -57,6 +61,7 @@ class Page {
     this.run = run;
     this.chosen = null;
     this.frame = null;
+    this.late = new Lateness();
     this.graph = null;
     this.played = false;
     this.arranged = 0; // when an order was last shown
@@ -85,13 +90,14 @@ class Page {
       pick: (thing) => this.choose(thing),
       change: () => this.describe(),
       alone: () => this.focus.layOut(true),
+      aim: () => keepView(this.diagram.view),
       tell: (item) => tellItem(item, this.reasons()),
     });
     this.focus = new Focus({
       isGrown: (sensor) => this.growth.of(sensor) !== undefined,
       change: () => this.refocus(),
     });
-    this.wave = new WaveView({ names, actions: run.actions, change: () => this.showDiagram() });
+    this.wave = new WaveView({ names, actions: run.actions, change: () => this.changeWave() });
     this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
     this.image = new ImageView(run);
@@ -136,6 +142,7 @@ class Page {
       return;
     }
     document.body.ariaBusy = true;
+    this.late.wait(tick, this.frame?.tick ?? null);
     this.frameCache
       .at(tick)
       .catch(said)
@@ -149,12 +156,18 @@ class Page {
     document.body.ariaBusy = false;
     const missing = `tick ${this.player.tick} was not recorded`;
     notices.say("tick", frame === null ? missing : "");
-    if (frame) this.show(frame);
+    if (frame) {
+      this.late.end();
+      this.show(frame);
+    } else {
+      this.late.miss(this.player.tick, this.frame?.tick ?? null);
+    }
   }
 
   show(frame) {
     const { playing, speed, position } = this.player;
     // What is shown only now and then while it plays has to be right once it stops.
+    const isFirst = this.frame === null;
     const another = frame !== this.frame || playing !== this.played;
     const waving = this.wave.shown !== null;
     this.played = playing;
@@ -163,6 +176,17 @@ class Page {
     if (playing && speed <= SLOW) this.wave.run(position % 1);
     if (another) this.showTick();
     else if (waving || this.wave.shown !== null) this.showDiagram();
+    if (isFirst) this.restore();
+  }
+
+  /** Select what the link selects, and look where it looks. */
+  restore() {
+    const [choice, view, wave] = [choiceAsked(this.names), viewAsked(), waveAsked()];
+    if (typeof choice === "string") notices.say("asked", `there is no ${choice} here`);
+    else if (choice?.sensor !== undefined) this.goTo(choice.sensor);
+    else if (choice) this.choose(choice);
+    if (view) this.diagram.look(view);
+    if (wave) this.wave.take(wave);
   }
 
   /** Show what stays the same as long as the tick does. */
@@ -254,6 +278,11 @@ class Page {
     return new Reasons(this.names, this.frame, graph);
   }
 
+  changeWave() {
+    keepWave(this.wave.which);
+    this.showDiagram();
+  }
+
   showDiagram() {
     if (this.frame === null) return;
     const calm = !this.player.playing || this.player.speed <= SLOW;
@@ -297,6 +326,7 @@ class Page {
 
   choose(thing) {
     this.chosen = thing;
+    keepChoice(thing, this.names);
     this.diagram.choose(thing);
     this.refocus();
     this.choice.choose(thing, this.frame, this.graph, this.frame && this.reasons());
@@ -374,6 +404,13 @@ class Page {
     this.setRun(await fetchRun().catch(() => this.run));
   }
 
+  /** Say what has become of the recording; null: it is there. */
+  showTrouble(trouble) {
+    if (this.run.live) return; // it may begin anew, and is then told of
+    notices.say("file", trouble ?? "");
+    api.stopAsking(trouble);
+  }
+
   take(event) {
     for (const change of event.frames) {
       const frame = patched(change, (tick) => this.frameCache.peek(tick));
@@ -392,6 +429,7 @@ class Page {
     this.player.following = asked === null && this.run.live;
     this.setRun(this.run);
     chooseRun().then((runs) => this.compare.offer(runs, api.run), said);
+    attend(fetchPresence, (trouble) => this.showTrouble(trouble));
     if (this.run.live) {
       follow(
         api.openEvents,

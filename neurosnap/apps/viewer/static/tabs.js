@@ -1,7 +1,13 @@
 // Tabs as they are known from elsewhere: one is on, arrows go to the next.
 
-/** Make a list of tabs work; `show` is told the id of the panel that comes up. */
-export function tabs(list, show) {
+/**
+ * Make a list of tabs work.
+ *
+ * @param {HTMLElement} list
+ * @param {(panel: string) => void} show told the id of the panel that comes up
+ * @param {string|null} first the panel to begin with; none of these: that of the first tab
+ */
+export function tabs(list, show, first) {
   const all = [...list.querySelectorAll('[role="tab"]')];
   const panel = (tab) => document.getElementById(tab.getAttribute("aria-controls"));
   const select = (chosen) => {
@@ -24,5 +30,5 @@ export function tabs(list, show) {
       select(next);
     });
   }
-  select(all[0]);
+  select(all.find((tab) => tab.getAttribute("aria-controls") === first) ?? all[0]);
 }

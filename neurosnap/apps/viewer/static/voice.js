@@ -57,6 +57,9 @@ export class Notices {
     write(find("notice"), all);
     find("notice").title = all; // there may not be room for all of it
     find("notice").hidden = all === "";
+    // What is shown is what was read before.
+    const isOld = ["link", "file"].some((one) => this._words.get(one));
+    document.body.classList.toggle("old", isOld);
   }
 
   /** Say whether the server is there: whoever gets an answer knows. */

@@ -46,6 +46,17 @@ export class WaveView {
     return this._at === null ? null : { hops: this._hops, at: this._at };
   }
 
+  /** Which wave is looked at, tick after tick; empty: the state's. */
+  get which() {
+    return this._which;
+  }
+
+  /** Look at the waves of a kind from now on. */
+  take(which) {
+    this._which = which;
+    if (this._frame) this._take(this._frame);
+  }
+
   /** What the wave is called. */
   get name() {
     return this._wave === null ? "" : this._nameOf(this._wave);
