@@ -100,7 +100,7 @@ async def test_whatever_is_equivalent_says_to_what(planner_log: Path) -> None:
             await expect(implies.nth(literal >> 1)).to_contain_text(said)
         more = f" and {len(others) - 8} more"
         await expect(implies.nth(first >> 1)).to_contain_text(more)
-        await page.locator("#outline button").nth(others[0] >> 1).click()
+        await page.locator("#outline tbody button").nth(others[0] >> 1).click()
         await expect(page.locator("#choice-body")).to_contain_text(
             f"Its edges are those of {sensorium.name(first & ~1)}."
         )

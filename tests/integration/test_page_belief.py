@@ -145,7 +145,7 @@ async def test_axe_finds_no_fault_in_any_kind_of_belief(
         for tick in (31, 32):
             await go_to(page, tick)
             await page.click("#tab-sensors")
-            await page.locator("#outline button").nth(1).click()
+            await page.locator("#outline tbody button").nth(1).click()
             assert await faults(page) == []
 
 

@@ -41,7 +41,7 @@ def related(log: Path, tick: int, sensor: int) -> list[int]:
 
 async def pick(page: Page, sensor: int) -> None:
     await page.click("#tab-sensors")
-    await page.locator("#outline button").nth(sensor).click()
+    await page.locator("#outline tbody button").nth(sensor).click()
 
 
 async def test_a_selected_sensor_leaves_clear_what_is_above_and_below_it(

@@ -78,7 +78,7 @@ async def test_one_goes_from_birth_to_birth_by_the_keyboard(log: Path) -> None:
         await wait_shown(page, BIRTH)
         await go_to(page, TICKS)
         await page.focus("#tab-plots")
-        for tab in ("sensors", "grown"):
+        for tab in ("raster", "sensors", "grown"):
             await page.keyboard.press("ArrowRight")
             await expect(page.locator(f"#tab-{tab}")).to_be_focused()
         row = page.locator("#grown-list tbody tr")

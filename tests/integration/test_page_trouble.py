@@ -37,9 +37,9 @@ def other_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(csv_run(folder / "rows.csv"), folder / "other.mcap")
 
 
-async def is_old(page: Page) -> bool:
-    found: bool = await page.evaluate("document.body.classList.contains('old')")
-    return found
+async def is_old(page: Page, old: bool = True) -> None:
+    """Wait until what is shown is marked as old, or no longer is."""
+    await expect(page.locator("body.old")).to_have_count(int(old))
 
 
 async def test_a_recording_that_is_deleted_is_said_to_be(
@@ -52,7 +52,7 @@ async def test_a_recording_that_is_deleted_is_said_to_be(
         log.unlink()
         notice = page.locator("#notice")
         await expect(notice).to_contain_text("run.mcap was deleted or moved")
-        assert await is_old(page)
+        await is_old(page)
         await page.fill("#time", str(FAR))
         await expect(page.locator("#late")).to_have_text(
             f"this is tick 5, not tick {FAR}"
@@ -85,7 +85,7 @@ async def test_a_recording_that_is_replaced_is_never_mixed_with_the_one_before(
         await expect(page.locator("#notice")).to_contain_text(
             "run.mcap was replaced by another recording: reload the page"
         )
-        assert await is_old(page)
+        await is_old(page)
         await page.fill("#time", str(FAR))
         await expect(page.locator("#late")).to_have_text(
             f"this is tick 5, not tick {FAR}"
@@ -94,7 +94,7 @@ async def test_a_recording_that_is_replaced_is_never_mixed_with_the_one_before(
         await wait_shown(page, 5)
         await expect(page.locator("#what")).to_contain_text("rows.csv")
         await expect(page.locator("#notice")).to_be_hidden()
-        assert not await is_old(page)
+        await is_old(page, False)
         await page.wait_for_selector("#plots .u-over")  # it is read through, too
 
 
@@ -106,10 +106,10 @@ async def test_a_server_that_is_gone_is_said_to_be_until_it_is_back(
         await page.route("**/api/*", lambda route: route.abort())
         notice = page.locator("#notice")
         await expect(notice).to_contain_text("the server does not answer")
-        assert await is_old(page)
+        await is_old(page)
         await page.unroute("**/api/*")
         await expect(notice).to_be_hidden()
-        assert not await is_old(page)
+        await is_old(page, False)
 
 
 async def test_the_next_start_lets_in_who_was_let_in_before(long_log: Path) -> None:
@@ -190,7 +190,7 @@ async def test_a_link_brings_what_was_looked_at(planner_log: Path) -> None:
     async with opened(planner_log, "#t=12") as page:
         await wait_shown(page, 12)
         await page.click("#tab-sensors")
-        await page.locator("#outline button").nth(3).click()
+        await page.locator("#outline tbody button").nth(3).click()
         name = await page.inner_text("#choice-title")
         waves = await page.locator("#wave-which option").evaluate_all(
             "(all) => all.map(({ value }) => value)"

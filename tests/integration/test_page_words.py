@@ -59,7 +59,7 @@ async def test_edges_are_listed_by_what_they_say(planner_log: Path) -> None:
             }"""
         )
         await page.click("#tab-sensors")
-        await page.locator("#outline button").nth(sensor).click()
+        await page.locator("#outline tbody button").nth(sensor).click()
         titles = await page.locator("#choice h3").all_inner_texts()
         counts = [int(title.rpartition(" ")[2]) for title in titles]
         assert sum(counts) == count
@@ -77,6 +77,6 @@ async def test_axe_finds_no_fault_in_what_is_explained(
     async with opened(planner_log, f"#t={TICKS - 1}", scheme) as page:
         await wait_shown(page, TICKS - 1)
         await page.click("#tab-sensors")
-        await page.locator("#outline button").nth(3).click()
+        await page.locator("#outline tbody button").nth(3).click()
         await expect(page.locator("#choice h3").first).to_be_visible()
         assert await faults(page) == []

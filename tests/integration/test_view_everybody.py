@@ -25,7 +25,7 @@ async def test_axe_finds_no_serious_fault(scheme: Scheme, planner_log: Path) -> 
     async with opened(planner_log, f"#t={TICKS}", scheme) as page:
         await wait_shown(page, TICKS)
         await page.click("#tab-sensors")
-        await page.locator("#outline button").first.click()
+        await page.locator("#outline tbody button").first.click()
         await page.locator("#choice button.link").first.click()
         await page.wait_for_selector("#choice .uplot canvas")
         for tab in ("sensors", "cells", "plots"):

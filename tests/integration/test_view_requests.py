@@ -194,3 +194,14 @@ async def test_a_broken_recording_says_where_it_ends(log: Path, tmp_path: Path) 
     assert 0 < run.ticks < TICKS
     assert run.cut is not None
     assert "cut short after" in run.cut
+
+
+async def test_who_fails_while_serving_leaves_nothing_listening(log: Path) -> None:
+    # The second listens on the descriptor that the first has let go.
+    for _ in range(2):
+        with pytest.raises(ExceptionGroup) as failed:
+            async with served(log) as address:
+                status, _ = await get(address, "/api/run")
+                assert status == 200
+                raise RuntimeError("failed on purpose")
+        assert failed.group_contains(RuntimeError, match="on purpose")

@@ -93,7 +93,7 @@ async def test_who_wants_no_motion_gets_the_wave_at_its_end(planner_log: Path) -
 
 
 async def test_a_wave_that_is_not_there_still_has_a_name(planner_log: Path) -> None:
-    async with opened(planner_log) as page:
+    async with opened(planner_log, "#t=1") as page:
         await page.evaluate(
             """async () => {
                 const { page } = await import("/main.js");
@@ -173,7 +173,7 @@ async def test_what_was_not_read_and_what_is_contradicted_is_said_and_drawn(
             )
             assert drawn == truth[tick]
             await expect(page.locator("#said")).to_have_text(f"tick {tick}{changed}")
-        await page.locator("#outline button").nth(2).click()
+        await page.locator("#outline tbody button").nth(2).click()
         has = page.locator("#choice-body dd")
         assert await has.nth(0).inner_text() == "unknown"
         assert await has.nth(1).inner_text() == "unknown"

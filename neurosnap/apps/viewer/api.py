@@ -3,26 +3,27 @@
 Literals are numbered as in `neurosnap.sensorium`: ``2s`` is sensor `s` itself and
 ``2s + 1`` its complement. Ticks count from 1. Fields are only ever added.
 
-================================================= ============
-asked                                             answer
-================================================= ============
-``/api/runs``                                     `.listed_runs.Runs`
-``/api/run``                                      `Run`
-``/api/frames?from=&to=``                         `Frames`
-``/api/graph?tick=``                              `Graph`
-``/api/edge?source=&target=&tick=``               `Edge`
-``/api/series?column=&from=&to=&points=``         `Series`
-``/api/cells``                                    `Cells`
-``/api/image?tick=``                              an image
-``/api/births``                                   `Grown`
-``/api/health``                                   `Health`
-``/api/marks?from=&to=&bins=``                    `Marks`
-``/api/beside?tick=&way=``                        `Beside`
-``/api/events``                                   `.frame_changes.Event`, again
-``/api/presence``                                 `Presence`
-``/api/partings?other=``                          `.partings.Partings`
-``/api/difference?tick=&other=&then=``            `.tick_difference.TickDifference`
-================================================= ============
+=================================================== ============
+asked                                               answer
+=================================================== ============
+``/api/runs``                                       `.listed_runs.Runs`
+``/api/run``                                        `Run`
+``/api/frames?from=&to=``                           `Frames`
+``/api/graph?tick=``                                `Graph`
+``/api/edge?source=&target=&tick=``                 `Edge`
+``/api/series?column=&from=&to=&points=``           `Series`
+``/api/cells``                                      `Cells`
+``/api/image?tick=``                                an image
+``/api/births``                                     `Grown`
+``/api/health``                                     `Health`
+``/api/marks?from=&to=&bins=``                      `Marks`
+``/api/beside?tick=&way=``                          `Beside`
+``/api/raster?from=&to=&columns=&sensor=&sensors=`` `.raster.RasterPart`
+``/api/events``                                     `.frame_changes.Event`, again
+``/api/presence``                                   `Presence`
+``/api/partings?other=``                            `.partings.Partings`
+``/api/difference?tick=&other=&then=``              `.tick_difference.TickDifference`
+=================================================== ============
 
 ``run=`` says in each which recording is meant, by its number; without it the first.
 What is wrong with a question is answered by `Wrong`, with status 400, 404 or 500.

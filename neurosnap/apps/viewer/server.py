@@ -30,6 +30,7 @@ from neurosnap.apps.viewer.evidence import weighed
 from neurosnap.apps.viewer.json_answers import answer, refusal, whole
 from neurosnap.apps.viewer.listed_runs import listed
 from neurosnap.apps.viewer.members import members
+from neurosnap.apps.viewer.raster import MOST_COLUMNS, MOST_SENSORS
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.errors import InvalidValueError, NeurosnapError
@@ -121,6 +122,18 @@ def application(
             raise InvalidValueError("bins", rule, bins)
         return answer(asked(request).marks.marks(first, last, bins))
 
+    async def raster(request: Request) -> Response:
+        query = request.query_params
+        first, last = ticks_of(request)
+        columns, sensors = whole(query, "columns", 600), whole(query, "sensors", 100)
+        most = (("columns", columns, MOST_COLUMNS), ("sensors", sensors, MOST_SENSORS))
+        for name, given, limit in most:
+            if not 1 <= given <= limit:
+                raise InvalidValueError(name, f"must be in [1, {limit}]", given)
+        sensor = whole(query, "sensor", 0)
+        part = asked(request).raster.part(first, last, columns, sensor, sensors)
+        return answer(part)
+
     async def beside(request: Request) -> Response:
         query = request.query_params
         way = query.get("way", "")
@@ -163,7 +176,7 @@ def application(
 
     endpoints: tuple[Endpoint, ...] = (runs, run, frames, graph, edge, series)
     endpoints += (births, health, marks, beside, cells, image, events)
-    endpoints += (presence, partings, difference)
+    endpoints += (raster, presence, partings, difference)
     app = Starlette(
         routes=[
             *(
@@ -236,7 +249,8 @@ async def serving(
             )
         )
         async with asyncio.TaskGroup() as group:
-            group.create_task(server.serve(sockets=[listener]), name="view/server")
+            serve = server.serve(sockets=[listener])
+            served = group.create_task(serve, name="view/server")
             for session in sessions:
                 group.create_task(session.read_on(stop), name="view/series")
             try:
@@ -244,6 +258,10 @@ async def serving(
             finally:
                 stop.set()
                 server.should_exit = True
+                # If whoever serves fails, the group cancels its tasks. A cancelled
+                # server leaves its socket with the loop, and the next server that
+                # gets the same descriptor would hear nobody.
+                await asyncio.wait([served])
 
 
 def _listener(port: int, last: Address | None) -> socket.socket:

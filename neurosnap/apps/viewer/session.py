@@ -15,6 +15,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.health_view import HealthView
 from neurosnap.apps.viewer.marks import RunMarks
+from neurosnap.apps.viewer.raster import Raster
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import RecordingError
@@ -57,8 +58,9 @@ class ViewSession:
         time_series = TimeSeries(RunView(self._log, run_view.scene))
         health = HealthView(RunView(self._log, run_view.scene))
         marks = RunMarks(RunView(self._log, run_view.scene))
+        raster = Raster(RunView(self._log, run_view.scene))
         self.run_view, self.time_series = run_view, time_series
-        self.health, self.marks = health, marks
+        self.health, self.marks, self.raster = health, marks, raster
         self.live = self._is_live(self._grows())
 
     async def ask(
@@ -152,7 +154,7 @@ class ViewSession:
             async with self._lock:
                 pass  # who asks now goes before what is only needed soon
             time_series, health, live = self.time_series, self.health, self.live
-            marks = self.marks
+            marks, raster = self.marks, self.raster
             try:
                 more = await asyncio.to_thread(time_series.read_on)
                 time_series.ended = False
@@ -167,6 +169,10 @@ class ViewSession:
                 more |= await asyncio.to_thread(marks.read_on)
             except RecordingError:
                 marks.end()
+            try:
+                more |= await asyncio.to_thread(raster.read_on)
+            except RecordingError:
+                raster.end()
             if more:
                 continue
             if live:

@@ -74,6 +74,9 @@ export const fetchBirths = () => ask("births");
 /** Which sensors seem broken, as far as that was read. */
 export const fetchHealth = () => ask("health");
 
+/** What sensors were at ticks: `from`, `to`, `columns`, `sensor`, `sensors`. */
+export const fetchRaster = (query) => ask("raster", query);
+
 /** What happened from tick `from` to `to`, in `bins` stretches, as far as that was read. */
 export const fetchMarks = (from, to, bins) => ask("marks", { from, to, bins });
 

@@ -5,6 +5,7 @@ import { EdgeView } from "./edge.js";
 import { edgeList } from "./edge_list.js";
 import { unread } from "./growth.js";
 import { bitWord, conditions, few, literalName, sensorOf } from "./literals.js";
+import { term } from "./terms.js";
 
 const NAMED = 8; // members of a class that are listed
 
@@ -55,11 +56,11 @@ export class ChoiceView {
       const facts = make(
         "dl",
         {},
-        make("dt", {}, "reads"),
+        make("dt", {}, term("read", "reads")),
         this._reads,
-        make("dt", {}, "state"),
+        make("dt", {}, term("state")),
         this._has,
-        make("dt", {}, "belief"),
+        make("dt", {}, term("belief")),
         this._why,
         ...(graph ? this._place(sensor, graph) : []),
         ...this._born(sensor),
@@ -98,10 +99,10 @@ export class ChoiceView {
     const node = this._node(sensor, graph);
     if (node === undefined) return [];
     const same = graph.classes.find((members) => members.some((a) => sensorOf(a) === sensor));
-    const facts = [make("dt", {}, "layer"), make("dd", {}, String(node.layer))];
+    const facts = [make("dt", {}, term("layer")), make("dd", {}, String(node.layer))];
     if (same) {
       const members = same.map((literal) => literalName(this._names, literal));
-      facts.push(make("dt", {}, "equal"), make("dd", {}, few(members, NAMED, " ≡ ")));
+      facts.push(make("dt", {}, term("equivalence", "equal")), make("dd", {}, few(members, NAMED, " ≡ ")));
     }
     return facts;
   }

@@ -71,6 +71,15 @@ export class CompareView {
     if (!playing) this._ask();
   }
 
+  /** Compare with the tick before. */
+  withBefore() {
+    this._with.value = this._own;
+    this._then.value = "";
+    this._choose();
+    find("tab-compare").click();
+    find("tab-compare").focus();
+  }
+
   /** The tab has come up. */
   open() {
     if (!this._isOpen) return;

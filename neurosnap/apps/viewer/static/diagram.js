@@ -122,7 +122,7 @@ export class Diagram {
   /** Mark the sensors a search has found; null: there is no search. */
   seek(sensors) {
     this._sought = sensors;
-    this._paintNodes();
+    this._paint();
   }
 
   /** Bring a sensor into view, out of what it is collapsed into. */
@@ -251,11 +251,14 @@ export class Diagram {
     const { sensors: seen, edges } = this._focus;
     if (edges.has("same")) paintClasses(context, this._places, colours);
     const isFar = ({ sensors }) => seen !== null && !sensors.some((one) => seen.has(one));
+    const isSought = ({ sensors }) => sensors.some((one) => this._sought.has(one));
+    const isFaint = ({ from, to }) =>
+      isFar(from) || isFar(to) || (this._sought !== null && !isSought(from) && !isSought(to));
     const chosen = [];
     for (const [link, c] of this._curves) {
       if (!edges.has(link.kind)) continue;
       if (this._isChosen(link)) chosen.push([link, c]);
-      else paintLink(context, link, c, colours, false, isFar(link.from) || isFar(link.to));
+      else paintLink(context, link, c, colours, false, isFaint(link));
     }
     for (const [link, c] of chosen) paintLink(context, link, c, colours, true);
   }

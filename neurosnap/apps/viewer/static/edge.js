@@ -6,6 +6,7 @@ import { make, number, write } from "./dom.js";
 import { complementOf, literalName } from "./literals.js";
 import { palette } from "./palette.js";
 import { axes, INKS, line, mark } from "./plots.js";
+import { term } from "./terms.js";
 
 const HIGH = 130;
 const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
@@ -80,7 +81,8 @@ export class EdgeView {
     const [[a, a_], [b, b_]] = [both(source), both(target)];
     const pairs = [[a, b], [a, b_], [a_, b], [a_, b_]];
     const labels = pairs.map(([one, other]) => `${one} and ${other}`);
-    return [...labels, "threshold of the second"].map((label, k) =>
+    const limit = make("span", {}, term("threshold"), " of the second");
+    return [...labels, limit].map((label, k) =>
       make(
         "tr",
         {},

@@ -4,6 +4,7 @@ import { find, make, write } from "./dom.js";
 import { changedWords, unread } from "./growth.js";
 import { few } from "./literals.js";
 import { stepsOf } from "./plan.js";
+import { term } from "./terms.js";
 
 const WORDS = ["did", "plan", "why", "grown", "contradicted", "not read"];
 const NUMBERS = ["edges", "height", "depth", "pulses"];
@@ -21,14 +22,20 @@ export class FactsView {
     for (const fact of facts) {
       const className = NUMBERS.includes(fact) ? "small" : "";
       find("now").append(
-        make("div", { className }, make("dt", {}, fact), this._values.get(fact)),
+        make("div", { className }, make("dt", {}, term(fact)), this._values.get(fact)),
       );
     }
   }
 
-  show(frame) {
+  /**
+   * Show a tick.
+   *
+   * @param {object} frame
+   * @param {object|null|undefined} before the frame of the tick before, if it is here
+   */
+  show(frame, before) {
     const set = (fact, text) => this._values.has(fact) && write(this._values.get(fact), text);
-    set("did", frame.action ?? "nothing");
+    set("did", this._did(frame, before));
     this._plan(frame.plan);
     set("why", this._why(frame) || "–");
     set("grown", changedWords(frame) || "nothing");
@@ -40,6 +47,15 @@ export class FactsView {
         frame.bits[sensor] === null && !unread(frame, sensor) && !born.includes(sensor),
     );
     set("not read", few(silent, NAMED) || "none");
+  }
+
+  /** What was decided; a tick has its state before it has its decision. */
+  _did({ action, choice }, before) {
+    if (this._actions.length === 0) return "takes no actions";
+    if (action !== null) return action;
+    if (choice >= 0) return "nothing";
+    const last = before?.action ? `; at tick ${before.tick}: ${before.action}` : "";
+    return `not decided yet${last}`;
   }
 
   _plan(plan) {

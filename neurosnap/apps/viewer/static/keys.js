@@ -25,6 +25,7 @@ export function bind(page) {
     ["expand", () => page.expand()],
     ["taller", toggleTaller],
     ["help", help],
+    ["order-changed", () => page.compare.withBefore()],
     ["anomaly-back", () => page.toAnomaly(-1)],
     ["anomaly-on", () => page.toAnomaly(1)],
     ["birth-back", () => page.toBirth(-1)],

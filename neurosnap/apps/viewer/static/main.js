@@ -1,16 +1,18 @@
 // The page: who is told what. Everything shown follows from the player's position; this
 // is where a position becomes a frame, and a frame goes to all that show it.
 
-import { tickAsked } from "./address.js";
+import { tickAsked, told } from "./address.js";
 import { AnomalyCard } from "./anomaly.js";
 import * as api from "./api.js";
 import { Reasons, tellItem } from "./belief.js";
 import { showCells } from "./cells.js";
+import { OrderChanges } from "./changes.js";
 import { ChoiceView } from "./choice.js";
 import { Diagram } from "./diagram.js";
 import { CompareView } from "./compare.js";
 import { counted, find, write } from "./dom.js";
 import { FactsView } from "./facts.js";
+import { deepTick } from "./first_view.js";
 import { Focus } from "./focus.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
@@ -24,9 +26,11 @@ import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { FrameCache } from "./frames.js";
 import { attend } from "./presence.js";
+import { RasterView } from "./raster.js";
 import { chooseRun } from "./runs.js";
 import { Search } from "./search.js";
 import { Strip } from "./strip.js";
+import { explain } from "./terms.js";
 import { Timeline } from "./timeline.js";
 import { Notices, Voice } from "./voice.js";
 import { WaveView } from "./wave.js";
@@ -45,6 +49,7 @@ const fetchBirths = notices.watched("births", api.fetchBirths);
 const fetchHealth = notices.watched("health", api.fetchHealth);
 const fetchMarks = notices.watched("marks", api.fetchMarks);
 const fetchBeside = notices.watched("marks", api.fetchBeside);
+const fetchRaster = notices.watched("raster", api.fetchRaster);
 const fetchPresence = notices.watched("presence", api.fetchPresence);
 const fetchCells = notices.watched("cells", api.fetchCells);
 const comparing = {
@@ -98,6 +103,7 @@ class Page {
       change: () => this.refocus(),
     });
     this.wave = new WaveView({ names, actions: run.actions, change: () => this.changeWave() });
+    this.changes = new OrderChanges(api.run, api.fetchDifference);
     this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
     this.image = new ImageView(run);
@@ -112,6 +118,11 @@ class Page {
     this.plots = new Plots(find("plots"), run.columns, fetchSeries, (tick) =>
       this.player.seek(tick),
     );
+    this.raster = new RasterView(names, {
+      fetchRaster,
+      seek: (tick) => this.player.seek(tick),
+      pick: (sensor) => this.goTo(sensor),
+    });
     this.compare = new CompareView(names, run, {
       ...comparing,
       seek: (tick) => this.player.seek(tick),
@@ -119,6 +130,7 @@ class Page {
     });
     this.search = new Search(names, this.growth, {
       mark: (found) => this.diagram.seek(found),
+      isGrown: (sensor) => this.growth.of(sensor) !== undefined,
       pick: (sensor) => this.goTo(sensor),
     });
   }
@@ -187,18 +199,23 @@ class Page {
     else if (choice) this.choose(choice);
     if (view) this.diagram.look(view);
     if (wave) this.wave.take(wave);
+    else if (this.opensDeep) this.wave.takeDeepest();
   }
 
   /** Show what stays the same as long as the tick does. */
   showTick() {
     const { frame } = this;
     this.showOrder();
-    this.facts.show(frame);
+    const before = this.frameCache.peek(frame.tick - 1);
+    this.facts.show(frame, before);
+    this.changes.show(frame, before, this.player.playing);
+    this.search.show(frame);
     this.anomaly.show(frame);
     this.world.show(frame);
     this.image.show(frame);
     this.plots.at(frame);
     this.compare.show(frame, this.player.playing);
+    this.raster.at(frame);
     this.voice.show(frame);
   }
 
@@ -361,6 +378,7 @@ class Page {
     this.plots.recolour();
     this.choice.recolour();
     this.compare.recolour();
+    this.raster.recolour();
   }
 
   // A run under way ------------------------------------------------------------------
@@ -380,6 +398,7 @@ class Page {
     this.frameCache.last = ticks;
     this.player.setRange(first, ticks);
     this.plots.load(first, ticks).catch(said);
+    this.raster.load(first, ticks);
     this.strip.load(first, ticks).catch(said);
     this.growth.load(first, ticks).catch(said);
     this.health.load().catch(said);
@@ -422,9 +441,15 @@ class Page {
 
   // Setting up -----------------------------------------------------------------------
 
-  begin() {
+  async begin() {
     bind(this);
-    const asked = tickAsked();
+    explain();
+    let asked = tickAsked();
+    if (asked === null && !this.run.live && told().get("wave") === null) {
+      asked = await deepTick(this.run, fetchFrames).catch(said);
+      this.opensDeep = (asked ?? null) !== null;
+    }
+    asked ??= null;
     this.player.position = asked ?? this.run.first;
     this.player.following = asked === null && this.run.live;
     this.setRun(this.run);
@@ -442,6 +467,7 @@ class Page {
   /** A panel of the dock has come up. */
   open(panel) {
     if (panel === "compare") this.compare.open();
+    if (panel === "raster") this.raster.open();
     if (panel === "sensors" && this.frame) this.showWords();
     if (panel !== "cells") return;
     fetchCells().then(
@@ -454,7 +480,7 @@ class Page {
 async function open() {
   try {
     const page = new Page(await fetchRun());
-    page.begin();
+    await page.begin();
     return page;
   } catch (error) {
     notices.say("page", error.message);

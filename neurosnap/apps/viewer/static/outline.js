@@ -4,6 +4,7 @@
 import { find, make, write } from "./dom.js";
 import { unread } from "./growth.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "./literals.js";
+import { term } from "./terms.js";
 
 const RARELY = 250; // milliseconds between two updates while it plays
 const NAMED = 8; // members of a class that the first of them names
@@ -31,7 +32,14 @@ export class Outline {
       const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells, ...last);
       return { row, cells, open, born };
     });
-    const titles = ["Sensor", "Reads", "State", "Belief", "Layer", "Implies (→), excludes (⊣)"];
+    const titles = [
+      "Sensor",
+      term("read", "Reads"),
+      term("state", "State"),
+      term("belief", "Belief"),
+      term("layer", "Layer"),
+      term("implies", "Implies (→), excludes (⊣)"),
+    ];
     if (growth.grows) titles.push("Born");
     home.replaceChildren(
       make(

@@ -3,6 +3,7 @@
 import uPlot from "./vendor/uplot/uPlot.esm.js";
 import { make, number, write } from "./dom.js";
 import { font, palette } from "./palette.js";
+import { term } from "./terms.js";
 
 const POINTS = 600;
 const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
@@ -132,7 +133,7 @@ export class Plots {
     const caption = make("figcaption");
     plot.columns.forEach((column, k) => {
       const swatch = make("i", { className: `swatch ${INKS[k]}` });
-      caption.append(swatch, `${TITLES[column]} `, plot.values[k], " ");
+      caption.append(swatch, term(column, TITLES[column]), " ", plot.values[k], " ");
     });
     return make("figure", {}, caption, plot.home);
   }

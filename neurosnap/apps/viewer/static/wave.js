@@ -3,6 +3,7 @@
 
 import { counted, find, make, write } from "./dom.js";
 import { literalName } from "./literals.js";
+import { term } from "./terms.js";
 import { deepest, whyShallow } from "./wave_advice.js";
 
 const HOP = 450; // milliseconds
@@ -184,7 +185,7 @@ export class WaveView {
       ...bars.map(([name, value]) => {
         const bar = make("i", { className: name });
         bar.style.width = `${(100 * value) / most}%`;
-        return make("div", {}, make("span", {}, name), bar, make("b", {}, String(value)));
+        return make("div", {}, make("span", {}, term(name)), bar, make("b", {}, String(value)));
       }),
     );
     const says = bars.map(([name, value]) => `${name} ${value}`).join(", ");

@@ -1,0 +1,102 @@
+// The words of the page, each explained where it stands: a button with a dotted line under
+// it, whose sentence comes under the pointer, with the focus, or by a touch.
+
+import { find, make } from "./dom.js";
+
+const GAP = 6; // pixels between a word and its sentence
+
+/** What each word means, in a sentence. */
+export const TERMS = {
+  order: "What the memory has learned: an edge from a up to b says that whenever a is on, b is.",
+  "covering edge": "An implication that does not follow from others by way of a third sensor. Only these are drawn.",
+  equivalence: "Two sensors of which each implies the other: they have always been the same.",
+  complement: "The other half of a sensor, written with a star: a* is on where a is off.",
+  height: "The number of edges on the longest chain of implications. It limits how deep a wave can go.",
+  layer: "How many edges the longest chain from a sensor upwards has. Layer 0 is at the top: it implies nothing more.",
+  wave: "Cells that are on tell those that they imply, these tell the next, until nobody is new.",
+  depth: "How many hops a wave took until its last cell was told.",
+  longest: "The longest chain of implications that begins in what was read: the most hops that this wave could take.",
+  pulses: "The messages that cells sent each other in a wave.",
+  hop: "One step of a wave: from cells to all that these directly imply.",
+  read: "What the sensor itself said at this tick.",
+  state: "What the memory holds to be true at this tick: on, off, unknown or contradicted.",
+  belief: "Where a state comes from: it was read, or it is predicted by others, or readings contradict it.",
+  predicted: "The sensor was not read, but others that were read imply its state.",
+  contradicted: "What others imply of the sensor and what it reads cannot both be true, so its state is left open.",
+  unknown: "The sensor was not read, and nothing that was read implies its state.",
+  excites: "Where the first is on, the second is on: a signal goes from the one to the other.",
+  inhibits: "Where the first is on, the second is off.",
+  did: "The action that was decided on at this tick. It shows in what is read at the next.",
+  why: "Why this action was decided on.",
+  plan: "The actions that the decision follows: those taken, this one in bold, those to come.",
+  grown: "Sensors that the memory has made for itself, out of an action and what was on before it.",
+  "not read": "Sensors that gave no reading at this tick.",
+  edges: "The implications that the cells use as wires. An edge and its contrapositive count as two.",
+  err: "How many implications were learned that are not true, or are true and were not learned, where the truth is known.",
+  distance: "The fewest actions from here to the target.",
+  anomaly: "An observation that contradicts what was learned before it.",
+  implies: "What is on or off whenever this sensor is on.",
+  threshold: "How seldom a must be seen with b off for a to imply b, as a share of all ticks.",
+  health: "How far a sensor's readings agree with those of others: 1 is well, 0 is in alarm.",
+  cells: "The processes of the swarm. Every sensor is a cell; a worker has the cells of several.",
+  imagined: "A wave that starts in a state the memory only imagines, some actions ahead, when it plans.",
+};
+
+/** A word that explains itself. */
+export const term = (name, text = name) =>
+  make("button", { type: "button", className: "term", "data-term": name }, text);
+
+/** Explain words wherever they come to stand, and list all of them in the help. */
+export function explain() {
+  const tip = find("tip");
+  let at = null;
+  const hide = () => {
+    at?.removeAttribute("aria-describedby");
+    at = null;
+    tip.hidden = true;
+  };
+  const show = (word) => {
+    if (word === at) return;
+    hide();
+    at = word;
+    tip.textContent = TERMS[word.dataset.term];
+    tip.hidden = false;
+    word.setAttribute("aria-describedby", "tip");
+    const { left, top, bottom } = word.getBoundingClientRect();
+    const { width, height } = tip.getBoundingClientRect();
+    const below = bottom + GAP + height < innerHeight;
+    tip.style.left = `${Math.max(GAP, Math.min(left, innerWidth - width - GAP))}px`;
+    tip.style.top = `${below ? bottom + GAP : top - GAP - height}px`;
+  };
+  const wordOf = ({ target }) => target.closest?.(".term");
+  document.addEventListener("pointerover", (event) => {
+    const word = wordOf(event);
+    // One may move onto the sentence, to read it at leisure.
+    if (word) show(word);
+    else if (event.target !== tip && document.activeElement !== at) hide();
+  });
+  document.addEventListener("focusin", (event) => {
+    const word = wordOf(event);
+    if (word) show(word);
+    else hide();
+  });
+  document.addEventListener("click", (event) => {
+    const word = wordOf(event);
+    if (word) show(word);
+  });
+  document.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.key !== "Escape" || at === null) return;
+      hide();
+      event.stopPropagation(); // it means no more than that
+    },
+    { capture: true },
+  );
+  find("words-list").append(
+    ...Object.entries(TERMS).flatMap(([name, says]) => [
+      make("dt", {}, name),
+      make("dd", {}, says),
+    ]),
+  );
+}
