@@ -37,6 +37,7 @@ export class CompareView {
     this._runs = [];
     this._frame = null;
     this._asked = null; // what the difference that is shown is of
+    this._found = null;
     this._with = make("select", { ariaLabel: "Recording to compare with" });
     this._then = make("input", { type: "number", min: 0, step: 1, ariaLabel: "Tick to compare with" });
     this._says = make("p", { className: "quiet" });
@@ -88,6 +89,33 @@ export class CompareView {
     this._curves.resize();
   }
 
+  /** What is shown, all of it. */
+  rows() {
+    if (!this._found) return [["what"]];
+    const { height, edges, actions, here, there, felt } = this._found;
+    const names = (members) => members.map((a) => literalName(this._names, a)).join(" ≡ ");
+    const only = ({ edges: some, edge_count: count, classes, class_count: classCount }) => [
+      ...some.map(({ source, target }) => ["implied", this._words(drawn(source, target))]),
+      ...classes.map((members) => ["equivalent", names(members)]),
+      ...[count - some.length, classCount - classes.length].map((more, k) =>
+        more > 0 ? [["implied", "equivalent"][k], `and ${more} more`] : null,
+      ),
+    ].filter(Boolean);
+    const [one, other] = this._titles(this._found);
+    return [
+      ["what", "of", one, other],
+      ["height", "", ...height],
+      ["covering edges", "", ...edges],
+      ["did", "", ...actions],
+      ...only(here).map((row) => [...row, 1, 0]),
+      ...only(there).map((row) => [...row, 0, 1]),
+      ...(felt ?? []).flatMap(({ name, reads, state }) => [
+        ["reads", name, ...reads.map(bitWord)],
+        ["believed", name, ...state.map(bitWord)],
+      ]),
+    ];
+  }
+
   /** The scheme of colours has changed. */
   recolour() {
     this._curves.recolour();
@@ -134,6 +162,7 @@ export class CompareView {
       this._show(await this._on.fetchDifference(...asked));
       write(this._says, "");
     } catch (error) {
+      this._found = null;
       this._body.replaceChildren();
       write(this._says, error.message);
     } finally {
@@ -188,12 +217,17 @@ export class CompareView {
     return make("li", {}, `${WORDS[thing]} part at `, go, often);
   }
 
+  /** What the two ticks are called. */
+  _titles({ tick, then }) {
+    if (!this._isOther) return [`tick ${tick}`, `tick ${then}`];
+    return [`here, tick ${tick}`, `${this._runs[this._other].name}, tick ${then}`];
+  }
+
   _show(found) {
-    const { tick, then, here, there } = found;
+    this._found = found;
+    const { here, there } = found;
     const name = this._isOther ? this._runs[this._other].name : "";
-    const titles = name
-      ? [`here, tick ${tick}`, `${name}, tick ${then}`]
-      : [`tick ${tick}`, `tick ${then}`];
+    const titles = this._titles(found);
     const [one, other] = name ? ["here", `in ${name}`] : titles.map((title) => `at ${title}`);
     this._body.replaceChildren(
       this._numbers(found, titles),
@@ -207,7 +241,7 @@ export class CompareView {
     const rows = [
       ["height", height],
       ["covering edges", edges],
-      ["did", actions.map((action) => action ?? "nothing")],
+      ["did", actions.map((action) => action ?? "no decision")],
       ...(only.flat().length ? [["sensors only there are", only.map((some) => some.length)]] : []),
     ];
     return table("The two ticks", ["", ...titles], rows.map(([name, pair]) => [name, ...pair]));
@@ -238,9 +272,12 @@ export class CompareView {
     return make("section", {}, ...parts);
   }
 
+  _words({ source, target }) {
+    return `${literalName(this._names, source)} → ${literalName(this._names, target)}`;
+  }
+
   _edge(edge) {
-    const words = `${literalName(this._names, edge.source)} → ${literalName(this._names, edge.target)}`;
-    const open = make("button", { type: "button", className: "link" }, words);
+    const open = make("button", { type: "button", className: "link" }, this._words(edge));
     open.addEventListener("click", () => this._on.pick({ edge }));
     return open;
   }

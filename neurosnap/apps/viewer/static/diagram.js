@@ -1,22 +1,19 @@
 // The diagram: the learned order in layers, the state in its nodes, and a wave on its way
 // over them. Nothing is laid out again while the order is the same.
 
-import { paintClasses, paintStripes } from "./background.js";
 import { Camera } from "./camera.js";
 import { restricted } from "./focus.js";
 import { Glide } from "./glide.js";
 import { collapse, MOST } from "./groups.js";
 import { Layers } from "./layers.js";
 import { layOut, HEIGHT } from "./layout.js";
-import { curve, distance, paintLink } from "./links.js";
-import { sensorOf } from "./literals.js";
-import { lookKey, looks } from "./looks.js";
+import { curve, distance } from "./links.js";
 import { NodePainter, widthOf } from "./nodes.js";
+import { paintLines, paintNodes, paintWave } from "./painting.js";
 import { point } from "./pointer.js";
-import { paintPulses, waysOf } from "./pulses.js";
+import { waysOf } from "./pulses.js";
 
 const NEAR = 7; // pixels from a line that still mean it
-const RING = 5; // by how much what marks a node stands out
 
 /** A learned order, drawn into an element. */
 export class Diagram {
@@ -69,6 +66,26 @@ export class Diagram {
   /** How many items are drawn, of how many sensors. */
   get count() {
     return { items: this._drawing.items.length, sensors: this._seen?.nodes.length ?? 0 };
+  }
+
+  /** All that is painted. @returns {import("./painting.js").Scene} */
+  get scene() {
+    return {
+      bands: this._laid.bands,
+      places: this._places,
+      curves: this._curves,
+      ways: this._ways,
+      frame: this._frame,
+      wave: this._wave,
+      chosen: this._chosen,
+      sought: this._sought,
+      focus: this._focus,
+    };
+  }
+
+  /** What it takes up, in places of the drawing. */
+  get box() {
+    return this._laid.box;
   }
 
   /** Whether there is too much to draw every sensor by itself. */
@@ -242,62 +259,24 @@ export class Diagram {
   }
 
   _paintLines() {
-    const { lines: context, width } = this._layers;
-    const { colours } = this._painter;
-    this._layers.wipe(context);
-    this._layers.flat(context);
-    paintStripes(context, this._laid.bands, this._camera, width, colours);
-    this._layers.aim(context, this._camera);
-    const { sensors: seen, edges } = this._focus;
-    if (edges.has("same")) paintClasses(context, this._places, colours);
-    const isFar = ({ sensors }) => seen !== null && !sensors.some((one) => seen.has(one));
-    const isSought = ({ sensors }) => sensors.some((one) => this._sought.has(one));
-    const isFaint = ({ from, to }) =>
-      isFar(from) || isFar(to) || (this._sought !== null && !isSought(from) && !isSought(to));
-    const chosen = [];
-    for (const [link, c] of this._curves) {
-      if (!edges.has(link.kind)) continue;
-      if (this._isChosen(link)) chosen.push([link, c]);
-      else paintLink(context, link, c, colours, false, isFaint(link));
-    }
-    for (const [link, c] of chosen) paintLink(context, link, c, colours, true);
+    const { lines } = this._layers;
+    this._layers.wipe(lines);
+    paintLines(lines, this.scene, this._sheet);
   }
 
-  /** Paint the nodes that look otherwise than before. */
   _paintNodes() {
     if (this._frame === null) return;
-    const context = this._layers.nodes;
-    this._layers.aim(context, this._camera);
-    const lookOf = looks(
-      this._frame, this._wave, this._chosen, this._sought, this._focus.sensors,
-    );
-    for (const place of this._places.values()) {
-      const look = lookOf(place.item);
-      const key = lookKey(look);
-      if (this._shown.get(place.item.key) === key) continue;
-      this._shown.set(place.item.key, key);
-      const [wide, high] = [place.width + 2 * RING, HEIGHT + 2 * RING];
-      context.clearRect(place.x - wide / 2, place.y - high / 2, wide, high);
-      this._painter.paint(context, place, look, this._camera.scale);
-    }
+    paintNodes(this._layers.nodes, this.scene, this._sheet, this._shown);
   }
 
   _paintPulses() {
-    const context = this._layers.pulses;
-    this._layers.wipe(context);
-    if (this._wave === null) return;
-    this._layers.aim(context, this._camera);
-    paintPulses(context, this._ways, this._curves, this._wave, this._painter.colours);
+    this._layers.wipe(this._layers.pulses);
+    paintWave(this._layers.pulses, this.scene, this._sheet);
   }
 
-  _isChosen(link) {
-    if (this._chosen === null) return false;
-    const { sensor, edge } = this._chosen;
-    return link.edges.some(({ source, target }) =>
-      edge
-        ? edge.source === source && edge.target === target
-        : sensorOf(source) === sensor || sensorOf(target) === sensor,
-    );
+  get _sheet() {
+    const { width, dots } = this._layers;
+    return { camera: this._camera, width, dots, painter: this._painter };
   }
 
   // Clicking -------------------------------------------------------------------------

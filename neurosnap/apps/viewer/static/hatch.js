@@ -4,10 +4,7 @@ const SIZE = 6; // pixels until the stripes repeat
 
 /** Make a pattern of stripes to fill with. */
 export function hatching(context, colour) {
-  const canvas = document.createElement("canvas");
-  canvas.width = SIZE;
-  canvas.height = SIZE;
-  const tile = canvas.getContext("2d");
+  const tile = context.newTile?.(SIZE) ?? canvasTile(); // an SVG has tiles of its own
   tile.strokeStyle = colour;
   tile.globalAlpha = 0.45;
   tile.lineWidth = 1.8;
@@ -17,5 +14,11 @@ export function hatching(context, colour) {
     tile.lineTo(shift + SIZE, 0);
   }
   tile.stroke();
-  return context.createPattern(canvas, "repeat");
+  return context.createPattern(tile.canvas, "repeat");
+}
+
+function canvasTile() {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [SIZE, SIZE];
+  return canvas.getContext("2d");
 }

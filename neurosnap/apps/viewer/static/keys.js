@@ -3,6 +3,7 @@
 
 import { keep, keepSoon, tickAsked, told } from "./address.js";
 import { find, make } from "./dom.js";
+import { bindFiles } from "./files.js";
 import { tabs } from "./tabs.js";
 import { theme } from "./theme.js";
 
@@ -32,6 +33,7 @@ export function bind(page) {
     ["birth-on", () => page.toBirth(1)],
   ];
   for (const [id, act] of acts) find(id).addEventListener("click", act);
+  bindFiles(page);
   tabs(
     document.querySelector('[role="tablist"]'),
     (panel) => {

@@ -1,8 +1,6 @@
 // Three canvases above each other, so that what changes every tick is all that is painted
 // every tick: lines, nodes, pulses.
 
-const fine = () => window.devicePixelRatio || 1;
-
 /** The canvases that fill an element. */
 export class Layers {
   /** @param {HTMLElement} home */
@@ -17,14 +15,19 @@ export class Layers {
     this.resize();
   }
 
+  /** How many dots of a canvas a pixel of the page has. */
+  get dots() {
+    return window.devicePixelRatio || 1;
+  }
+
   /** Take the size of the element; what was painted is gone. Returns what was gained. */
   resize() {
     const [width, height] = [this._home.clientWidth, this._home.clientHeight];
     const gained = { width: width - this.width, height: height - this.height };
     [this.width, this.height] = [width, height];
     for (const { canvas } of [this.lines, this.nodes, this.pulses]) {
-      canvas.width = Math.round(width * fine());
-      canvas.height = Math.round(height * fine());
+      canvas.width = Math.round(width * this.dots);
+      canvas.height = Math.round(height * this.dots);
     }
     return gained;
   }
@@ -33,16 +36,5 @@ export class Layers {
   wipe(context) {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, context.canvas.width, context.canvas.height);
-  }
-
-  /** Paint in places on the screen. */
-  flat(context) {
-    context.setTransform(fine(), 0, 0, fine(), 0, 0);
-  }
-
-  /** Paint in places of the drawing. */
-  aim(context, { scale, left, top }) {
-    const by = scale * fine();
-    context.setTransform(by, 0, 0, by, left * fine(), top * fine());
   }
 }

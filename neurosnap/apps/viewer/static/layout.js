@@ -25,6 +25,7 @@ const ASPECT = 2; // how much wider than high the whole is made, if it can be
  */
 export function layOut(items, links, widthOf) {
   const near = neighbours(items, links);
+  const mates = matesOf(items, near);
   const places = new Map();
   for (const item of items) {
     // Where nothing else says where to begin, the number does: so little moves when the
@@ -36,9 +37,10 @@ export function layOut(items, links, widthOf) {
   for (let sweep = 0; sweep < SWEEPS; sweep += 1) {
     const turned = sweep % 2 ? [...layers].reverse() : layers;
     for (const layer of turned) {
-      for (const row of layer.rows) settle(row, near, places);
+      for (const row of layer.rows) settle(row, near, mates, places);
     }
   }
+  centre(layers, near, mates, places);
   const bands = stack(layers, places);
   lean(layers, bands, places);
   return { places, bands, box: around(places, bands) };
@@ -51,6 +53,14 @@ function neighbours(items, links) {
     near.get(to.key).push(from.key);
   }
   return near;
+}
+
+/** Of each item without neighbours, those of its class that have some. */
+function matesOf(items, near) {
+  const isLinked = ({ key }) => near.get(key).length > 0;
+  const linked = Map.groupBy(items.filter(isLinked), (item) => item.class);
+  const others = items.filter((item) => !isLinked(item));
+  return new Map(others.map((item) => [item.key, (linked.get(item.class) ?? []).map(({ key }) => key)]));
 }
 
 /** Divide each layer into rows; classes without any neighbour are out of the way above. */
@@ -98,24 +108,46 @@ function split(members, places, widest) {
 }
 
 /** Order a row by its neighbours' middles, and put it as near to them as it fits. */
-function settle(row, near, places) {
+function settle(row, near, mates, places) {
   const wanted = new Map();
   const middles = new Map();
+  const middleOf = (keys) => average(keys.map((key) => places.get(key).x));
   // The members of a class stay together, in the middle of where they want to be. Those
-  // without neighbours want to be with the others, or else where they are.
+  // without neighbours want to be with the others, in this row or another, or else where
+  // they are.
   for (const [number, members] of Map.groupBy(row, (item) => item.class)) {
     const linked = members.filter((item) => near.get(item.key).length > 0);
     for (const item of linked) {
-      wanted.set(item.key, average(near.get(item.key).map((key) => places.get(key).x)));
+      wanted.set(item.key, middleOf(near.get(item.key)));
     }
     const own = linked.map((item) => wanted.get(item.key));
-    const middle = average(own.length ? own : members.map((item) => places.get(item.key).x));
+    const away = members.flatMap((item) => mates.get(item.key) ?? []);
+    const keys = away.length ? away : members.map((item) => item.key);
+    const middle = own.length ? average(own) : middleOf(keys);
     for (const item of members) if (!wanted.has(item.key)) wanted.set(item.key, middle);
     middles.set(number, average(members.map((item) => wanted.get(item.key))));
   }
   const middle = (item) => middles.get(item.class);
   row.sort((a, b) => middle(a) - middle(b) || a.class - b.class || a.sensors[0] - b.sensors[0]);
   apart(row, wanted, places);
+}
+
+/** Put rows that nothing ties to others in the middle of those that are tied. */
+function centre(layers, near, mates, places) {
+  const isTied = ({ key }) => near.get(key).length > 0 || mates.get(key).length > 0;
+  const all = layers.flatMap((layer) => layer.rows);
+  const [tied, free] = [all.filter((row) => isTied(row[0])), all.filter((row) => !isTied(row[0]))];
+  if (tied.length === 0) return;
+  const middleOf = (some) => {
+    const ends = some.map(({ key }) => places.get(key));
+    const left = Math.min(...ends.map(({ x, width }) => x - width / 2));
+    return (left + Math.max(...ends.map(({ x, width }) => x + width / 2))) / 2;
+  };
+  const middle = middleOf(tied.flat());
+  for (const row of free) {
+    const by = middle - middleOf(row);
+    for (const { key } of row) places.get(key).x += by;
+  }
 }
 
 const average = (numbers) => numbers.reduce((sum, one) => sum + one, 0) / numbers.length;

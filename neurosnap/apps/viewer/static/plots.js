@@ -108,6 +108,14 @@ export class Plots {
     for (const plot of this._plots) if (plot.data) this._draw(plot);
   }
 
+  /** What is plotted, a row a tick: of a long run only some. */
+  rows() {
+    const there = this._plots.filter((plot) => plot.data);
+    const all = uPlot.join(there.map((plot) => plot.data));
+    const titles = there.flatMap((plot) => plot.columns);
+    return [["tick", ...titles], ...all[0].map((_, at) => all.map((values) => values[at] ?? null))];
+  }
+
   /** Ask for everything once; tell whether all is there now. */
   async _ask() {
     const [first, last] = this._range;

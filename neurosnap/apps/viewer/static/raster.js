@@ -81,6 +81,18 @@ export class RasterView {
     this._load();
   }
 
+  /** What is shown, a row a tick. */
+  rows() {
+    if (!this._shown) return [["tick"]];
+    const { sensor, sensors, columns, step, first, rows } = this._shown;
+    const names = Array.from({ length: rows }, (_, row) => this._names[sensor + row]);
+    const body = Array.from({ length: columns }, (_, column) => [
+      first + column * step,
+      ...names.map((_, row) => WORDS[this._bytes[column * sensors + row]]),
+    ]);
+    return [["tick", ...names], ...body];
+  }
+
   /** The scheme of colours has changed. */
   recolour() {
     this._draw();

@@ -1,0 +1,42 @@
+// Files that the page gives: the picture of the order, and the table of the panel that is
+// open.
+
+import { asCsv, rowsOf } from "./csv.js";
+import { find } from "./dom.js";
+import { asPng, asSvg } from "./picture.js";
+
+const TOO_LARGE = "too large for this browser to paint: save it as SVG";
+
+/** Have the buttons save what the page shows. */
+export function bindFiles(page) {
+  const shown = () => {
+    const { run, frame, diagram } = page;
+    const name = run.log.replace(/\.mcap$/, "");
+    return { name: `${name}-tick-${frame.tick}`, title: `${run.log}, tick ${frame.tick}`, diagram };
+  };
+  find("save-svg").addEventListener("click", () => {
+    const { name, title, diagram } = shown();
+    const svg = asSvg(diagram.scene, diagram.box, `Learned order of ${title}`);
+    save(`${name}.svg`, new Blob([svg], { type: "image/svg+xml" }));
+  });
+  find("save-png").addEventListener("click", async () => {
+    const { name, diagram } = shown();
+    const png = await asPng(diagram.scene, diagram.box);
+    if (png) save(`${name}.png`, png);
+    else page.voice.tell(TOO_LARGE);
+  });
+  find("save-csv").addEventListener("click", () => {
+    const open = document.querySelector('#dock [role="tabpanel"]:not([hidden])');
+    const views = { plots: page.plots, raster: page.raster, compare: page.compare };
+    const rows = views[open.id]?.rows() ?? rowsOf(open.querySelector("table"));
+    const file = new Blob([asCsv(rows)], { type: "text/csv;charset=utf-8" });
+    save(`${shown().name}-${open.id}.csv`, file);
+  });
+}
+
+function save(name, blob) {
+  const address = URL.createObjectURL(blob);
+  const link = Object.assign(document.createElement("a"), { href: address, download: name });
+  link.click();
+  URL.revokeObjectURL(address);
+}
