@@ -102,7 +102,8 @@ async def wait_shown(page: Page, tick: int) -> None:
     """Wait until the page shows a tick, its order and its plots."""
     shown = f'#drawing[data-tick="{tick}"][aria-busy="false"]'
     await page.wait_for_selector(shown, state="attached")
-    await page.wait_for_selector("#plots canvas", state="attached")
+    plots = "#plots canvas, #plots[hidden]"
+    await page.wait_for_selector(plots, state="attached")
 
 
 async def wait_until(page: Page, condition: str) -> None:

@@ -9,6 +9,8 @@ from playwright.async_api import expect
 
 from tests.support import browser_pages as pages
 from tests.support import preloaded
+from tests.support.home_runs import broken_home
+from tests.support.lamp import lamp_options
 from tests.support.left_processes import no_process_left
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import (
@@ -17,6 +19,7 @@ from tests.support.recorded_runs import (
     path_run,
     planner_run,
     recorded,
+    torn_run,
     unread_run,
 )
 from tools.browser import started
@@ -41,6 +44,22 @@ def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
+
+
+@pytest.fixture(scope="session")
+def torn_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return torn_run(tmp_path_factory.mktemp("torn") / "torn.mcap")
+
+
+@pytest.fixture(scope="session")
+def lamp_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    log = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
+    return recorded(lamp_options(ticks=60, cells="inline"), log)
+
+
+@pytest.fixture(scope="session")
+def home_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return broken_home(tmp_path_factory.mktemp("home"))
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from matplotlib import image
 from numpy.typing import NDArray
 from playwright.async_api import Page
 
-from neurosnap.apps.viewer.raster import OFF, ON
+from neurosnap.apps.viewer.conditions import OFF, ON
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.system.csv_text import as_text

@@ -1,6 +1,5 @@
 """Births, imagined waves and plans on the page, in a real browser."""
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -8,9 +7,8 @@ from playwright.async_api import expect
 
 from neurosnap.apps.viewer import imagined
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.runtime.run import run
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
-from tests.support.lamp import BIRTH, GROWN, lamp_options
+from tests.support.lamp import BIRTH, GROWN
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
@@ -19,16 +17,8 @@ TICKS = 60
 PLANNED = 36  # a plan of two steps begins, and nothing gets in its way
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
-    options = lamp_options(ticks=TICKS, cells="inline")
-    asyncio.run(run(options, path, asyncio.Event()))
-    return path
-
-
-async def test_a_sensor_is_drawn_and_listed_from_its_birth_on(log: Path) -> None:
-    async with opened(log, f"#t={BIRTH - 1}") as page:
+async def test_a_sensor_is_drawn_and_listed_from_its_birth_on(lamp_log: Path) -> None:
+    async with opened(lamp_log, f"#t={BIRTH - 1}") as page:
         await wait_shown(page, BIRTH - 1)
         facts = page.locator("#diagram-facts")
         await expect(facts).to_contain_text("24 sensors,")
@@ -57,16 +47,16 @@ async def test_a_sensor_is_drawn_and_listed_from_its_birth_on(log: Path) -> None
             await expect(page.locator("#search-found")).to_have_text(found)
 
 
-async def test_one_goes_from_birth_to_birth_by_the_keyboard(log: Path) -> None:
-    async with opened(log, "#t=3") as page:
+async def test_one_goes_from_birth_to_birth_by_the_keyboard(lamp_log: Path) -> None:
+    async with opened(lamp_log, "#t=3") as page:
         await wait_shown(page, 3)
-        mark = page.locator("#births i")
-        await expect(mark).to_have_attribute("data-tick", str(BIRTH))
+        mark = page.locator("#strip .born")
+        await expect(mark).to_have_count(1)
         line, at = await page.locator("#time").bounding_box(), await mark.bounding_box()
         assert line is not None
         assert at is not None
         share = (at["x"] + at["width"] / 2 - line["x"] - 8) / (line["width"] - 16)
-        assert share == pytest.approx((BIRTH - 1) / (TICKS - 1), abs=0.01)
+        assert share == pytest.approx((BIRTH - 0.5) / TICKS, abs=0.01)
         await page.keyboard.press("b")
         await wait_shown(page, BIRTH)
         await go_to(page, TICKS)
@@ -91,8 +81,10 @@ async def test_one_goes_from_birth_to_birth_by_the_keyboard(log: Path) -> None:
         await expect(page.locator("#choice-title")).to_have_text(GROWN)
 
 
-async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -> None:
-    async with opened(log, f"#t={PLANNED}", still=True) as page:
+async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(
+    lamp_log: Path,
+) -> None:
+    async with opened(lamp_log, f"#t={PLANNED}", still=True) as page:
         await wait_shown(page, PLANNED)
         which = page.locator("#wave-which")
         here = await which.locator("> option").all_inner_texts()
@@ -124,12 +116,12 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(log: Path) -
 
 
 async def test_of_many_imagined_waves_some_are_shown_and_the_others_counted(
-    log: Path, monkeypatch: pytest.MonkeyPatch
+    lamp_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (whole,) = RunView(log).frames(PLANNED, PLANNED)
+    (whole,) = RunView(lamp_log).frames(PLANNED, PLANNED)
     count = sum(wave.imagined for wave in whole.waves)
     monkeypatch.setattr(imagined, "MOST_IMAGINED", 2)
-    async with opened(log, f"#t={PLANNED}") as page:
+    async with opened(lamp_log, f"#t={PLANNED}") as page:
         await wait_shown(page, PLANNED)
         options = page.locator("#wave-which optgroup option")
         said = await options.all_inner_texts()
@@ -146,6 +138,6 @@ async def test_a_page_of_a_run_that_grows_nothing_has_none_of_it(
         await wait_shown(page, 3)
         for what in ("#tab-grown", "#grown", ".plan", "#tab-health", "#health"):
             await expect(page.locator(what)).to_have_count(0)
-        for what in ("#birth-on", "#birth-back", "#births"):
+        for what in ("#birth-on", "#birth-back"):
             await expect(page.locator(what)).to_be_hidden()
         await expect(page.locator("#now")).not_to_contain_text("grown")

@@ -219,8 +219,9 @@ async def test_a_plot_says_what_its_columns_are_at_the_tick(planner_log: Path) -
             [
                 f"Edges {frame.edges} ",
                 re.compile(r"^Err \d+ $"),
-                f"Depth {frame.depth} Height {frame.height} ",
+                f"Depth {frame.depth} Longest {frame.longest} Height {frame.height} ",
                 f"Pulses a tick {frame.pulses} ",
+                f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0 ",
                 f"Distance to target {far:.0f} ",
             ]
         )

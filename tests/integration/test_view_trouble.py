@@ -229,7 +229,7 @@ async def test_a_plot_says_nothing_of_ticks_that_were_thinned_out(
         await page.evaluate(
             """async () => {
                 const { page } = await import("/main.js");
-                page.plots._fetch = async () =>
+                page.plots._on.fetchSeries = async () =>
                     ({ ticks: [1, 19, 30], values: [4, 9, 7], done: true });
                 await page.plots.load(1, 40);
             }"""
@@ -238,7 +238,7 @@ async def test_a_plot_says_nothing_of_ticks_that_were_thinned_out(
         for tick, value in [(20, "–"), (30, "7"), (19, "9"), (18, "–")]:
             await go_to(page, tick)
             await expect(captions.nth(1)).to_have_text(f"Err {value} ")
-            await expect(captions.nth(4)).to_have_text(f"Distance to target {value} ")
+            await expect(captions.nth(5)).to_have_text(f"Distance to target {value} ")
 
 
 async def test_the_address_is_written_once_one_stays(path_log: Path) -> None:

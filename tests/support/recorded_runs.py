@@ -92,6 +92,25 @@ def unread_run(log: Path) -> Path:
         a = tick == 30 or chance.random() < 0.5
         rows.append([a, a or chance.random() < 0.5, tick % 2 == 0])
     rows += [[True, None, None], [True, False, None]]
+    return scripted_run(rows, log)
+
+
+def torn_run(log: Path) -> Path:
+    """Record a run at whose last tick others say ``s1`` is on, and that it is off.
+
+    ``s0`` implies ``s1``, ``s2`` excludes it; both are on, and ``s1`` is not read.
+    """
+    chance = random.Random(7)
+    rows: list[list[bool | None]] = []
+    for _ in range(40):
+        a = chance.random() < 0.4
+        b = a or chance.random() < 0.4
+        rows.append([a, b, not b and chance.random() < 0.7])
+    return scripted_run([*rows, [True, None, None], [True, None, True]], log)
+
+
+def scripted_run(rows: Sequence[Sequence[bool | None]], log: Path) -> Path:
+    """Record a run of three sensors that read as told; None: not read."""
     options = RunOptions(
         source="scripted",
         body=Body(own=("s0", "s1", "s2")),

@@ -41,12 +41,31 @@ from neurosnap.recording.read.births import Birth
 Bit: TypeAlias = Literal[0, 1] | None
 """On, off, or not known."""
 
-Column: TypeAlias = Literal["edges", "depth", "height", "pulses", "err", "distance"]
-"""A number a tick: what `State` says; ``err``, the edges between literals of different
+Column: TypeAlias = Literal[
+    "edges",
+    "depth",
+    "longest",
+    "height",
+    "pulses",
+    "on",
+    "predicted",
+    "contradicted",
+    "unknown",
+    "err",
+    "distance",
+]
+"""A number a tick: what `State` says; how many sensors are believed to be on, are
+predicted, contradicted and unknown; ``err``, the edges between literals of different
 sensors that were learned and are not true or the reverse, ordered pairs as in
 [GK] empirical:performance; ``distance``, the fewest actions to the target."""
 
-COLUMNS: tuple[Column, ...] = ("edges", "depth", "height", "pulses")
+STATED: tuple[Column, ...] = ("edges", "depth", "longest", "height", "pulses")
+"""Those that a message of the state has."""
+
+COUNTED: tuple[Column, ...] = ("on", "predicted", "contradicted", "unknown")
+"""Those that count sensors."""
+
+COLUMNS: tuple[Column, ...] = STATED + COUNTED
 """Those that every recording has."""
 
 MOST_FRAMES = 240
@@ -54,6 +73,7 @@ MOST_IMAGINED = 200
 """Imagined waves in a frame: a search may take thousands."""
 MOST_POINTS = 2000
 MOST_BINS = 4000
+MOST_ALARMS = 1000
 
 
 class Stage(msgspec.Struct, frozen=True, kw_only=True):
@@ -349,6 +369,17 @@ class Health(msgspec.Struct, frozen=True):
     """All there are have been counted; if not, ask again."""
 
 
+class RaisedAlarm(msgspec.Struct, frozen=True):
+    """An alarm: a sensor that seems broken."""
+
+    tick: int
+    """The observation that told: it is in force from here on."""
+    sensor: int
+    line: str
+    until: int | None = None
+    """The observation that told of its end; None: it is in force as far as was read."""
+
+
 class Marks(msgspec.Struct, frozen=True, kw_only=True):
     """What happened in stretches of ticks that are as long as one another."""
 
@@ -366,6 +397,14 @@ class Marks(msgspec.Struct, frozen=True, kw_only=True):
     yet, or not recorded."""
     resumed: list[int]
     """The ticks after which the run was taken up again."""
+    reached: list[int]
+    """How many of its ticks come to the target."""
+    born: list[int]
+    """How many of its ticks grow a sensor."""
+    missing: list[int]
+    """How many of its ticks have no state in the recording."""
+    alarms: list[RaisedAlarm]
+    """Those raised there, the first `MOST_ALARMS`."""
     read_to: int
     done: bool
     """All that was asked for has been read; if not, ask again."""

@@ -16,6 +16,7 @@ NAMES = (
         f"{module}.js"
         for module in (
             "address",
+            "alarms",
             "anomaly",
             "api",
             "background",
@@ -23,6 +24,7 @@ NAMES = (
             "camera",
             "cells",
             "changes",
+            "chart",
             "choice",
             "compare",
             "compare_curves",
@@ -64,6 +66,7 @@ NAMES = (
             "first_view",
             "frames",
             "glide",
+            "range",
             "raster",
             "reach",
             "runs",

@@ -1,12 +1,14 @@
 """Which sensors of a run seem broken, found in the background."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 import msgspec
 
-from neurosnap.apps.viewer.api import Health, SensorHealth
+from neurosnap.apps.viewer.api import Health, RaisedAlarm, SensorHealth
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import ShapeError
+from neurosnap.health.alarm import Alarm
 from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
 from neurosnap.recording.read.observed import as_observed
@@ -28,6 +30,9 @@ class HealthView:
         self._run_view = run_view
         self._tick = 0  # the last that was read
         self._follower: Follower | None = None
+        self.raised: list[RaisedAlarm] = []
+        """The alarms there were, by tick."""
+        self._in_force: dict[int, Alarm] = {}  # by their places there
         options = run_view.options
         if options.alarms != NEVER:
             self._follower = Follower(options.body.own, options.alarms)
@@ -53,13 +58,31 @@ class HealthView:
                     self._tick = message.tick
                     with suppress(ShapeError):  # it is of other sensors
                         at, on, known, begins = as_observed(message, sent, body)
-                        self._follower.observe(on, known, at, begins=begins)
+                        said = self._follower.observe(on, known, at, begins=begins)
+                        self._take(self._follower, said.begun, message.tick)
             if self._tick - before >= _BATCH:
                 break
         more = self._tick > before
         if more or not self.health.done:
             self.health = self._now(done=not more)
         return more
+
+    def _take(self, follower: Follower, begun: Sequence[Alarm], tick: int) -> None:
+        """Take in what an observation told; an alarm may be over by its end again."""
+        standing = {alarm.sensor: alarm for alarm in follower.standing.alarms}
+        for place, alarm in list(self._in_force.items()):
+            if standing.get(alarm.sensor) != alarm:
+                was = self.raised[place]
+                self.raised[place] = msgspec.structs.replace(was, until=tick)
+                del self._in_force[place]
+        for alarm in begun:
+            number = self._run_view.options.body.own.index(alarm.sensor)
+            raised = RaisedAlarm(tick, number, alarm.line())
+            if standing.get(alarm.sensor) == alarm:
+                self._in_force[len(self.raised)] = alarm
+            else:
+                raised = msgspec.structs.replace(raised, until=tick)
+            self.raised.append(raised)
 
     def end(self) -> None:
         """Say that no more can be read."""

@@ -1,11 +1,14 @@
 """What happened at which ticks of a run, found in the background.
 
-Anomalies, edges rewired, and beginnings of trajectories, for the strip over the slider.
+For the strip over the slider: anomalies, edges rewired and beginnings of trajectories,
+and what others that read the run have found.
 """
 
 import math
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,25 @@ _BATCH = 256
 """Ticks read at a time, or a chunk of them: others wait for as long."""
 _EDGE = 8
 """Bytes of an edge in a worker's wiring."""
+
+
+class Found(NamedTuple):
+    """What others have found, as far as they have read."""
+
+    alarms: Sequence[api.RaisedAlarm] = ()
+    """By tick."""
+    reached: Sequence[int] = ()
+    """The ticks that come to the target."""
+    born: Sequence[int] = ()
+    """The ticks that grow a sensor, each as often as it grows one."""
+    missing: Sequence[int] = ()
+    """The ticks of which no state was recorded."""
+    done: bool = True
+    """They have read all."""
+
+
+NOTHING = Found()
+"""Others have nothing to tell."""
 
 
 class RunMarks:
@@ -62,42 +84,49 @@ class RunMarks:
         """Say that no more can be read."""
         self._done = True
 
-    def marks(self, first: int, last: int, bins: int) -> api.Marks:
+    def marks(
+        self, first: int, last: int, bins: int, found: Found = NOTHING
+    ) -> api.Marks:
         """Return what happened from one tick to another, in as many stretches.
 
         Args:
             first: From 1 up.
             last: Not before `first`; beyond the last tick: up to that.
             bins: How many stretches, from 1 up; fewer where there are fewer ticks.
+            found: What else there is to mark.
         """
         first = max(first, self._run_view.first)
         last = min(last, self._run_view.last)
         ticks = max(0, last - first + 1)
         edges = np.linspace(first, first + ticks, min(bins, ticks) + 1)
-        anomalies, begins = np.array(self._anomalies), np.array(self._begins)
+        inside = [one for one in found.alarms if first <= one.tick <= last]
         rewired = np.zeros(len(edges) - 1, np.int64)
         changes = np.array(self._rewired, np.int64).reshape(-1, 2)
         places = np.searchsorted(edges, changes[:, 0], side="right") - 1
-        inside = (places >= 0) & (places < len(rewired))
-        np.maximum.at(rewired, places[inside], changes[inside, 1])
+        seen = (places >= 0) & (places < len(rewired))
+        np.maximum.at(rewired, places[seen], changes[seen, 1])
         return api.Marks(
             first=first,
             last=last,
-            anomalies=_counted(anomalies, edges),
+            anomalies=_counted(self._anomalies, edges),
             rewired=rewired.tolist(),
-            begins=_counted(begins, edges),
+            begins=_counted(self._begins, edges),
             times=[self._time(math.ceil(edge)) for edge in edges[:-1].tolist()],
             resumed=[tick for tick in self._run_view.resumed if first <= tick <= last],
+            reached=_counted(found.reached, edges),
+            born=_counted(found.born, edges),
+            missing=_counted(found.missing, edges),
+            alarms=inside[: api.MOST_ALARMS],
             read_to=self._read_to,
-            done=self._done,
+            done=self._done and found.done,
         )
 
-    def anomaly_beside(self, tick: int, way: int) -> api.Beside:
-        """Return the nearest anomaly before (-1) or after (1) a tick."""
-        found = self._anomalies
-        place = bisect_right(found, tick) if way > 0 else bisect_left(found, tick) - 1
-        there = 0 <= place < len(found)
-        return api.Beside(found[place] if there else None)
+    def beside(self, tick: int, way: int, found: Found = NOTHING) -> api.Beside:
+        """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
+        told = sorted({*self._anomalies, *(alarm.tick for alarm in found.alarms)})
+        place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
+        there = 0 <= place < len(told)
+        return api.Beside(told[place] if there else None)
 
     def _time(self, tick: int) -> float | None:
         sent = self._times.get(tick)
@@ -156,7 +185,7 @@ def _enter(ticks: list[int], tick: int) -> None:
         ticks.insert(place, tick)
 
 
-def _counted(ticks: NDArray[np.int64], edges: NDArray[np.float64]) -> list[int]:
+def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:
     """Return how many ticks lie in each stretch; the edges are one more."""
-    counted: list[int] = np.diff(np.searchsorted(ticks, edges)).tolist()
+    counted: list[int] = np.diff(np.searchsorted(np.array(ticks), edges)).tolist()
     return counted

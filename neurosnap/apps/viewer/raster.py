@@ -4,13 +4,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.apps.viewer.conditions import NOT_RECORDED, conditions
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
-from neurosnap.errors import InvalidValueError, RecordingError, ShapeError
-from neurosnap.sensorium import unpack
-
-NOT_RECORDED, UNKNOWN, OFF, ON, OFF_PREDICTED, ON_PREDICTED, CONTRADICTED = range(7)
-"""What a value says. Contradicted: it was read, and the state has neither."""
+from neurosnap.errors import InvalidValueError, RecordingError
 
 MOST_SENSORS = 500
 MOST_COLUMNS = 2000
@@ -32,7 +29,7 @@ class RasterPart(msgspec.Struct, frozen=True, kw_only=True):
     """The first sensor."""
     sensors: int
     values: bytes
-    """A byte each, column by column; see the constants of this module."""
+    """A byte each, column by column; see the constants of `conditions`."""
     read_to: int
     done: bool
     """All that was asked for has been read; if not, ask again."""
@@ -127,16 +124,6 @@ class Raster:
         )
 
     def _row(self, ticks: Ticks | None, tick: int) -> NDArray[np.uint8]:
-        row = np.full(self._sensors, NOT_RECORDED, np.uint8)
-        if ticks is None or tick not in ticks.states:
-            return row
-        try:
-            state = unpack(ticks.states[tick].literals, 2 * self._sensors)
-        except ShapeError:
-            return row
-        read = ticks.literals(tick).reshape(-1, 2).any(axis=1)
-        on, off = state[::2], state[1::2]
-        row[:] = np.where(read, CONTRADICTED, UNKNOWN)
-        row[on] = np.where(read, ON, ON_PREDICTED)[on]
-        row[off] = np.where(read, OFF, OFF_PREDICTED)[off]
-        return row
+        if ticks is None:
+            return np.full(self._sensors, NOT_RECORDED, np.uint8)
+        return conditions(self._run_view, ticks, tick)

@@ -120,7 +120,8 @@ def application(
         if not 1 <= bins <= api.MOST_BINS:
             rule = f"must be in [1, {api.MOST_BINS}]"
             raise InvalidValueError("bins", rule, bins)
-        return answer(asked(request).marks.marks(first, last, bins))
+        session = asked(request)
+        return answer(session.marks.marks(first, last, bins, session.found()))
 
     async def raster(request: Request) -> Response:
         query = request.query_params
@@ -140,7 +141,8 @@ def application(
         if way not in ("-1", "1"):
             raise InvalidValueError("way", "must be 1 or -1", way)
         tick = whole(query, "tick")
-        return answer(asked(request).marks.anomaly_beside(tick, int(way)))
+        session = asked(request)
+        return answer(session.marks.beside(tick, int(way), session.found()))
 
     async def cells(request: Request) -> Response:
         return answer(await asked(request).ask(members))

@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.health_view import HealthView
-from neurosnap.apps.viewer.marks import RunMarks
+from neurosnap.apps.viewer.marks import Found, RunMarks
 from neurosnap.apps.viewer.raster import Raster
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
@@ -83,6 +83,18 @@ class ViewSession:
 
         async with self._lock:
             return await asyncio.to_thread(answered)
+
+    def found(self) -> Found:
+        """Return what is there to be marked besides the anomalies."""
+        series, health = self.time_series, self.health
+        grown = series.grown()
+        return Found(
+            alarms=tuple(health.raised),
+            reached=series.reached(),
+            born=[birth.tick for birth in grown.births],
+            missing=series.missing(),
+            done=series.done and health.health.done,
+        )
 
     def trouble(self) -> str | None:
         """Return what has become of the recording; None: it is there."""

@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.apps.viewer.api import COLUMNS, Column, Grown, Series
+from neurosnap.apps.viewer.api import COLUMNS, COUNTED, STATED, Column, Grown, Series
+from neurosnap.apps.viewer.conditions import (
+    CONTRADICTED,
+    NOT_RECORDED,
+    OFF_PREDICTED,
+    ON,
+    ON_PREDICTED,
+    UNKNOWN,
+    conditions,
+)
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import InvalidValueError, RecordingError
@@ -20,6 +29,13 @@ from neurosnap.recording.read.births import Births
 _BATCH = 64
 """Ticks read at a time: others wait for as long."""
 _STARTS_WITH = 1024
+_KINDS: dict[Column, tuple[int, ...]] = {
+    "on": (ON, ON_PREDICTED),
+    "predicted": (OFF_PREDICTED, ON_PREDICTED),
+    "contradicted": (CONTRADICTED,),
+    "unknown": (UNKNOWN,),
+}
+"""What each of `COUNTED` counts."""
 
 
 class TimeSeries:
@@ -45,6 +61,11 @@ class TimeSeries:
     def read_to(self) -> int:
         """The last tick that was read; one before the first if none was."""
         return self._first + self._filled - 1
+
+    @property
+    def done(self) -> bool:
+        """All there is has been read."""
+        return self.ended or self._run_view.last <= self.read_to
 
     def read_on(self) -> bool:
         """Read some ticks more; return whether there were any.
@@ -76,7 +97,7 @@ class TimeSeries:
     def grown(self) -> Grown:
         """Return what the run has grown, as far as it was read."""
         births = self._births
-        done = self.ended or self._run_view.last <= self.read_to or not births.body.room
+        done = self.done or not births.body.room
         return Grown(
             births=births.listed,
             room=births.room,
@@ -114,6 +135,22 @@ class TimeSeries:
             done=done,
         )
 
+    def reached(self) -> list[int]:
+        """Return the ticks that come to the target, as far as it was read."""
+        if "distance" not in self.columns:
+            return []
+        row = self._values[self.columns.index("distance"), : self._filled]
+        there = row == 0
+        there[1:] &= row[:-1] != 0
+        found: list[int] = (np.flatnonzero(there) + self._first).tolist()
+        return found
+
+    def missing(self) -> list[int]:
+        """Return the ticks of which no state was recorded, as far as it was read."""
+        gone = np.isnan(self._values[0, : self._filled])
+        found: list[int] = (np.flatnonzero(gone) + self._first).tolist()
+        return found
+
     def _read_states(self, first: int, last: int, found: NDArray[np.float32]) -> None:
         run_view = self._run_view
         try:
@@ -125,14 +162,31 @@ class TimeSeries:
         if run_view.options.body.room:
             self._follow_births(ticks.decisions, last)
         for tick, state in ticks.states.items():
-            found[: len(COLUMNS), tick - first] = [
-                getattr(state, name) for name in COLUMNS
+            found[: len(STATED), tick - first] = [
+                getattr(state, name) for name in STATED
             ]
+            found[len(STATED) : len(COLUMNS), tick - first] = self._counts(ticks, tick)
         if "distance" in self.columns:
             row = self.columns.index("distance")
             for tick in range(first, last + 1):
                 place = run_view.scene.place(ticks.literals(tick))
                 found[row, tick - first] = run_view.scene.distance(place)
+
+    def _counts(self, ticks: Ticks, tick: int) -> list[float]:
+        """Return how many sensors are what, in the order of `COUNTED`."""
+        body = self._run_view.options.body
+        what = conditions(self._run_view, ticks, tick)
+        if (what == NOT_RECORDED).all():
+            return [math.nan] * len(COUNTED)
+        # Room for a sensor is none, and one that has retired says nothing.
+        there = np.ones(body.count, np.bool_)
+        if body.room:
+            there[:] = False
+            there[self._births.read_at(tick - 1)] = True
+        return [
+            float((np.isin(what, kinds) & there).sum())
+            for kinds in map(_KINDS.__getitem__, COUNTED)
+        ]
 
     def _follow_births(self, decisions: dict[int, wire.Decision], last: int) -> None:
         """Take in what decisions say, and the last key-frame, which knows the rest."""

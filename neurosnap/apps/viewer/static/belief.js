@@ -41,6 +41,16 @@ export function countKinds(found, sensors) {
   return counts;
 }
 
+/** The same of all sensors of a frame but those that are not read any more, or not yet. */
+export function countAll(frame) {
+  // What the decision changed holds from the next tick on.
+  const changed = new Map(frame.changed.map(({ sensor, retires }) => [sensor, retires]));
+  const found = beliefs(frame);
+  const read = [...found.keys()].filter((one) => changed.get(one) ?? !unread(frame, one));
+  const counts = countKinds(found, read);
+  return { ...counts, on: read.filter((one) => found[one].condition === "on").length };
+}
+
 /** Counts in words; what there is none of is left out. */
 const countWords = (counts) =>
   Object.entries(COUNTED)

@@ -27,6 +27,7 @@ export class CompareView {
    * @param {Function} on.fetchSeries
    * @param {Function} on.fetchSeriesOf
    * @param {(tick: number) => void} on.seek
+   * @param {(from: number, to: number) => void} on.range
    * @param {(thing: object) => void} on.pick
    */
   constructor(names, run, on) {
@@ -72,6 +73,11 @@ export class CompareView {
     if (!playing) this._ask();
   }
 
+  /** Draw curves over some ticks only; null: over all. */
+  load(range) {
+    this._curves.load(range);
+  }
+
   /** Compare with the tick before. */
   withBefore() {
     this._with.value = this._own;
@@ -86,7 +92,6 @@ export class CompareView {
     if (!this._isOpen) return;
     this._ask();
     if (this._isOther) this._follow(this._other);
-    this._curves.resize();
   }
 
   /** What is shown, all of it. */

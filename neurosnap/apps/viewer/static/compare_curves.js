@@ -1,9 +1,9 @@
 // A number over time in two recordings, one curve over the other.
 
 import uPlot from "./vendor/uplot/uPlot.esm.js";
+import { Chart, INKS } from "./chart.js";
 import { make, number, write } from "./dom.js";
-import { palette } from "./palette.js";
-import { axes, INKS, line, mark, TITLES } from "./plots.js";
+import { TITLES } from "./plots.js";
 
 const POINTS = 600;
 const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
@@ -12,29 +12,42 @@ const AGAIN = 700; // milliseconds until what is not read yet is asked for once 
 export class CompareCurves {
   /**
    * @param {string[]} columns those there are
-   * @param {{fetchSeries: Function, fetchSeriesOf: Function, seek: (tick: number) => void}} on
+   * @param {object} on
+   * @param {Function} on.fetchSeries
+   * @param {Function} on.fetchSeriesOf
+   * @param {(tick: number) => void} on.seek
+   * @param {(from: number, to: number) => void} on.range
    */
   constructor(columns, on) {
     this._on = on;
     this._other = null;
     this._frame = null;
+    this._range = null;
     this._which = make(
       "select",
       { ariaLabel: "What is plotted" },
       ...columns.map((column) => make("option", { value: column }, TITLES[column])),
     );
     this._which.addEventListener("change", () => this._load());
-    this._now = make("div", { className: "now" });
-    this._plot = make("div", { className: "plot" });
+    const plot = make("div", { className: "plot" });
     this._values = [make("b", {}, "–"), make("b", {}, "–")];
     this._there = make("span");
+    this._at = make("span");
     const swatch = (k) => make("i", { className: `swatch ${INKS[k]}` });
     const caption = make(
       "figcaption", {}, this._which, " ",
-      swatch(0), "here ", this._values[0], " ", swatch(1), this._there, " ", this._values[1],
+      swatch(0), "here ", this._values[0], " ", swatch(1), this._there, " ", this._values[1], this._at,
     );
-    this.home = make("figure", { hidden: true }, caption, this._plot);
-    new ResizeObserver(() => this.resize()).observe(this._plot);
+    this.home = make("figure", { hidden: true }, caption, plot);
+    this._chart = new Chart(
+      plot,
+      { labels: ["here", "there"], whole: true, gaps: false },
+      {
+        seek: on.seek,
+        range: on.range,
+        hover: (tick, values) => this._tell(tick, tick === null ? this._present() : values),
+      },
+    );
   }
 
   /** Compare with a recording, `{number, name, ticks}`; null: with none. */
@@ -45,74 +58,55 @@ export class CompareCurves {
     this._load();
   }
 
+  /** Show some ticks only; null: all of both. */
+  load(range) {
+    if (String(range) === String(this._range)) return;
+    this._range = range;
+    this._load();
+  }
+
   /** Show which tick one is at. */
   at(frame) {
     this._frame = frame;
-    if (!this._drawn) return;
-    mark(this._now, this._drawn, frame.tick);
-    const at = this._data[0].indexOf(frame.tick);
-    this._values.forEach((home, k) => write(home, number(this._data[k + 1][at])));
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this._plot;
-    if (width === 0 || height === 0) return;
-    if (this._drawn) this._drawn.setSize({ width, height });
-    else if (this._data) this._draw();
+    this._chart.at(frame.tick);
+    this._tell(null, this._present());
   }
 
   /** The scheme of colours has changed. */
   recolour() {
-    if (this._drawn) this._draw();
+    this._chart.recolour();
+  }
+
+  _present() {
+    return this._chart.valuesAt(this._frame?.tick);
+  }
+
+  _tell(tick, values) {
+    this._values.forEach((home, k) => write(home, number(values[k])));
+    write(this._at, tick === null ? "" : ` at tick ${tick}`);
   }
 
   /** Ask for both curves until all of them has been read. */
   async _load() {
-    const [other, column] = [this._other, this._which.value];
-    const isWanted = () => this._other === other && this._which.value === column;
+    const [other, column, range] = [this._other, this._which.value, this._range];
+    const isWanted = () =>
+      this._other === other && this._which.value === column && this._range === range;
     for (let done = false; other && !done && isWanted(); ) {
-      const last = Math.max(other.ticks, this._frame?.tick ?? 1);
+      const [first, last] = range ?? [1, Math.max(other.ticks, this._frame?.tick ?? 1)];
       let pair;
       try {
         pair = await Promise.all([
-          this._on.fetchSeries(column, 1, last, POINTS),
-          this._on.fetchSeriesOf(other.number, column, 1, last, POINTS),
+          this._on.fetchSeries(column, first, last, POINTS),
+          this._on.fetchSeriesOf(other.number, column, first, last, POINTS),
         ]);
       } catch {
         return; // said where it was asked; the other may lack the column
       }
       if (!isWanted()) return;
-      this._data = uPlot.join(pair.map(({ ticks, values }) => [ticks, values]));
-      if (this._drawn) this._drawn.setData(this._data);
-      else this._draw();
+      this._chart.set(uPlot.join(pair.map(({ ticks, values }) => [ticks, values])));
       if (this._frame) this.at(this._frame);
       done = pair.every((one) => one.done);
       if (!done) await new Promise((soon) => setTimeout(soon, AGAIN));
     }
-  }
-
-  _draw() {
-    const { clientWidth: width, clientHeight: height } = this._plot;
-    this._drawn?.destroy();
-    this._drawn = null;
-    if (width === 0 || height === 0) return; // not seen yet
-    const colours = palette();
-    const [x, y] = axes(colours);
-    const series = ["here", "there"].map((label, k) => ({ ...line(colours, k, label), spanGaps: true }));
-    const options = {
-      width,
-      height,
-      scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low), high || 1] } },
-      axes: [x, y],
-      series: [{}, ...series],
-      legend: { show: false },
-      cursor: { drag: { x: false, y: false }, y: false, points: { show: false } },
-    };
-    this._drawn = new uPlot(options, this._data, this._plot);
-    this._drawn.over.append(this._now);
-    this._drawn.over.addEventListener("click", (event) =>
-      this._on.seek(Math.round(this._drawn.posToVal(event.offsetX, "x"))),
-    );
-    if (this._frame) this.at(this._frame);
   }
 }

@@ -1,14 +1,11 @@
 // An edge: the four weights of its square and the threshold, at this tick and over time.
 // It holds while the weight that speaks against it stays below the threshold.
 
-import uPlot from "./vendor/uplot/uPlot.esm.js";
+import { Chart, INKS } from "./chart.js";
 import { make, number, write } from "./dom.js";
 import { complementOf, literalName } from "./literals.js";
-import { palette } from "./palette.js";
-import { axes, INKS, line, mark } from "./plots.js";
 import { term } from "./terms.js";
 
-const HIGH = 130;
 const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
 
 /** What is known of one edge, drawn into an element. */
@@ -20,13 +17,14 @@ export class EdgeView {
     this._edge = null;
     this._known = null;
     this._asked = null;
-    this._drawn = null;
+    this._chart = null;
   }
 
   /** Show an edge, or none. */
   open(edge) {
     this._stop();
-    this._wipe();
+    this._chart?.end();
+    this._chart = null;
     this._edge = edge;
     this._known = null;
     if (edge === null) return;
@@ -36,15 +34,16 @@ export class EdgeView {
     );
     this._values = [...INKS, "limit"].map(() => make("td", { className: "number" }, "–"));
     this._says = make("p", { className: "quiet" });
-    this._plot = make("div", { className: "plot", role: "img", ariaLabel: "Weights over time" });
+    const plot = make("div", { className: "plot", role: "img", ariaLabel: "Weights over time" });
     const kind = edge.kind === "excite" ? "excites" : "inhibits";
     this._home.replaceChildren(
       make("p", {}, make("b", {}, `${names[0]} → ${names[1]}`), ` ${kind}`),
       make("p", { className: "quiet" }, `the same as ${backwards[0]} → ${backwards[1]}`),
       make("table", { id: "edge" }, make("tbody", {}, ...this._lines(edge))),
       this._says,
-      this._plot,
+      plot,
     );
+    this._chart = new Chart(plot, { labels: [...INKS, "threshold"], limit: true });
   }
 
   /** Show its weights at a tick, once one stays there. */
@@ -56,8 +55,7 @@ export class EdgeView {
 
   /** The scheme of colours has changed. */
   recolour() {
-    this._wipe();
-    if (this._known !== null) this._draw();
+    this._chart?.recolour();
   }
 
   /** Want no answer any more. */
@@ -99,40 +97,10 @@ export class EdgeView {
     const since = known.since > 0 ? ` since tick ${known.since}` : "";
     write(this._says, `${known.holds ? "It holds" : "It does not hold"}${since}.`);
     this._home.dataset.tick = known.tick;
-    this._draw();
-  }
-
-  _draw() {
-    const { over } = this._known;
+    const { over, tick } = known;
     const weights = INKS.map((_, k) => over.map((one) => one.weights[k]));
-    const data = [over.map((one) => one.tick), ...weights, over.map((one) => one.threshold)];
-    if (this._drawn === null) this._drawn = this._made(data);
-    else this._drawn.setData(data);
-  }
-
-  _made(data) {
-    const now = make("div", { className: "now" });
-    const colours = palette();
-    const limit = { label: "threshold", stroke: colours.ink, width: 1, points: { show: false } };
-    const options = {
-      width: Math.max(this._plot.clientWidth, 200),
-      height: HIGH,
-      scales: { x: { time: false } },
-      axes: axes(colours),
-      series: [{}, ...INKS.map((ink, k) => line(colours, k, ink)), limit],
-      legend: { show: false },
-      cursor: { show: false },
-      hooks: { draw: [(drawn) => mark(now, drawn, this._known.tick)] },
-    };
-    const drawn = new uPlot(options, data, this._plot);
-    drawn.over.append(now);
-    return drawn;
-  }
-
-  /** Take the plot away; left alone, it would listen to the window for ever. */
-  _wipe() {
-    this._drawn?.destroy();
-    this._drawn = null;
+    this._chart.at(tick);
+    this._chart.set([over.map((one) => one.tick), ...weights, over.map((one) => one.threshold)]);
   }
 }
 

@@ -1,5 +1,4 @@
-// What the run has grown: asked for until all of it is known, shown as marks along the
-// time line and as a table.
+// What the run has grown: asked for until all of it is known, and shown as a table.
 
 import { counted, find, make } from "./dom.js";
 
@@ -22,8 +21,7 @@ export class GrowthView {
     this.room = room;
     this.grows = room > 0;
     this._loading = false;
-    this._range = [1, 1];
-    for (const id of ["birth-back", "birth-on", "births"]) find(id).hidden = !this.grows;
+    for (const id of ["birth-back", "birth-on"]) find(id).hidden = !this.grows;
     if (!this.grows) for (const id of ["tab-grown", "grown"]) find(id).remove();
   }
 
@@ -48,10 +46,9 @@ export class GrowthView {
     return this.grows ? `${first}, ${this._births.size} grown, room for ${this.room} more` : first;
   }
 
-  /** Ask for what there is between two ticks, until all of it has been read. */
-  async load(first, last) {
+  /** Ask for what there is, until all of it has been read. */
+  async load() {
     if (!this.grows) return;
-    this._range = [first, last];
     this._due = true; // there may be more than was asked for
     if (this._loading) return;
     this._loading = true;
@@ -76,28 +73,14 @@ export class GrowthView {
   }
 
   _take(grown) {
-    const text = JSON.stringify([grown, this._range]);
+    const text = JSON.stringify(grown);
     if (text === this._shown) return;
     this._shown = text;
     this.room = grown.room;
     this._births = new Map(grown.births.map((birth) => [birth.sensor, birth]));
-    this._mark();
+    for (const id of ["birth-back", "birth-on"]) find(id).disabled = grown.births.length === 0;
     this._list(grown);
     this._on.change();
-  }
-
-  /** Mark the births along the slider, whose thumb is 16 pixels wide. */
-  _mark() {
-    const [first, last] = this._range;
-    const marks = this.births.map(({ tick }) => {
-      const mark = make("i");
-      const share = (tick - first) / Math.max(1, last - first);
-      mark.style.left = `calc(8px + (100% - 16px) * ${share})`;
-      mark.dataset.tick = tick;
-      return mark;
-    });
-    find("births").replaceChildren(...marks);
-    for (const id of ["birth-back", "birth-on"]) find(id).disabled = marks.length === 0;
   }
 
   _list({ births, room, read_to: readTo, done }) {

@@ -46,6 +46,7 @@ export function bind(page) {
   addEventListener("hashchange", () => {
     const tick = tickAsked();
     if (tick !== null && tick !== player.tick) player.step(tick - player.tick);
+    page.range.restore();
     page.restore();
   });
   listen([
@@ -56,10 +57,13 @@ export function bind(page) {
     { keys: ["Shift+ArrowRight"], says: "ten ticks on", act: () => player.step(10) },
     { keys: ["Home"], says: "the first tick", act: () => player.step(-Infinity) },
     { keys: ["End"], says: "the last tick", act: () => player.step(Infinity) },
-    { keys: ["n"], says: "the next anomaly", act: () => page.toAnomaly(1) },
-    { keys: ["p"], says: "the anomaly before", act: () => page.toAnomaly(-1) },
+    { keys: ["n"], says: "the next anomaly or alarm", act: () => page.toAnomaly(1) },
+    { keys: ["p"], says: "the anomaly or alarm before", act: () => page.toAnomaly(-1) },
     { keys: ["b"], says: "the next birth of a sensor", act: () => page.toBirth(1) },
     { keys: ["B"], says: "the birth before", act: () => page.toBirth(-1) },
+    { keys: ["["], says: "look at a range that begins here", act: () => page.range.setEnd(0, player.tick) },
+    { keys: ["]"], says: "let the range end here", act: () => page.range.setEnd(1, player.tick) },
+    { keys: ["x"], says: "look at all ticks again", act: () => page.range.set(null) },
     { keys: ["w"], says: "play the wave of this tick", act: () => page.wave.toggle() },
     { keys: ["/"], says: "find a sensor", act: () => page.search.focus() },
     { keys: ["+"], says: "larger", act: () => diagram.zoom(1.3) },
@@ -106,7 +110,7 @@ function listen(bindings) {
     const at = event.target;
     if (at.closest(TYPED)) return;
     // A button has its own idea of the space bar, and another slider of where to go.
-    if (event.key === " " && at.closest("button")) return;
+    if (event.key === " " && at.closest("button, summary")) return;
     if (MOVES.test(event.key) && at.matches('input[type="range"]:not(#time)')) return;
     const shifted = event.shiftKey && event.key.startsWith("Arrow");
     const act = acts.get(shifted ? `Shift+${event.key}` : event.key);

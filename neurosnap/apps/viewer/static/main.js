@@ -3,6 +3,7 @@
 
 import { tickAsked, told } from "./address.js";
 import { AnomalyCard } from "./anomaly.js";
+import { AlarmCard } from "./alarms.js";
 import * as api from "./api.js";
 import { Reasons, tellItem } from "./belief.js";
 import { showCells } from "./cells.js";
@@ -26,6 +27,7 @@ import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { FrameCache } from "./frames.js";
 import { attend } from "./presence.js";
+import { TickRange } from "./range.js";
 import { RasterView } from "./raster.js";
 import { chooseRun } from "./runs.js";
 import { Search } from "./search.js";
@@ -89,8 +91,15 @@ class Page {
       change: () => this.timeline.showPlayer(),
     });
     this.timeline = new Timeline(this.player);
-    this.strip = new Strip({ fetchMarks, seek: (tick) => this.player.seek(tick) });
+    const range = (from, to) => this.range.set([from, to]);
+    this.strip = new Strip({
+      fetchMarks,
+      seek: (tick) => this.player.seek(tick),
+      range,
+      alarms: (raised) => this.alarms.know(raised),
+    });
     this.anomaly = new AnomalyCard(names, (thing) => this.pick(thing));
+    this.alarms = new AlarmCard(names, (thing) => this.pick(thing));
     this.diagram = new Diagram(find("drawing"), {
       pick: (thing) => this.choose(thing),
       change: () => this.describe(),
@@ -115,9 +124,11 @@ class Page {
       pick: (thing) => this.choose(thing),
       fetchEdge: api.fetchEdge,
     });
-    this.plots = new Plots(find("plots"), run.columns, fetchSeries, (tick) =>
-      this.player.seek(tick),
-    );
+    this.plots = new Plots(find("plots"), run.columns, {
+      fetchSeries,
+      seek: (tick) => this.player.seek(tick),
+      range,
+    });
     this.raster = new RasterView(names, {
       fetchRaster,
       seek: (tick) => this.player.seek(tick),
@@ -126,6 +137,7 @@ class Page {
     this.compare = new CompareView(names, run, {
       ...comparing,
       seek: (tick) => this.player.seek(tick),
+      range,
       pick: (thing) => this.pick(thing),
     });
     this.search = new Search(names, this.growth, {
@@ -133,6 +145,7 @@ class Page {
       isGrown: (sensor) => this.growth.of(sensor) !== undefined,
       pick: (sensor) => this.goTo(sensor),
     });
+    this.range = new TickRange(() => this.showRange());
   }
 
   // Moving through time --------------------------------------------------------------
@@ -211,6 +224,7 @@ class Page {
     this.changes.show(frame, before, this.player.playing);
     this.search.show(frame);
     this.anomaly.show(frame);
+    this.alarms.show(frame);
     this.world.show(frame);
     this.image.show(frame);
     this.plots.at(frame);
@@ -261,11 +275,11 @@ class Page {
     if (tick !== null) this.player.seek(tick);
   }
 
-  /** Go to the nearest anomaly before (-1) or after (1) this tick. */
+  /** Go to the nearest anomaly or alarm before (-1) or after (1) this tick. */
   async toAnomaly(way) {
     const tick = await fetchBeside(this.player.tick, way).catch(said);
     if (tick) this.player.seek(tick);
-    else this.voice.tell(`no anomaly ${way > 0 ? "after" : "before"} this tick`);
+    else this.voice.tell(`no anomaly or alarm ${way > 0 ? "after" : "before"} this tick`);
   }
 
   showLate(graph) {
@@ -397,11 +411,21 @@ class Page {
     notices.say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
     this.frameCache.last = ticks;
     this.player.setRange(first, ticks);
-    this.plots.load(first, ticks).catch(said);
-    this.raster.load(first, ticks);
+    this.range.setEnds(first, ticks);
+    this.showRange();
     this.strip.load(first, ticks).catch(said);
-    this.growth.load(first, ticks).catch(said);
+    this.growth.load().catch(said);
     this.health.load().catch(said);
+  }
+
+  /** Show the ticks one looks at over time, and repeat them. */
+  showRange() {
+    const { shown, chosen } = this.range;
+    this.player.range = chosen && shown;
+    this.strip.choose(chosen);
+    this.plots.load(...shown).catch(said);
+    this.raster.load(...shown, chosen === null);
+    this.compare.load(chosen);
   }
 
   showWhat() {

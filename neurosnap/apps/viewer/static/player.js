@@ -25,6 +25,7 @@ export class Player {
     this.position = 1;
     this.playing = false;
     this.following = false; // the newest tick of a run that is under way
+    this.range = null; // the first and the last of the ticks that are repeated
     this.speed = 2;
     this._before = null; // when the last frame was; null: there was none yet
   }
@@ -60,7 +61,9 @@ export class Player {
 
   play() {
     if (this.playing || this.last < this.first) return;
-    if (this.tick >= this.last) this._to(this.first);
+    const [from, to] = this.range ?? [this.first, this.last];
+    const isInside = this.tick >= from && this.tick <= to;
+    if (this.range ? !isInside : this.tick >= to) this._to(from);
     this.playing = true;
     this.following = false;
     this._before = null; // this very moment may be later than the frame that comes
@@ -98,7 +101,8 @@ export class Player {
     if (!this.playing) return;
     const passed = this._before === null ? AHEAD : Math.min(now - this._before, LONGEST);
     this._before = now;
-    const next = this.position + (passed / 1000) * this.speed;
+    let next = this.position + (passed / 1000) * this.speed;
+    if (this.range && Math.floor(next) > this.range[1]) next = this.range[0];
     if (Math.floor(next) >= this.last + 1) {
       this.pause();
       return;

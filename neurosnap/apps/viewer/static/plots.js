@@ -1,83 +1,57 @@
-// What happens over time: a small plot for each kind of number, all on one axis of ticks.
+// What happens over time: a small plot for each kind of number, all over the same ticks.
 
 import uPlot from "./vendor/uplot/uPlot.esm.js";
-import { make, number, write } from "./dom.js";
-import { font, palette } from "./palette.js";
+import { keepSoon, told } from "./address.js";
+import { countAll } from "./belief.js";
+import { Chart, INKS } from "./chart.js";
+import { find, make, number, write } from "./dom.js";
 import { term } from "./terms.js";
 
 const POINTS = 600;
 const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
 
 // What belongs together is plotted together; the rest by itself.
-const PLOTS = [["edges"], ["err"], ["depth", "height"], ["pulses"], ["distance"]];
+const PLOTS = [
+  ["edges"], ["err"], ["depth", "longest", "height"], ["pulses"],
+  ["on", "predicted", "contradicted", "unknown"], ["distance"],
+];
 /** What the columns are called. */
 export const TITLES = {
   edges: "Edges",
   err: "Err",
   depth: "Depth",
+  longest: "Longest",
   height: "Height",
   pulses: "Pulses a tick",
+  on: "On",
+  predicted: "Predicted",
+  contradicted: "Contradicted",
+  unknown: "Unknown",
   distance: "Distance to target",
 };
-// What is plotted is counted: no axis has halves.
-const WHOLE = Array.from({ length: 10 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** k)).flat();
-/** The colours of series, in their order. */
-export const INKS = ["first", "second", "third", "fourth"];
-
-/** One axis pair in the colours of the page. */
-export function axes(colours) {
-  const look = {
-    stroke: colours.mute,
-    font: font(10),
-    grid: { stroke: colours.line, width: 1 },
-    ticks: { show: false },
-  };
-  return [
-    { ...look, size: 20, gap: 2, space: 60 },
-    { ...look, size: 42, gap: 3, space: 22 },
-  ];
-}
-
-/** The line style of the n-th series: told apart by dashes, too. */
-export function line(colours, n, label) {
-  const ink = INKS[n % INKS.length];
-  return {
-    label,
-    stroke: colours[ink],
-    width: 1.6,
-    dash: [[], [6, 3], [2, 3], [8, 3, 2, 3]][n % 4],
-    points: { show: false },
-    spanGaps: false,
-  };
-}
-
-/**
- * Put the line that marks a tick where it belongs. It lies in the plot's own area: asking
- * the browser where that is would cost a layout with every tick.
- */
-export function mark(now, drawn, tick) {
-  now.style.transform = `translateX(${drawn.valToPos(tick, "x")}px)`;
-}
 
 /** The panel of plots. */
 export class Plots {
   /**
    * @param {HTMLElement} home
    * @param {string[]} columns those there are
-   * @param {(column: string, from: number, to: number, points: number) => Promise} fetchSeries
-   * @param {(tick: number) => void} seek called with the tick that was clicked
+   * @param {object} on
+   * @param {(column: string, from: number, to: number, points: number) => Promise} on.fetchSeries
+   * @param {(tick: number) => void} on.seek
+   * @param {(from: number, to: number) => void} on.range
    */
-  constructor(home, columns, fetchSeries, seek) {
-    this._fetch = fetchSeries;
-    this._seek = seek;
+  constructor(home, columns, on) {
+    this._on = on;
     this._range = [1, 0];
     this._asking = false;
     this._frame = null;
+    this._hidden = new Set(told().get("hide")?.split(","));
     this._plots = PLOTS.map((own) => ({
       columns: own.filter((column) => columns.includes(column)),
     })).filter((plot) => plot.columns.length > 0);
     home.replaceChildren(...this._plots.map((plot) => this._figure(plot)));
-    new ResizeObserver(() => this._resize()).observe(home);
+    this._offer();
+    for (const plot of this._plots) this._hide(plot);
   }
 
   /** Show ticks `first` to `last`. */
@@ -98,20 +72,21 @@ export class Plots {
   at(frame) {
     this._frame = frame;
     for (const plot of this._plots) {
-      this._place(plot);
+      plot.chart.at(frame.tick);
       this._tell(plot);
     }
   }
 
   /** The scheme of colours has changed. */
   recolour() {
-    for (const plot of this._plots) if (plot.data) this._draw(plot);
+    for (const plot of this._plots) plot.chart.recolour();
   }
 
   /** What is plotted, a row a tick: of a long run only some. */
   rows() {
-    const there = this._plots.filter((plot) => plot.data);
-    const all = uPlot.join(there.map((plot) => plot.data));
+    const there = this._plots.filter(({ chart }) => chart.data);
+    if (there.length === 0) return [["tick"]];
+    const all = uPlot.join(there.map(({ chart }) => chart.data));
     const titles = there.flatMap((plot) => plot.columns);
     return [["tick", ...titles], ...all[0].map((_, at) => all.map((values) => values[at] ?? null))];
   }
@@ -123,71 +98,90 @@ export class Plots {
     for (const plot of this._plots) {
       const series = [];
       for (const column of plot.columns) {
-        series.push(await this._fetch(column, first, last, POINTS));
+        series.push(await this._on.fetchSeries(column, first, last, POINTS));
       }
-      plot.data = uPlot.join(series.map(({ ticks, values }) => [ticks, values]));
       done &&= series.every((one) => one.done);
-      if (plot.drawn) plot.drawn.setData(plot.data);
-      else this._draw(plot);
+      plot.chart.set(uPlot.join(series.map(({ ticks, values }) => [ticks, values])));
       this._tell(plot);
     }
-    return done && last === this._range[1];
+    return done && String(this._range) === String([first, last]);
   }
 
   _figure(plot) {
-    plot.home = make("div", { className: "plot" });
-    plot.now = make("div", { className: "now" });
+    const home = make("div", { className: "plot" });
+    plot.under = []; // the values under the pointer
     plot.values = plot.columns.map(() => make("b", {}, "–"));
-    const caption = make("figcaption");
-    plot.columns.forEach((column, k) => {
+    plot.names = plot.columns.map((column, k) => {
       const swatch = make("i", { className: `swatch ${INKS[k]}` });
-      caption.append(swatch, term(column, TITLES[column]), " ", plot.values[k], " ");
+      return make("span", {}, swatch, term(column, TITLES[column]), " ", plot.values[k], " ");
     });
-    return make("figure", {}, caption, plot.home);
-  }
-
-  _draw(plot) {
-    const colours = palette();
-    const [x, y] = axes(colours);
-    plot.drawn?.destroy();
-    const options = {
-      width: Math.max(plot.home.clientWidth, 60),
-      height: Math.max(plot.home.clientHeight, 40),
-      scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low), high || 1] } },
-      axes: [x, { ...y, incrs: WHOLE }],
-      series: [{}, ...plot.columns.map((column, k) => line(colours, k, column))],
-      legend: { show: false },
-      cursor: { drag: { x: false, y: false }, y: false, points: { show: false } },
-      hooks: { draw: [() => this._place(plot)] }, // sizes are known only then
-    };
-    plot.drawn = new uPlot(options, plot.data, plot.home);
-    plot.drawn.over.addEventListener("click", (event) =>
-      this._seek(Math.round(plot.drawn.posToVal(event.offsetX, "x"))),
+    plot.chart = new Chart(
+      home,
+      { labels: plot.columns, whole: true },
+      {
+        seek: this._on.seek,
+        range: this._on.range,
+        hover: (tick, values) => this._hover(plot, tick, values),
+        together: "plots",
+      },
     );
-    plot.drawn.over.append(plot.now);
+    plot.figure = make("figure", {}, make("figcaption", {}, ...plot.names), home);
+    return plot.figure;
   }
 
-  _place(plot) {
-    if (!plot.drawn || plot.data[0].length === 0 || this._frame === null) return;
-    mark(plot.now, plot.drawn, this._frame.tick);
-  }
-
-  /** Say what the columns are at this tick; some are known by their series alone. */
-  _tell(plot) {
-    if (this._frame === null) return;
-    // A long series is thinned out: what stands beside this tick would be another's.
-    const at = plot.data?.[0].indexOf(this._frame.tick);
-    plot.columns.forEach((column, k) => {
-      const value = this._frame[column] ?? plot.data?.[k + 1][at];
-      write(plot.values[k], number(value));
+  /** List the curves to choose from; the list goes once one is elsewhere. */
+  _offer() {
+    const list = find("curves");
+    const all = this._plots.flatMap((plot) => plot.columns);
+    list.querySelector("div").replaceChildren(...all.map((column) => this._choice(column)));
+    list.addEventListener("focusout", ({ relatedTarget: next }) => {
+      if (!list.contains(next)) list.open = false;
+    });
+    list.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || !list.open) return;
+      event.stopPropagation(); // it means no more than that
+      list.open = false;
+      list.querySelector("summary").focus();
     });
   }
 
-  _resize() {
-    for (const plot of this._plots) {
-      const { clientWidth: width, clientHeight: height } = plot.home;
-      if (!plot.drawn || width === 0) continue;
-      plot.drawn.setSize({ width, height });
-    }
+  /** A box that has a curve drawn, or not. */
+  _choice(column) {
+    const box = make("input", { type: "checkbox", checked: !this._hidden.has(column) });
+    box.addEventListener("change", () => {
+      this._hidden[box.checked ? "delete" : "add"](column);
+      keepSoon({ hide: [...this._hidden].join(",") || null });
+      this._hide(this._plots.find(({ columns }) => columns.includes(column)));
+    });
+    return make("label", {}, box, " ", TITLES[column]);
+  }
+
+  /** Draw those curves of a plot that are wanted; a plot of none goes. */
+  _hide({ columns, chart, names, figure }) {
+    columns.forEach((column, k) => {
+      chart.show(k, !this._hidden.has(column));
+      names[k].hidden = this._hidden.has(column);
+    });
+    const shown = names.filter(({ hidden }) => !hidden).length;
+    figure.hidden = shown === 0;
+    figure.style.flexGrow = 2 + shown; // room for the names
+  }
+
+  /** Say what the columns are under the pointer, or else at this tick. */
+  _tell(plot) {
+    plot.under.forEach((value, k) => write(plot.values[k], number(value)));
+    if (plot.under.length || this._frame === null) return;
+    // Some are known by their series alone.
+    // A long series is thinned out: what stands beside this tick would be another's.
+    const drawn = plot.chart.valuesAt(this._frame.tick);
+    const told = plot.columns.includes("on") ? countAll(this._frame) : this._frame;
+    plot.columns.forEach((column, k) => write(plot.values[k], number(told[column] ?? drawn[k])));
+  }
+
+  /** Say what the columns are under the pointer; null: it is elsewhere. */
+  _hover(plot, tick, values) {
+    write(find("plots-at"), tick === null ? "" : `under the pointer: tick ${tick}`);
+    plot.under = tick === null ? [] : values;
+    this._tell(plot);
   }
 }

@@ -8,7 +8,7 @@ const AGAIN = 700; // milliseconds until what is not read yet is asked for once 
 const HIGH = 13; // pixels of a row
 const NAMES = 170; // pixels of the names
 const SENSORS = 200; // rows at a time
-const RANGES = [["all", "all ticks"], ["1000", "1,000 ticks"], ["200", "200 ticks"], ["50", "50 ticks"]];
+const RANGES = [["all", ""], ["1000", "1,000 ticks"], ["200", "200 ticks"], ["50", "50 ticks"]];
 // As the server numbers them.
 const WORDS = [
   "not recorded", "unknown", "off", "on", "off, predicted", "on, predicted",
@@ -60,9 +60,10 @@ export class RasterView {
     new ResizeObserver(() => this._resized()).observe(this._map);
   }
 
-  /** Between which ticks one can move. */
-  load(first, last) {
+  /** Show ticks `first` to `last`, or some of them around the one that is shown. */
+  load(first, last, isAll) {
     this._range = [first, last];
+    write(this._span.options[0], isAll ? "all ticks" : `ticks ${first} to ${last}`);
     return this._load();
   }
 

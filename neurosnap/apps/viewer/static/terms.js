@@ -21,6 +21,7 @@ export const TERMS = {
   read: "What the sensor itself said at this tick.",
   state: "What the memory holds to be true at this tick: on, off, unknown or contradicted.",
   belief: "Where a state comes from: it was read, or it is predicted by others, or readings contradict it.",
+  on: "How many sensors the memory holds to be on.",
   predicted: "The sensor was not read, but others that were read imply its state.",
   contradicted: "What others imply of the sensor and what it reads cannot both be true, so its state is left open.",
   unknown: "The sensor was not read, and nothing that was read implies its state.",

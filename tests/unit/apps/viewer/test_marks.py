@@ -7,7 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from neurosnap import wire
-from neurosnap.apps.viewer.marks import RunMarks
+from neurosnap.apps.viewer.api import RaisedAlarm
+from neurosnap.apps.viewer.marks import Found, RunMarks
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.literals import from_words
 from neurosnap.protocol.anomaly_messages import told, with_support
@@ -103,14 +104,34 @@ def test_fewer_stretches_add_up(log: Path, bins: int) -> None:
     assert part.rewired == each.rewired[10:20]
 
 
-def test_the_anomaly_beside_a_tick_is_the_nearest(log: Path) -> None:
+def test_the_beside_a_tick_is_the_nearest(log: Path) -> None:
     marks, ticks = read(log), sorted(anomalies(log))
     assert ticks
     for tick in range(TICKS + 2):
         after = [one for one in ticks if one > tick]
         before = [one for one in ticks if one < tick]
-        assert marks.anomaly_beside(tick, 1).tick == min(after, default=None)
-        assert marks.anomaly_beside(tick, -1).tick == max(before, default=None)
+        assert marks.beside(tick, 1).tick == min(after, default=None)
+        assert marks.beside(tick, -1).tick == max(before, default=None)
+
+
+def test_what_others_found_is_counted_and_gone_to(log: Path) -> None:
+    marks, told = read(log), sorted(anomalies(log))
+    alarms = [RaisedAlarm(tick, 0, f"alarm {tick}") for tick in (3, 3, 17, 60)]
+    found = Found(alarms, reached=[4, 60], born=[9, 9], missing=[1, 2, 30], done=False)
+    each = marks.marks(1, TICKS, TICKS, found)
+    ticks = range(1, TICKS + 1)
+    assert [tick for tick in ticks if each.reached[tick - 1]] == [4, 60]
+    assert each.born == [2 if tick == 9 else 0 for tick in ticks]
+    assert [tick for tick in ticks if each.missing[tick - 1]] == [1, 2, 30]
+    assert each.alarms == alarms
+    assert marks.marks(4, 59, 7, found).alarms == alarms[2:3]
+    assert not each.done
+    both = sorted({*told, 3, 17, 60})
+    for tick in range(TICKS + 2):
+        after = [one for one in both if one > tick]
+        before = [one for one in both if one < tick]
+        assert marks.beside(tick, 1, found).tick == min(after, default=None)
+        assert marks.beside(tick, -1, found).tick == max(before, default=None)
 
 
 def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:

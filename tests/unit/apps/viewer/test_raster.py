@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from neurosnap.apps.viewer.raster import (
+from neurosnap.apps.viewer.conditions import (
     CONTRADICTED,
     NOT_RECORDED,
     OFF,
@@ -13,11 +13,11 @@ from neurosnap.apps.viewer.raster import (
     ON,
     ON_PREDICTED,
     UNKNOWN,
-    Raster,
 )
+from neurosnap.apps.viewer.raster import Raster
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError
-from tests.support.recorded_runs import unread_run, without_states
+from tests.support.recorded_runs import torn_run, unread_run, without_states
 
 TICKS, SENSORS = 32, 3
 GONE = range(4, 9)
@@ -39,11 +39,12 @@ def read(log: Path, room: int = 1 << 20) -> Raster:
 
 def expected(log: Path) -> dict[tuple[int, int], int]:
     values = {}
-    for frame in RunView(log).frames(1, TICKS):
-        for sensor in range(SENSORS):
+    for frame in RunView(log).frames(1, 99):
+        for sensor in range(len(frame.bits)):
             read, held = frame.bits[sensor] is not None, frame.state[sensor]
             if held is None:
-                value = CONTRADICTED if read else UNKNOWN
+                torn = sensor in frame.contradicted
+                value = CONTRADICTED if torn else UNKNOWN
             elif held:
                 value = ON if read else ON_PREDICTED
             else:
@@ -65,6 +66,23 @@ def test_each_value_says_what_its_frame_does(log: Path) -> None:
     assert {ON, OFF, ON_PREDICTED, UNKNOWN, NOT_RECORDED} <= set(
         values.ravel().tolist()
     )
+
+
+def test_what_others_say_twice_of_an_unread_sensor_is_contradicted(
+    tmp_path: Path,
+) -> None:
+    log = torn_run(tmp_path / "torn.mcap")
+    last = RunView(log).last
+    found = read(log).part(1, last, 100, 0, SENSORS)
+    values = np.frombuffer(found.values, np.uint8).reshape(last, SENSORS)
+    told = {
+        (tick + 1, sensor): value for (tick, sensor), value in np.ndenumerate(values)
+    }
+    assert told == expected(log)
+    (frame,) = RunView(log).frames(last, last)
+    assert frame.bits[1] is None
+    assert told[last, 1] == CONTRADICTED
+    assert told[last - 1, 1] == ON_PREDICTED
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from neurosnap.apps.viewer.api import COLUMNS, COUNTED
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries, thinned
 from neurosnap.errors import InvalidValueError
@@ -19,6 +20,8 @@ from tests.support.recorded_runs import (
     planner_run,
     recorded,
     seeker_run,
+    unread_run,
+    without_states,
 )
 
 
@@ -43,6 +46,34 @@ def test_a_column_is_what_was_recorded(tmp_path: Path) -> None:
     for name in ("edges", "depth", "height", "pulses"):
         told = [getattr(state, name) for state in states]
         assert column(time_series, name) == told
+
+
+def test_sensors_are_counted_by_what_the_frames_say(tmp_path: Path) -> None:
+    whole = unread_run(tmp_path / "whole.mcap")
+    log = without_states(whole, tmp_path / "gaps.mcap", {5, 6})
+    view, time_series = RunView(log), read(log)
+    found = {name: time_series.series(name, 1, 99, 1000).values for name in COUNTED}
+    assert time_series.missing() == [5, 6]
+    assert sum(filter(None, found["predicted"])) > 0
+    assert sum(filter(None, found["contradicted"])) > 0
+    for frame in view.frames(1, 99):
+        neither = frame.state.count(None)
+        pairs = zip(frame.bits, frame.state, strict=True)
+        assert [found[name][frame.tick - 1] for name in COUNTED] == [
+            frame.state.count(1),
+            sum(bit is None and held is not None for bit, held in pairs),
+            len(frame.contradicted),
+            neither - len(frame.contradicted),
+        ]
+
+
+def test_the_target_is_reached_where_the_distance_falls_to_zero(tmp_path: Path) -> None:
+    time_series = read(recorded(planner_run(), tmp_path / "run.mcap"))
+    far = column(time_series, "distance")
+    pairs = zip([None, *far], far, strict=False)
+    there = [k for k, (was, now) in enumerate(pairs, 1) if now == 0 and was != 0]
+    assert time_series.reached() == there
+    assert there
 
 
 def test_err_is_what_a_walk_through_all_pairs_counts(tmp_path: Path) -> None:
@@ -88,7 +119,7 @@ def test_distance_falls_to_zero_at_the_target_only(
 def test_where_the_truth_is_not_known_there_is_no_column_of_it(tmp_path: Path) -> None:
     log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
     time_series = read(log)
-    assert time_series.columns == ("edges", "depth", "height", "pulses")
+    assert time_series.columns == COLUMNS
     with pytest.raises(InvalidValueError, match=r"^column: must be one of edges, "):
         time_series.series("err", 1, TICKS, 100)
 
