@@ -4,6 +4,7 @@ import { find, make } from "./dom.js";
 import { drawn, literalName } from "./literals.js";
 
 const SHOWN = 5; // broken implications that are listed
+const NAMED = 4; // sensors that are named before all are asked for
 
 /** The card, in the panel of the tick. */
 export class AnomalyCard {
@@ -37,13 +38,20 @@ export class AnomalyCard {
     );
   }
 
-  /** Sensors by name, each a button. */
+  /** Sensors by name, each a button; of many some, and a button for the others. */
   _sensors(sensors) {
-    return sensors.flatMap((sensor, k) => {
-      const open = make("button", { type: "button", className: "link" }, this._names[sensor]);
-      open.addEventListener("click", () => this._pick({ sensor }));
-      return k ? [", ", open] : [open];
-    });
+    const named = (some) => some.flatMap((sensor, k) => [k ? ", " : "", this._sensor(sensor)]);
+    const more = sensors.length - NAMED;
+    if (more < 2) return named(sensors);
+    const all = make("button", { type: "button" }, `and ${more} more`);
+    all.addEventListener("click", () => all.replaceWith(", ", ...named(sensors.slice(NAMED))));
+    return [...named(sensors.slice(0, NAMED)), " ", all];
+  }
+
+  _sensor(sensor) {
+    const open = make("button", { type: "button", className: "link" }, this._names[sensor]);
+    open.addEventListener("click", () => this._pick({ sensor }));
+    return open;
   }
 
   _broken({ source, target, evidence }) {

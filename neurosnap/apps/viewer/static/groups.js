@@ -7,7 +7,7 @@ import { drawn, isComplement, sensorOf } from "./literals.js";
 /** The most items that are drawn before anything collapses. */
 export const MOST = 160;
 
-const BANDS = 40; // layers are joined where there would be more
+const BANDS = 14; // layers are joined where there would be more: all can be read
 const SMALLEST = 3; // a class of two is no easier to read as one
 
 /**

@@ -7,6 +7,7 @@
 export const HEIGHT = 20;
 
 const GAP = 14; // beside an item
+const WIDEST_GAP = 60; // between what stands left of a column and what stands right
 const ROW = 30; // from one row of a layer to the next
 const LAYER = 34; // from one layer to the next
 const NARROWEST = 500; // of a layer that is divided into rows
@@ -41,6 +42,7 @@ export function layOut(items, links, widthOf) {
     }
   }
   centre(layers, near, mates, places);
+  squeeze(places);
   const bands = stack(layers, places);
   lean(layers, bands, places);
   return { places, bands, box: around(places, bands) };
@@ -147,6 +149,20 @@ function centre(layers, near, mates, places) {
   for (const row of free) {
     const by = middle - middleOf(row);
     for (const { key } of row) places.get(key).x += by;
+  }
+}
+
+/** Take away the columns in which nothing stands: what is far from the rest comes near. */
+function squeeze(places) {
+  const left = ({ x, width }) => x - width / 2;
+  const all = [...places.values()].sort((a, b) => left(a) - left(b));
+  if (all.length === 0) return;
+  let end = left(all[0]); // of what was placed
+  let by = 0; // how far what is to be placed moves
+  for (const place of all) {
+    by += Math.max(0, left(place) - by - end - WIDEST_GAP);
+    place.x -= by;
+    end = Math.max(end, place.x + place.width / 2);
   }
 }
 
