@@ -11,6 +11,7 @@ import pytest
 
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.address import Address
+from neurosnap.apps.viewer.connection import Connection
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.reader import Recording
@@ -30,6 +31,24 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def served(log: Path) -> AsyncIterator[Address]:
     async with asyncio.timeout(PATIENCE), serving(ViewSession(log)) as address:
         yield address
+
+
+async def test_an_answer_does_not_wait_for_its_head_to_be_acknowledged(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+    made = Connection.connection_made
+
+    def watched(self: Connection, transport: asyncio.Transport) -> None:
+        made(self, transport)
+        own = transport.get_extra_info("socket")
+        seen.append(own.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+
+    monkeypatch.setattr(Connection, "connection_made", watched)
+    async with served(log) as address:
+        await get(address, "/api/run")
+    assert seen
+    assert all(seen)
 
 
 async def test_it_answers_what_the_page_asks(log: Path) -> None:

@@ -91,6 +91,28 @@ async def test_a_server_that_is_gone_is_not_asked_again_and_again(
     assert asked == [120, 5, 120, 5]
 
 
+async def test_the_tick_that_is_wanted_does_not_wait_for_its_block(
+    path_log: Path,
+) -> None:
+    async with opened(path_log) as page:
+        asked, tick = await page.evaluate(
+            """async () => {
+                const { FrameCache } = await import("/frames.js");
+                const asked = [];
+                const frameCache = new FrameCache(async (from, to) => {
+                    asked.push([from, to]);
+                    if (from !== to) await new Promise(() => {}); // it takes long
+                    return [{ tick: from }];
+                });
+                frameCache.last = 300;
+                frameCache.ask(130);
+                return [asked, (await frameCache.at(150)).tick];
+            }"""
+        )
+    assert asked == [[120, 239], [150, 150]]
+    assert tick == 150
+
+
 async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
     path_log: Path, tmp_path: Path
 ) -> None:

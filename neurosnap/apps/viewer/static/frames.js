@@ -27,17 +27,21 @@ export class FrameCache {
     return block.frames.get(tick) ?? (tick <= block.told ? null : undefined);
   }
 
-  /** The frame of a tick, once it is here; null: the recording has none. */
+  /** The frame of a tick, once it is here, before others; null: the recording has none. */
   async at(tick) {
-    const number = Math.floor(tick / BLOCK);
-    if (tick <= this.last && this.peek(tick) === undefined && !this._asked.has(number)) {
-      await this._loadFirst(number, tick);
+    if (tick <= this.last && this.peek(tick) === undefined) {
+      await this._loadFirst(Math.floor(tick / BLOCK), tick);
     }
     // An answer may be to a question from before the recording had this tick.
     while (tick <= this.last && this.peek(tick) === undefined) {
       await this._load(Math.floor(tick / BLOCK));
     }
     return this.peek(tick);
+  }
+
+  /** Have the frame of a tick here soon, with those around it. */
+  ask(tick) {
+    this._load(Math.floor(tick / BLOCK)).catch(() => {}); // who needs it asks again
   }
 
   /** Have what follows the block of a tick ready soon. */

@@ -153,7 +153,7 @@ class Page {
   isReady(tick) {
     this.frameCache.prefetch(tick);
     if (this.frameCache.peek(tick) !== undefined) return true;
-    this.frameCache.at(tick).catch(said);
+    this.frameCache.ask(tick);
     return false;
   }
 
