@@ -11,11 +11,9 @@ from tests.support.browser_pages import IN_BROWSER, opened
 from tests.support.page_faults import faults
 from tests.support.recorded_runs import TICKS
 from tools.browser import SIZE, Scheme, wait_shown
-from tools.screenshots import shoot
 
 pytestmark = IN_BROWSER
 
-GOAL = "x_below_1"  # the first literal of what the planner wants
 CONTROLS = ("#search", "#help", "#fit", "#wave-play", "#taller", "#speed")
 schemes = pytest.mark.parametrize("scheme", ["light", "dark"])
 
@@ -51,17 +49,3 @@ async def test_it_fits_a_small_screen(planner_log: Path) -> None:
             assert box["y"] >= 0
             assert box["x"] + box["width"] <= SIZE[0]
             assert box["y"] + box["height"] <= SIZE[1]
-
-
-@schemes
-async def test_the_pictures_of_the_manual_can_be_taken(
-    scheme: Scheme, planner_log: Path, tmp_path: Path
-) -> None:
-    async with opened(planner_log, scheme=scheme) as page:
-        taken = await shoot(page, TICKS, GOAL, tmp_path)
-    assert [path.name for path in taken] == [
-        "view-diagram.png",
-        "view-wave.png",
-        "view-time.png",
-    ]
-    assert len({path.read_bytes() for path in taken}) == 3

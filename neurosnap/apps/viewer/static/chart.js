@@ -37,6 +37,7 @@ export class Chart {
     this._on = on;
     this._now = make("div", { className: "now" });
     this._tick = null;
+    this._ends = null;
     this._hidden = new Set();
     this._sizes = new ResizeObserver(() => this._resize());
     this._sizes.observe(home);
@@ -47,9 +48,16 @@ export class Chart {
     return this._data;
   }
 
-  /** Draw other values. */
-  set(data) {
+  /**
+   * Draw other values.
+   *
+   * @param {number[][]} data ticks, then the values of each curve
+   * @param {[number, number]} [ends] the first and the last tick of the axis, where there
+   *   may be more than is known yet; without: of the data
+   */
+  set(data, ends = null) {
     this._data = data;
+    this._ends = ends;
     if (this._drawn) this._drawn.setData(data);
     else this._draw();
   }
@@ -102,7 +110,7 @@ export class Chart {
       {
         width,
         height,
-        scales: { x: { time: false }, y: whole ? { range } : {} },
+        scales: { x: { time: false, range: (_, low, high) => this._ends ?? [low, high] }, y: whole ? { range } : {} },
         axes: [
           { ...grid, size: 20, gap: 2, space: 60 },
           { ...grid, size: 42, gap: 3, space: 22, ...(whole ? { incrs: WHOLE } : {}) },
@@ -182,7 +190,7 @@ export class Chart {
    */
   _place() {
     const ticks = this._data?.[0];
-    const [first, last] = [ticks?.[0], ticks?.at(-1)];
+    const [first, last] = this._ends ?? [ticks?.[0], ticks?.at(-1)];
     const isThere = this._drawn && this._tick >= first && this._tick <= last;
     this._now.hidden = !isThere;
     if (!isThere) return;

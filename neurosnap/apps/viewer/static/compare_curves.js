@@ -103,7 +103,7 @@ export class CompareCurves {
         return; // said where it was asked; the other may lack the column
       }
       if (!isWanted()) return;
-      this._chart.set(uPlot.join(pair.map(({ ticks, values }) => [ticks, values])));
+      this._chart.set(uPlot.join(pair.map(({ ticks, values }) => [ticks, values])), [first, last]);
       if (this._frame) this.at(this._frame);
       done = pair.every((one) => one.done);
       if (!done) await new Promise((soon) => setTimeout(soon, AGAIN));

@@ -59,10 +59,12 @@ export class Plots {
     this._range = [first, last];
     if (this._asking || last < first) return; // whoever is asking looks at the range again
     this._asking = true;
+    find("plots").ariaBusy = true;
     try {
       while (!(await this._ask())) {
         await new Promise((soon) => setTimeout(soon, AGAIN));
       }
+      find("plots").ariaBusy = false;
     } finally {
       this._asking = false;
     }
@@ -101,7 +103,7 @@ export class Plots {
         series.push(await this._on.fetchSeries(column, first, last, POINTS));
       }
       done &&= series.every((one) => one.done);
-      plot.chart.set(uPlot.join(series.map(({ ticks, values }) => [ticks, values])));
+      plot.chart.set(uPlot.join(series.map(({ ticks, values }) => [ticks, values])), [first, last]);
       this._tell(plot);
     }
     return done && String(this._range) === String([first, last]);

@@ -1,0 +1,127 @@
+"""What the pictures show: states of the page, each with the way to it."""
+
+from collections.abc import Awaitable, Callable
+from typing import NamedTuple, TypeAlias
+
+from playwright.async_api import Page
+
+from tools.browser import SIZE, wait_shown, wait_until
+
+Step: TypeAlias = Callable[[Page], Awaitable[object]]
+
+PHONE = 390, 844
+"""Pixels of a telephone."""
+
+
+class State(NamedTuple):
+    """A state of the page."""
+
+    recordings: tuple[str, ...]
+    """By their names in `RECORDINGS`; the first is looked at."""
+    tick: int
+    link: str = ""
+    """What else the address says."""
+    steps: tuple[Step, ...] = ()
+    """What is done then."""
+    size: tuple[int, int] = SIZE
+    """Of the page, in pixels."""
+
+
+def _click(what: str) -> Step:
+    return lambda page: page.click(what)
+
+
+def _press(key: str) -> Step:
+    return lambda page: page.press("body", key)
+
+
+def _seen(what: str) -> Step:
+    return lambda page: page.wait_for_selector(what)
+
+
+def _true(condition: str) -> Step:
+    return lambda page: wait_until(page, condition)
+
+
+async def _half_way(page: Page) -> None:
+    """Let the wave go half of its way, with pulses under way."""
+    hops = int(await page.get_attribute("#wave-hop", "max") or "0")
+    await page.fill("#wave-hop", str(hops // 2 + 0.5))
+
+
+async def _over_curves(page: Page) -> None:
+    """Have the pointer over a curve."""
+    await page.locator("#plots .u-over").nth(2).hover()
+
+
+_READ = (
+    _true("!document.querySelector('#plots[aria-busy=true]')"),
+    _true("!/so far|^What happened$/.test(document.querySelector('#strip').ariaLabel)"),
+)
+"""All of the recording has been read."""
+
+STATES: dict[str, State] = {
+    "diagram": State(("path",), 214),
+    "wave": State(
+        ("path",), 214, "wave=forward", (_half_way, _seen("#drawing-wave:visible"))
+    ),
+    "time": State(
+        ("path",),
+        100,
+        "range=30-160",
+        (
+            _press("t"),
+            _true("document.querySelector('#plots .uplot').clientHeight > 99"),
+            _over_curves,
+        ),
+    ),
+    "belief": State(("packing",), 383, "sensor=moving"),
+    "raster": State(
+        ("packing",), 383, "tab=raster", (_press("t"), _seen("#raster canvas"))
+    ),
+    "large": State(("crowd",), 150),
+    "focus": State(
+        ("crowd",),
+        150,
+        "sensor=room07_below_12",
+        (lambda page: page.select_option("#focus-depth", "1"), _press("f")),
+    ),
+    "compare": State(
+        ("path", "path-lax"),
+        60,
+        "tab=compare",
+        (
+            _press("t"),
+            _seen("#compare .differences table"),
+            _seen("#compare .uplot canvas"),
+            _true(
+                "!document.querySelector('#compare').textContent.includes('still to be')"
+            ),
+        ),
+    ),
+    "plan": State(
+        ("lake",),
+        503,
+        "tab=grown",
+        (_seen("#grown-list tbody tr"), _seen("#world svg")),
+        (1280, 900),
+    ),
+    "phone": State(("packing",), 383, "", (), PHONE),
+}
+"""By name."""
+
+
+async def enter(page: Page, state: State, address: str) -> None:
+    """Bring an empty page into a state.
+
+    Args:
+        page: It shows nothing yet.
+        state: Which.
+        address: Of a server of its recordings.
+    """
+    width, height = state.size
+    await page.set_viewport_size({"width": width, "height": height})
+    await page.goto(f"{address}#t={state.tick}&{state.link}")
+    await wait_shown(page, state.tick)
+    for step in (*_READ, *state.steps):
+        await step(page)
