@@ -57,7 +57,8 @@ export class Chart {
    */
   set(data, ends = null) {
     this._data = data;
-    this._ends = ends;
+    const more = ends?.[0] === ends?.[1] ? 0.5 : 0; // an axis has a length
+    this._ends = ends && [ends[0] - more, ends[1] + more];
     if (this._drawn) this._drawn.setData(data);
     else this._draw();
   }
