@@ -7,7 +7,8 @@ holds nothing but 0, which gets its own tick: nothing is cut off, nothing is inv
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
     from numpy.typing import NDArray
 
+Scale: TypeAlias = Literal["linear", "log"]
+"""Of the steps."""
+
+_COLUMNS = 800
+"""Of a panel: a third of a point wide."""
 _TITLES = {
     "path": "a path of 21 places, threshold sensors",
     "cycle": "a cycle of 20 places, beacons",
@@ -55,7 +61,7 @@ def draw(
     strokes: Sequence[Stroke],
     title: str,
     legend: str | Bar,
-    scale: Literal["linear", "log"],
+    scale: Scale,
 ) -> None:
     """Draw four panels that share their scales, and one legend or colour bar.
 
@@ -70,7 +76,7 @@ def draw(
     panels = canvas.subplots(2, 2, sharex=True, sharey=True)
     for axes, setting in zip(panels.flat, SETTINGS, strict=True):
         chosen = [s for s in strokes if s.curve.cell.setting == setting.name]
-        _panel(axes, setting, chosen)
+        _panel(axes, setting, chosen, scale)
     _scale_errors(panels.flat[0], [stroke.curve for stroke in strokes])
     _scale_steps(panels.flat[0], len(strokes[0].curve.mean), scale)
     for axes in panels[1]:
@@ -107,26 +113,45 @@ def _bar(canvas: "Canvas", panels: "NDArray[Any]", bar: Bar) -> None:
     drawn.ax.set_title(bar.title, fontsize="medium")
 
 
-def _panel(axes: "Axes", setting: Setting, strokes: Sequence[Stroke]) -> None:
+def _panel(
+    axes: "Axes", setting: Setting, strokes: Sequence[Stroke], scale: Scale
+) -> None:
     for stroke in strokes:
-        curve = stroke.curve
-        steps = np.arange(1, len(curve.mean) + 1)
+        places = drawn(stroke.curve.mean, scale)
+        steps, mean = places + 1, stroke.curve.mean[places]
         if stroke.band:
+            std = stroke.curve.std[places]
             axes.fill_between(
                 steps,
-                np.maximum(curve.mean - curve.std, 0),
-                curve.mean + curve.std,
+                np.maximum(mean - std, 0),
+                mean + std,
                 color=stroke.colour,
                 alpha=0.2,
                 lw=0,
             )
-        axes.plot(steps, curve.mean, color=stroke.colour, lw=1.1, label=stroke.label)
+        axes.plot(steps, mean, color=stroke.colour, lw=1.1, label=stroke.label)
     title = f"({setting.letter}) {_TITLES[setting.name]}"
     if len({stroke.curve.mean.tobytes() for stroke in strokes}) == 1 < len(strokes):
         # Not on the panel: there is no place on it that no line may run through.
         title += f": all {len(strokes)} coincide"
     axes.set_title(title, fontsize="medium")
     axes.grid(alpha=0.25, lw=0.6)
+
+
+def drawn(mean: "NDArray[np.float64]", scale: Scale) -> "NDArray[np.int64]":
+    """Return the places of a curve that are drawn: of many, those that can be seen.
+
+    A file of vectors would hold all of them. In each column of the panel the first of
+    the least and the first of the largest are drawn, and so are the ends.
+    """
+    count = len(mean)
+    spaced = np.geomspace if scale == "log" else np.linspace
+    edges = np.unique(spaced(1, count + 1, _COLUMNS + 1).astype(np.int64)) - 1
+    chosen = {0, count - 1}
+    for start, stop in pairwise(edges.tolist()):
+        column = mean[start:stop]
+        chosen |= {start + int(column.argmin()), start + int(column.argmax())}
+    return np.array(sorted(chosen), np.int64)
 
 
 def _scale_errors(axes: "Axes", curves: Sequence[Curve]) -> None:
@@ -143,7 +168,7 @@ def _scale_errors(axes: "Axes", curves: Sequence[Curve]) -> None:
     axes.set_ylim(-floor / 4, top)  # what lies at 0 shows whole
 
 
-def _scale_steps(axes: "Axes", steps: int, scale: Literal["linear", "log"]) -> None:
+def _scale_steps(axes: "Axes", steps: int, scale: Scale) -> None:
     """Set the steps' scale in all panels; the last step is not on the frame."""
     axes.set_xscale(scale)
     if scale == "log":
