@@ -242,7 +242,7 @@ async def test_the_plot_of_an_edge_is_one_and_is_taken_away(path_log: Path) -> N
         assert await listening() == alone
 
 
-async def test_a_plot_says_nothing_of_ticks_that_were_thinned_out(
+async def test_a_plot_says_of_which_tick_a_value_is_where_some_were_thinned_out(
     planner_log: Path,
 ) -> None:
     async with opened(planner_log, "#t=20") as page:
@@ -257,7 +257,8 @@ async def test_a_plot_says_nothing_of_ticks_that_were_thinned_out(
             }"""
         )
         captions = page.locator("#plots figcaption")
-        for tick, value in [(20, "–"), (30, "7"), (19, "9"), (18, "–")]:
+        told = {20: "9 at 19", 30: "7", 19: "9", 18: "4 at 1", 31: "7 at 30"}
+        for tick, value in told.items():
             await go_to(page, tick)
             await expect(captions.nth(1)).to_have_text(f"Err {value} ")
             await expect(captions.nth(5)).to_have_text(f"Distance to target {value} ")

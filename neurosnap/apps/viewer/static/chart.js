@@ -75,10 +75,21 @@ export class Chart {
     this._drawn?.setSeries(k + 1, { show: isShown });
   }
 
-  /** The values of all curves at a tick: of a long series only some ticks have any. */
+  /**
+   * The values of all curves at a tick, or at the nearest before it that has one: of a long
+   * series only some have, and the last may not be known yet.
+   *
+   * @returns {{tick: number, value: number|null}[]}
+   */
   valuesAt(tick) {
-    const at = this._data ? this._data[0].indexOf(tick) : -1;
-    return this._look.labels.map((_, k) => this._data?.[k + 1][at] ?? null);
+    const ticks = this._data?.[0] ?? [];
+    const after = ticks.findIndex((one) => one > tick);
+    return this._look.labels.map((_, k) => {
+      const values = this._data?.[k + 1] ?? [];
+      let at = after < 0 ? ticks.length - 1 : after - 1;
+      while (at >= 0 && values[at] === undefined) at -= 1; // null: not known there
+      return { tick: ticks[at] ?? tick, value: values[at] ?? null };
+    });
   }
 
   /** The scheme of colours has changed. */

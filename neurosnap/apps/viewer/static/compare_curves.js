@@ -3,7 +3,7 @@
 import uPlot from "./vendor/uplot/uPlot.esm.js";
 import { Chart, INKS } from "./chart.js";
 import { make, number, write } from "./dom.js";
-import { TITLES } from "./plots.js";
+import { TITLES, valueWords } from "./plots.js";
 
 const POINTS = 600;
 const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
@@ -45,7 +45,7 @@ export class CompareCurves {
       {
         seek: on.seek,
         range: on.range,
-        hover: (tick, values) => this._tell(tick, tick === null ? this._present() : values),
+        hover: (tick, values) => this._tell(tick, tick === null ? this._present() : values.map(number)),
       },
     );
   }
@@ -77,12 +77,14 @@ export class CompareCurves {
     this._chart.recolour();
   }
 
+  /** The values at the tick that is shown, in words. */
   _present() {
-    return this._chart.valuesAt(this._frame?.tick);
+    const tick = this._frame?.tick;
+    return this._chart.valuesAt(tick).map((value) => valueWords(value, tick));
   }
 
-  _tell(tick, values) {
-    this._values.forEach((home, k) => write(home, number(values[k])));
+  _tell(tick, words) {
+    this._values.forEach((home, k) => write(home, words[k]));
     write(this._at, tick === null ? "" : ` at tick ${tick}`);
   }
 

@@ -30,6 +30,10 @@ export const TITLES = {
   distance: "Distance to target",
 };
 
+/** A value of a series, and which tick it is of where that is another. */
+export const valueWords = ({ tick, value }, asked) =>
+  number(value) + (tick === asked || value === null ? "" : ` at ${tick}`);
+
 /** The panel of plots. */
 export class Plots {
   /**
@@ -173,11 +177,13 @@ export class Plots {
   _tell(plot) {
     plot.under.forEach((value, k) => write(plot.values[k], number(value)));
     if (plot.under.length || this._frame === null) return;
-    // Some are known by their series alone.
-    // A long series is thinned out: what stands beside this tick would be another's.
-    const drawn = plot.chart.valuesAt(this._frame.tick);
-    const told = plot.columns.includes("on") ? countAll(this._frame) : this._frame;
-    plot.columns.forEach((column, k) => write(plot.values[k], number(told[column] ?? drawn[k])));
+    const { tick } = this._frame;
+    const own = plot.columns.includes("on") ? countAll(this._frame) : this._frame;
+    const drawn = plot.chart.valuesAt(tick); // some are known by their series alone
+    plot.columns.forEach((column, k) => {
+      const words = column in own ? number(own[column]) : valueWords(drawn[k], tick);
+      write(plot.values[k], words);
+    });
   }
 
   /** Say what the columns are under the pointer; null: it is elsewhere. */
