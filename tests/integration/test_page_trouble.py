@@ -16,7 +16,13 @@ from neurosnap.apps.viewer.session import ViewSession
 from tests.support.browser_pages import IN_BROWSER, go_to, looked_at, opened
 from tests.support.page_faults import faults
 from tests.support.page_requests import get
-from tests.support.recorded_runs import csv_run, path_run, recorded
+from tests.support.recorded_runs import (
+    csv_run,
+    path_run,
+    recorded,
+    scripted_run,
+    without_states,
+)
 from tools.browser import Scheme, wait_shown
 
 pytestmark = IN_BROWSER
@@ -236,3 +242,27 @@ async def test_a_link_to_an_edge_selects_it_and_a_bad_one_is_said(
         await expect(page.locator("#notice")).to_have_text(
             "there is no sensor nobody here"
         )
+
+
+@pytest.fixture
+def empty_log(tmp_path: Path) -> Path:
+    whole = scripted_run([[True] * 3] * 3, tmp_path / "whole.mcap", source="-")
+    return without_states(whole, tmp_path / "empty.mcap", {1, 2, 3})
+
+
+async def test_a_recording_without_a_tick_says_so(empty_log: Path) -> None:
+    async with (
+        serving(ViewSession(empty_log)) as address,
+        looked_at(address.url) as page,
+    ):
+        await page.goto(address.url)
+        await expect(page.locator("#notice")).to_have_text("no tick was recorded")
+        await expect(page.locator("#what")).to_contain_text("standard input, 3 sensors")
+        for button in ("svg", "png", "csv"):
+            await page.click(f"#save-{button}")
+            said = page.locator("#said")
+            await expect(said).to_have_text("there is no tick to save")
+        await page.click("#tab-cells")
+        heads = page.locator("#cells thead th")
+        await expect(heads).to_have_text(["Part", "Sensors", "Messages", "Restarts"])
+        assert await faults(page) == []

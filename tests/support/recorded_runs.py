@@ -109,10 +109,12 @@ def torn_run(log: Path) -> Path:
     return scripted_run([*rows, [True, None, None], [True, None, True]], log)
 
 
-def scripted_run(rows: Sequence[Sequence[bool | None]], log: Path) -> Path:
+def scripted_run(
+    rows: Sequence[Sequence[bool | None]], log: Path, source: str = "scripted"
+) -> Path:
     """Record a run of three sensors that read as told; None: not read."""
     options = RunOptions(
-        source="scripted",
+        source=source,
         body=Body(own=("s0", "s1", "s2")),
         ticks=len(rows),
         threshold=0.1,

@@ -39,6 +39,7 @@ from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack
+from neurosnap.sources.open_live import STDIN
 
 _GRAPHS = 32
 """Drawn orders that are kept."""
@@ -108,7 +109,7 @@ class RunView:
         options = self.options
         return api.Run(
             log=self.path.name,
-            source=options.source,
+            source="standard input" if options.source == STDIN else options.source,
             sensors=options.sensors,
             room=options.body.room,
             actions=self._names,

@@ -7,7 +7,10 @@ const SHOWN = 6; // sensors of a worker that are named
 
 /** Show the parts of the swarm as a table. */
 export function showCells(home, names, growth, { cells, read_to: readTo }) {
-  const titles = [["Part"], ["Sensors"], ["Messages", "number"], ["Restarts", "number"], ["Host"]];
+  // Parts that are no processes of their own have no place of their own.
+  const isPlaced = cells.some(({ host }) => host !== null);
+  const titles = [["Part"], ["Sensors"], ["Messages", "number"], ["Restarts", "number"]];
+  if (isPlaced) titles.push(["Host"]);
   const head = titles.map(([title, className = ""]) =>
     make("th", { scope: "col", className }, title),
   );
@@ -19,7 +22,7 @@ export function showCells(home, names, growth, { cells, read_to: readTo }) {
       make("td", {}, hosted(cell.sensors, names, growth)),
       make("td", { className: "number" }, String(cell.messages)),
       make("td", { className: "number" }, String(cell.restarts)),
-      make("td", {}, cell.host ?? "not known"),
+      ...(isPlaced ? [make("td", {}, cell.host ?? "not known")] : []),
     ),
   );
   const table = make(

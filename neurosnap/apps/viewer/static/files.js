@@ -9,23 +9,27 @@ const TOO_LARGE = "too large for this browser to paint: save it as SVG";
 
 /** Have the buttons save what the page shows. */
 export function bindFiles(page) {
+  const onClick = (id, act) => find(id).addEventListener("click", () => {
+    if (page.frame) act();
+    else page.voice.tell("there is no tick to save");
+  });
   const shown = () => {
     const { run, frame, diagram } = page;
     const name = run.log.replace(/\.mcap$/, "");
     return { name: `${name}-tick-${frame.tick}`, title: `${run.log}, tick ${frame.tick}`, diagram };
   };
-  find("save-svg").addEventListener("click", () => {
+  onClick("save-svg", () => {
     const { name, title, diagram } = shown();
     const svg = asSvg(diagram.scene, diagram.box, `Learned order of ${title}`);
     save(`${name}.svg`, new Blob([svg], { type: "image/svg+xml" }));
   });
-  find("save-png").addEventListener("click", async () => {
+  onClick("save-png", async () => {
     const { name, diagram } = shown();
     const png = await asPng(diagram.scene, diagram.box);
     if (png) save(`${name}.png`, png);
     else page.voice.tell(TOO_LARGE);
   });
-  find("save-csv").addEventListener("click", () => {
+  onClick("save-csv", () => {
     const open = document.querySelector('#dock [role="tabpanel"]:not([hidden])');
     const views = { plots: page.plots, raster: page.raster, compare: page.compare };
     const rows = views[open.id]?.rows() ?? rowsOf(open.querySelector("table"));

@@ -95,7 +95,7 @@ export class Focus {
 
   _chip(home, kind, chosen) {
     const pressed = chosen.has(kind);
-    const chip = make("button", { type: "button", className: "chip" }, kind);
+    const chip = make("button", { type: "button", className: "chip" }, WORDS[kind] ?? kind);
     chip.setAttribute("aria-pressed", pressed);
     chip.addEventListener("click", () => {
       if (!chosen.delete(kind)) chosen.add(kind);

@@ -408,6 +408,7 @@ class Page {
     find("badge").classList.toggle("over", !live);
     write(find("badge"), live ? "live" : `ended at tick ${ticks}`);
     find("follow").hidden = !live;
+    notices.say("empty", live || ticks >= first ? "" : "no tick was recorded");
     notices.say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
     this.frameCache.last = ticks;
     this.player.setRange(first, ticks);

@@ -45,7 +45,7 @@ export class Timeline {
   /** Show where the player is. */
   showTick() {
     const { tick, last, first } = this._player;
-    const text = last < first ? "no tick yet" : `tick ${tick} of ${last}`;
+    const text = last < first ? "no tick" : `tick ${tick} of ${last}`;
     this._slider.value = tick;
     this._slider.setAttribute("aria-valuetext", text);
     write(find("tick"), text);

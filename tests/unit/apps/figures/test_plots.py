@@ -1,5 +1,7 @@
 """What is drawn of a long curve."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +23,7 @@ def test_a_column_keeps_its_least_and_its_largest(
     spaced = np.geomspace if scale == "log" else np.linspace
     edges = np.unique(spaced(1, count + 1, 801).astype(int)) - 1
     shown = mean[places]
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges.tolist()):
         within = shown[(places >= start) & (places < stop)]
         assert within.min() == mean[start:stop].min()
         assert within.max() == mean[start:stop].max()
