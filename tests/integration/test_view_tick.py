@@ -162,8 +162,8 @@ async def test_what_was_not_read_and_what_is_contradicted_is_said_and_drawn(
             assert await states(page, tick) == truth[tick]
             assert await page.locator("#outline td.reads").all_inner_texts() == reads
             facts = page.locator("#now dd")
-            assert await facts.nth(2).inner_text() == contradicted
-            assert await facts.nth(3).inner_text() == unread
+            assert await facts.nth(0).inner_text() == contradicted
+            assert await facts.nth(1).inner_text() == unread
             drawn = await page.evaluate(
                 """async () => {
                     const { diagram } = (await import("/main.js")).page;

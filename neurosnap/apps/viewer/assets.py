@@ -28,6 +28,7 @@ NAMES = (
             "choice",
             "compare",
             "compare_curves",
+            "consequences",
             "csv",
             "diagram",
             "dom",

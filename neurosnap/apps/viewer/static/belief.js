@@ -76,6 +76,12 @@ export class Reasons {
   of(sensor) {
     const gone = unread(this._frame, sensor);
     if (gone) return gone;
+    const { culprits = [], others = [] } = this._frame.anomaly ?? {};
+    const doubt = [...culprits, ...others].includes(sensor) ? "; but it may be wrong, see the anomaly" : "";
+    return this._belief(sensor) + doubt;
+  }
+
+  _belief(sensor) {
     const { condition, reads, predicted } = this._found[sensor];
     const read = reads === null ? "not read" : `reads ${bitWord(reads)}`;
     if (condition === "contradicted") return [read, ...this._against(sensor, reads)].join("; ");

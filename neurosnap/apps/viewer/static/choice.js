@@ -2,6 +2,7 @@
 
 import { find, make, write } from "./dom.js";
 import { EdgeView } from "./edge.js";
+import { consequences } from "./consequences.js";
 import { edgeList } from "./edge_list.js";
 import { unread } from "./growth.js";
 import { bitWord, conditions, few, literalName, sensorOf } from "./literals.js";
@@ -103,6 +104,9 @@ export class ChoiceView {
     if (same) {
       const members = same.map((literal) => literalName(this._names, literal));
       facts.push(make("dt", {}, term("equivalence", "equal")), make("dd", {}, few(members, NAMED, " ≡ ")));
+    }
+    for (const [literal, word] of [[2 * sensor, "if on"], [2 * sensor + 1, "if off"]]) {
+      facts.push(make("dt", {}, term(word)), make("dd", {}, consequences(literal, graph, this._names)));
     }
     return facts;
   }

@@ -42,7 +42,7 @@ export class CompareView {
     this._with = make("select", { ariaLabel: "Recording to compare with" });
     this._then = make("input", { type: "number", min: 0, step: 1, ariaLabel: "Tick to compare with" });
     this._says = make("p", { className: "quiet" });
-    this._parts = make("div");
+    this._parts = make("div", { className: "parts" });
     this._body = make("div", { className: "differences" });
     this._curves = new CompareCurves(run.columns, on);
     const form = make("p", { className: "bar" }, "Compare with ", this._with, " at tick ", this._then);
@@ -78,10 +78,10 @@ export class CompareView {
     this._curves.load(range);
   }
 
-  /** Compare with the tick before. */
-  withBefore() {
+  /** Compare with a tick of this recording; without: the one before. */
+  withTick(tick = "") {
     this._with.value = this._own;
-    this._then.value = "";
+    this._then.value = tick;
     this._choose();
     find("tab-compare").click();
     find("tab-compare").focus();
@@ -236,8 +236,8 @@ export class CompareView {
     const [one, other] = name ? ["here", `in ${name}`] : titles.map((title) => `at ${title}`);
     this._body.replaceChildren(
       this._numbers(found, titles),
-      this._only(`Implied ${one}, not ${other}`, here),
-      this._only(`Implied ${other}, not ${one}`, there),
+      this._only(`${one}, not ${other}`, here),
+      this._only(`${other}, not ${one}`, there),
       this._felt(found, titles),
     );
   }
@@ -258,7 +258,9 @@ export class CompareView {
     const list = make("ul", { className: "edges" });
     const add = (some) => list.append(...some.map((edge) => make("li", {}, this._edge(edge))));
     add(all.slice(0, FEW));
-    const heading = make("h3", {}, `${title} `, make("span", { className: "quiet" }, count));
+    const titled = (what, many) =>
+      make("h3", {}, `${what} ${title} `, make("span", { className: "quiet" }, many));
+    const heading = titled("Implied", count);
     const parts = [heading, count ? list : make("p", { className: "quiet" }, "no edge")];
     if (all.length > FEW) {
       const more = make("button", { type: "button" }, `Show ${all.length === count ? "all" : "the first"} ${all.length}`);
@@ -273,7 +275,7 @@ export class CompareView {
     );
     const left = classCount - same.length;
     if (left > 0) same.push(make("li", {}, `and ${counted(left, "other class")}`));
-    if (same.length) parts.push(make("ul", {}, ...same));
+    if (same.length) parts.push(titled("The same", classCount), make("ul", {}, ...same));
     return make("section", {}, ...parts);
   }
 

@@ -16,7 +16,8 @@ export class FactsView {
   constructor(names, { actions, options, room }) {
     this._names = names;
     this._actions = actions;
-    const without = [...(options.imagine ? [] : ["plan"]), ...(room ? [] : ["grown"])];
+    const idle = actions.length ? [] : ["did", "why"]; // nobody decides anything
+    const without = [...idle, ...(options.imagine ? [] : ["plan"]), ...(room ? [] : ["grown"])];
     const facts = [...WORDS, ...NUMBERS].filter((fact) => !without.includes(fact));
     this._values = new Map(facts.map((fact) => [fact, make("dd", {}, "–")]));
     for (const fact of facts) {
@@ -34,6 +35,7 @@ export class FactsView {
    * @param {object|null|undefined} before the frame of the tick before, if it is here
    */
   show(frame, before) {
+    find("now-begins").hidden = !frame.begins;
     const set = (fact, text) => this._values.has(fact) && write(this._values.get(fact), text);
     set("did", this._did(frame, before));
     this._plan(frame.plan);
@@ -51,7 +53,6 @@ export class FactsView {
 
   /** What was decided; a tick has its state before it has its decision. */
   _did({ action, choice }, before) {
-    if (this._actions.length === 0) return "takes no actions";
     if (action !== null) return action;
     if (choice >= 0) return "nothing";
     const last = before?.action ? `; at tick ${before.tick}: ${before.action}` : "";

@@ -26,7 +26,8 @@ export function bind(page) {
     ["expand", () => page.expand()],
     ["taller", toggleTaller],
     ["help", help],
-    ["order-changed", () => page.compare.withBefore()],
+    ["range-changed", () => page.compareRange()],
+    ["order-changed", () => page.compare.withTick()],
     ["anomaly-back", () => page.toAnomaly(-1)],
     ["anomaly-on", () => page.toAnomaly(1)],
     ["birth-back", () => page.toBirth(-1)],
@@ -90,7 +91,7 @@ async function copyLink({ player, voice }) {
 }
 
 /** Have a button say something else for a moment. */
-function flash(button, text) {
+export function flash(button, text) {
   const before = button.dataset.says ?? button.textContent;
   button.dataset.says = before;
   button.textContent = text;

@@ -17,7 +17,7 @@ import { deepTick } from "./first_view.js";
 import { Focus } from "./focus.js";
 import { GrowthView } from "./growth.js";
 import { HealthView } from "./health.js";
-import { bind } from "./keys.js";
+import { bind, flash } from "./keys.js";
 import { Lateness } from "./late.js";
 import { choiceAsked, keepChoice, keepView, keepWave, viewAsked, waveAsked } from "./link.js";
 import { follow, patched } from "./live.js";
@@ -212,7 +212,7 @@ class Page {
     else if (choice) this.choose(choice);
     if (view) this.diagram.look(view);
     if (wave) this.wave.take(wave);
-    else if (this.opensDeep) this.wave.takeDeepest();
+    else if (this.opensDeep) this.wave.openDeepest();
   }
 
   /** Show what stays the same as long as the tick does. */
@@ -278,8 +278,19 @@ class Page {
   /** Go to the nearest anomaly or alarm before (-1) or after (1) this tick. */
   async toAnomaly(way) {
     const tick = await fetchBeside(this.player.tick, way).catch(said);
-    if (tick) this.player.seek(tick);
-    else this.voice.tell(`no anomaly or alarm ${way > 0 ? "after" : "before"} this tick`);
+    if (tick) {
+      this.player.seek(tick);
+      return;
+    }
+    this.voice.tell(`no anomaly or alarm ${way > 0 ? "after" : "before"} this tick`);
+    flash(find(way > 0 ? "anomaly-on" : "anomaly-back"), way > 0 ? "no later" : "no earlier");
+  }
+
+  /** Say what was learned between the ends of the range. */
+  compareRange() {
+    const [from, to] = this.range.shown;
+    this.player.seek(to);
+    this.compare.withTick(from);
   }
 
   showLate(graph) {

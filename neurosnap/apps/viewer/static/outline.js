@@ -101,6 +101,8 @@ export class Outline {
       const sign = kind === "excite" ? "→" : "⊣";
       const what = kind === "excite" ? to : this._names[sensorOf(target)];
       out[sensorOf(source)].push(isComplement(source) ? `${from} ${sign} ${what}` : `${sign} ${what}`);
+      // Two that exclude each other do so both ways.
+      if (kind === "inhibit") out[sensorOf(target)].push(`⊣ ${this._names[sensorOf(source)]}`);
     }
     for (const members of graph.classes) {
       // Whatever it has for others it has for each: they name the one that stands for all.

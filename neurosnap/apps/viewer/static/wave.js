@@ -8,6 +8,7 @@ import { deepest, whyShallow } from "./wave_advice.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
+const OPENED = "The page opens at the deepest wave near the end.";
 const REST = 0.8; // hops' time that a wave played within a tick stands still at its end
 
 /** The panel of the wave, and the clock it is shown by. */
@@ -68,6 +69,12 @@ export class WaveView {
     return this._wave?.imagined ?? false;
   }
 
+  /** Choose the wave of this tick that goes deepest, because the page opens with it. */
+  openDeepest() {
+    this._opened = this._frame.tick;
+    this.takeDeepest();
+  }
+
   /** Choose the wave of this tick that goes deepest, if one goes anywhere. */
   takeDeepest() {
     const wave = deepest(this._frame.waves);
@@ -86,7 +93,7 @@ export class WaveView {
 
   /** Let the wave run along with the tick, `part` of which has gone. */
   run(part) {
-    if (this._wave === null) return;
+    if (!this._wave?.depth) return; // it goes nowhere: the state says more
     this._at = Math.min(part * (this._wave.depth + 1 + REST), this._wave.depth);
     this._say();
   }
@@ -202,8 +209,9 @@ export class WaveView {
     write(find("wave-says"), this._words(hop));
     const why = whyShallow(this._frame, this._wave);
     const other = why ? deepest(this._frame.waves) : null;
-    write(find("wave-why"), why);
-    find("wave-why").hidden = why === "";
+    const opened = this._frame.tick === this._opened ? OPENED : "";
+    write(find("wave-why"), why || opened);
+    find("wave-why").hidden = (why || opened) === "";
     find("wave-deepest").hidden = other === null;
     const hops = other && counted(other.depth, "hop");
     write(find("wave-deepest"), other ? `Show ${this._nameOf(other)}, ${hops}` : "");

@@ -71,7 +71,9 @@ export class WorldView {
   }
 
   _agentAt([cx, cy], heading) {
-    if (!isWay(heading)) return shape("circle", { cx, cy, r: 0.3, class: "agent" });
+    const isMap = this._stage.tiles.length > 0; // it goes beside the letter of its tile
+    const round = isMap ? { r: 0.26, transform: "translate(0.1 0.12)" } : { r: 0.3 };
+    if (!isWay(heading)) return shape("circle", { cx, cy, ...round, class: "agent" });
     return shape("path", { ...arrowTo(heading, [cx, cy]), class: "agent" });
   }
 
