@@ -139,7 +139,7 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         edge, place = await page.evaluate(
             """async () => {
                 const { diagram } = (await import("/main.js")).page;
-                const { along } = await import("/links.js");
+                const { along } = await import("/order/links.js");
                 for (const [link, c] of diagram._curves) {
                     const place = diagram._camera.over(along(c, 0.5));
                     // Not one that passes behind a node there.

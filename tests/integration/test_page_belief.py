@@ -22,7 +22,7 @@ LONG = "binary_sensor." + "_".join(f"part_{k}_of_a_long_name" for k in range(6))
 
 LOOK = """async ([sensor]) => {
     const { diagram } = (await import("/main.js")).page;
-    const { looks } = await import("/looks.js");
+    const { looks } = await import("/order/looks.js");
     const item = diagram._drawing.itemOf[sensor];
     const { condition, reads, predicted } = looks(diagram._frame, null, null, null)(item);
     const place = diagram._laid.places.get(item.key);
@@ -116,7 +116,7 @@ async def test_what_is_contradicted_is_counted_in_what_is_folded(
         counted = await page.evaluate(
             """async () => {
                 const { page } = await import("/main.js");
-                const { looks } = await import("/looks.js");
+                const { looks } = await import("/order/looks.js");
                 const { diagram, frame } = page;
                 const wrong = frame.contradicted[0] ?? 0;
                 frame.contradicted = [wrong, wrong + 1, wrong + 2];
@@ -155,7 +155,7 @@ async def test_a_name_of_any_length_leaves_room_for_the_rest(long_log: Path) -> 
         widths, name_shown = await page.evaluate(
             """async () => {
                 const { page } = await import("/main.js");
-                const { shortened } = await import("/nodes.js");
+                const { shortened } = await import("/order/nodes.js");
                 const places = [...page.diagram._laid.places.values()];
                 return [places.map(({ width }) => width), shortened(page.names[0])];
             }"""
@@ -178,7 +178,7 @@ async def test_a_complement_is_tied_by_another_line_than_an_equal(
     async with opened(csv_log) as page:
         painted = await page.evaluate(
             """async () => {
-                const { paintClasses } = await import("/background.js");
+                const { paintClasses } = await import("/order/background.js");
                 const strokes = (turned) => {
                     let count = 0;
                     const context = {

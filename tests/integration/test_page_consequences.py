@@ -33,7 +33,7 @@ async def test_a_sensor_says_what_would_follow_if_it_were_on_or_off(
         await wait_shown(page, TICKS)
         told = await page.evaluate(
             """async () => {
-                const { consequences } = await import("/consequences.js");
+                const { consequences } = await import("/tick/consequences.js");
                 const { page } = await import("/main.js");
                 const ids = [...Array(2 * page.names.length).keys()];
                 const far = page.names.map((_, sensor) => `s${sensor}`);

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import image
 from numpy.typing import NDArray
-from playwright.async_api import Page
+from playwright.async_api import Page, expect
 
 from neurosnap.apps.viewer.conditions import OFF, ON
 from neurosnap.apps.viewer.run_view import RunView
@@ -117,6 +117,7 @@ async def test_each_tab_gives_its_table(unread_log: Path, tmp_path: Path) -> Non
 
     async with opened(unread_log, f"#t={READ}") as page:
         await wait_shown(page, READ)
+        await page.wait_for_selector('#plots[aria-busy="false"]')
         edges = session.time_series.series("edges", 1, view.last, 600)
         heads, *rows = await table("plots")
         place = heads.index("edges")
@@ -162,7 +163,7 @@ async def test_the_table_is_written_as_export_writes_it(path_log: Path) -> None:
     async with opened(path_log, "#t=1") as page:
         written = await page.evaluate(
             """async (all) => {
-                const { asCsv } = await import("/csv.js");
+                const { asCsv } = await import("/base/csv.js");
                 return all.map(asCsv);
             }""",
             found,
@@ -170,3 +171,20 @@ async def test_the_table_is_written_as_export_writes_it(path_log: Path) -> None:
     for rows, text in zip(found, written, strict=True):
         told = list(csv.reader(io.StringIO(text, newline="")))
         assert told == [[as_text(field) for field in row] for row in rows]
+
+
+async def test_a_table_is_not_saved_before_all_of_it_was_read(path_log: Path) -> None:
+    async with opened(path_log) as page:
+        await page.wait_for_selector('#plots[aria-busy="false"]')
+        given: list[object] = []
+        page.on("download", lambda download: given.append(download))
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                page.plots._on.fetchSeries = () => new Promise(() => {}); // it takes long
+                page.plots.load(1, 5);
+            }"""
+        )
+        await page.click("#save-csv")
+        await expect(page.locator("#said")).to_contain_text("still being read")
+        assert given == []

@@ -64,7 +64,7 @@ async def test_a_selected_sensor_leaves_clear_what_is_above_and_below_it(
         dim = await page.evaluate(
             """async () => {
                 const { page: { diagram, frame } } = await import("/main.js");
-                const { looks } = await import("/looks.js");
+                const { looks } = await import("/order/looks.js");
                 const look = looks(frame, null, null, null, diagram._focus.sensors);
                 return diagram._drawing.items
                     .filter((item) => look(item).dim).flatMap(({ sensors }) => sensors);

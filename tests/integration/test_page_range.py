@@ -251,8 +251,8 @@ async def test_the_counts_of_a_tick_are_those_of_its_curves(
         async with opened(log, "#t=1") as page:
             told = await page.evaluate(
                 """async (names) => {
-                    const { countAll } = await import("/belief.js");
-                    const { fetchFrames, fetchRun } = await import("/api.js");
+                    const { countAll } = await import("/tick/belief.js");
+                    const { fetchFrames, fetchRun } = await import("/base/api.js");
                     const frames = await fetchFrames(1, (await fetchRun()).ticks);
                     const counts = frames.map(countAll);
                     return names.map((name) => counts.map((count) => count[name]));

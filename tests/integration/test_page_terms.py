@@ -47,7 +47,7 @@ async def test_every_word_that_is_marked_is_explained(planner_log: Path) -> None
             "(all) => all.map((one) => one.dataset.term)"
         )
         known = await page.evaluate(
-            "import('/terms.js').then(({ TERMS }) => Object.keys(TERMS))"
+            "import('/base/terms.js').then(({ TERMS }) => Object.keys(TERMS))"
         )
         assert len(set(marked)) > 20
         assert set(marked) <= set(known)

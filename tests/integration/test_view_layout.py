@@ -61,7 +61,7 @@ async def test_what_moves_glides_unless_one_wants_no_motion(
         await places(page, 1)
         shown = await page.evaluate(
             """async () => {
-                const { Glide } = await import("/glide.js");
+                const { Glide } = await import("/order/glide.js");
                 const at = (x) => new Map([["s0", { x, y: 0 }], ["s1", { x: 5, y: 5 }]]);
                 const seen = [];
                 await new Promise((done) => {

@@ -115,7 +115,7 @@ async def test_a_link_that_is_back_may_be_to_another_recording(path_log: Path) -
     async with opened(path_log) as page:
         told = await page.evaluate(
             """async () => {
-                const { follow } = await import("/live.js");
+                const { follow } = await import("/run/live.js");
                 const [stream, told] = [new EventTarget(), []];
                 const tell = (what) => told.push(what);
                 follow(() => stream, tell, tell);

@@ -59,7 +59,7 @@ async def test_it_plays_as_fast_as_it_was_told(path_log: Path) -> None:
     async with opened(path_log) as page:
         gone = await page.evaluate(
             """async () => {
-                const { Player, SPEEDS } = await import("/player.js");
+                const { Player, SPEEDS } = await import("/time/player.js");
                 const gone = [];
                 for (const speed of SPEEDS) {
                     const on = { ready: () => true, move() {}, change() {} };
@@ -87,7 +87,7 @@ async def test_a_frame_that_is_early_or_late_skips_no_tick(path_log: Path) -> No
     async with opened(path_log) as page:
         shown = await page.evaluate(
             """async (frames) => {
-                const { Player } = await import("/player.js");
+                const { Player } = await import("/time/player.js");
                 const on = { ready: () => true, move() {}, change() {} };
                 const player = new Player(on);
                 player.setRange(1, 1000);

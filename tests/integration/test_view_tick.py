@@ -186,7 +186,7 @@ async def test_unknown_and_contradicted_are_told_apart_without_colour(
         await wait_shown(page, 32)
         signs = await page.evaluate(
             """async () => {
-                const { NodePainter } = await import("/nodes.js");
+                const { NodePainter } = await import("/order/nodes.js");
                 const context = document.createElement("canvas").getContext("2d");
                 const item = { kind: "sensor", name: "s", sensors: [0] };
                 const place = { x: 50, y: 50, width: 60, item };

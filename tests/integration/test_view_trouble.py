@@ -67,7 +67,7 @@ async def test_a_server_that_is_gone_is_not_asked_again_and_again(
     async with opened(path_log) as page:
         asked = await page.evaluate(
             """async () => {
-                const { FrameCache } = await import("/frames.js");
+                const { FrameCache } = await import("/run/frames.js");
                 const later = [];
                 const set = window.setTimeout;
                 window.setTimeout = (act) => later.push(act);
@@ -97,7 +97,7 @@ async def test_the_tick_that_is_wanted_does_not_wait_for_its_block(
     async with opened(path_log) as page:
         asked, tick = await page.evaluate(
             """async () => {
-                const { FrameCache } = await import("/frames.js");
+                const { FrameCache } = await import("/run/frames.js");
                 const asked = [];
                 const frameCache = new FrameCache(async (from, to) => {
                     asked.push([from, to]);
@@ -156,7 +156,7 @@ async def test_a_question_that_is_dropped_while_it_is_answered_is_no_error(
     async with opened(path_log) as page:
         said = await page.evaluate(
             """async () => {
-                const { fetchEdge } = await import("/api.js");
+                const { fetchEdge } = await import("/base/api.js");
                 const drop = new AbortController();
                 const real = window.fetch;
                 window.fetch = async (what, { signal }) => {

@@ -1,10 +1,11 @@
 // Files that the page gives: the picture of the order, and the table of the panel that is
 // open.
 
-import { asCsv, rowsOf } from "./csv.js";
-import { find } from "./dom.js";
-import { asPng, asSvg } from "./picture.js";
+import { asCsv, rowsOf } from "./base/csv.js";
+import { find, flash } from "./base/dom.js";
+import { asPng, asSvg } from "./order/picture.js";
 
+const READING = "the recording is still being read: save it in a moment";
 const TOO_LARGE = "too large for this browser to paint: save it as SVG";
 
 /** Have the buttons save what the page shows. */
@@ -32,7 +33,13 @@ export function bindFiles(page) {
   onClick("save-csv", () => {
     const open = document.querySelector('#dock [role="tabpanel"]:not([hidden])');
     const views = { plots: page.plots, raster: page.raster, compare: page.compare };
-    const rows = views[open.id]?.rows() ?? rowsOf(open.querySelector("table"));
+    const view = views[open.id];
+    if (view?.isReading) {
+      page.voice.tell(READING);
+      flash(find("save-csv"), "Still reading");
+      return;
+    }
+    const rows = view?.rows() ?? rowsOf(open.querySelector("table"));
     const file = new Blob([asCsv(rows)], { type: "text/csv;charset=utf-8" });
     save(`${shown().name}-${open.id}.csv`, file);
   });

@@ -1,11 +1,11 @@
 // How the page is told what to do: buttons, tabs, the address, and the keyboard. Everything
 // that is done often has a key, and one of them lists the rest.
 
-import { keep, keepSoon, tickAsked, told } from "./address.js";
-import { find, make } from "./dom.js";
+import { keep, keepSoon, tickAsked, told } from "./base/address.js";
+import { find, flash, make } from "./base/dom.js";
 import { bindFiles } from "./files.js";
-import { tabs } from "./tabs.js";
-import { theme } from "./theme.js";
+import { tabs } from "./base/tabs.js";
+import { theme } from "./base/theme.js";
 
 const TYPED = 'input:not([type="range"]), select, textarea, dialog[open]';
 const MOVES = /^(Arrow\w+|Home|End)$/;
@@ -88,14 +88,6 @@ async function copyLink({ player, voice }) {
   } catch {
     flash(find("link"), "In the address bar"); // the browser lets nobody copy
   }
-}
-
-/** Have a button say something else for a moment. */
-export function flash(button, text) {
-  const before = button.dataset.says ?? button.textContent;
-  button.dataset.says = before;
-  button.textContent = text;
-  setTimeout(() => (button.textContent = before), 1500);
 }
 
 /**

@@ -1,4 +1,4 @@
-"""The table of the page's files names those there are, and nothing else is given."""
+"""Every file of the page is given as it is, and nothing else."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ UNSERVED = {"LICENSE", "sums"}
 """Files that come with what is vendored."""
 
 
-def test_the_table_names_what_there_is() -> None:
+def test_all_there_are_are_named() -> None:
     there = {
         path.relative_to(STATIC).as_posix()
         for path in STATIC.rglob("*")
@@ -33,7 +33,8 @@ def test_each_is_given_as_what_it_is(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../server.py", "api.py", "./api.js", "vendor/", "vendor/sums", "/api.js"]
+    "name",
+    ["../server.py", "api.py", "./api.js", "vendor/", "vendor/sums", "/base/api.js"],
 )
 def test_nothing_else_is(name: str) -> None:
     assert asset(name) is None

@@ -1,0 +1,128 @@
+// What the run has grown: asked for until all of it is known, and shown as a table.
+
+import { counted, find, make } from "../base/dom.js";
+
+const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
+
+/** The births of a run, and the panel that lists them. */
+export class GrowthView {
+  /**
+   * @param {{sensors: string[], room: number}} run
+   * @param {object} on
+   * @param {() => Promise<object>} on.fetchBirths
+   * @param {(tick: number) => void} on.seek
+   * @param {(sensor: number) => void} on.pick
+   * @param {() => void} on.change told when more is known
+   */
+  constructor({ sensors, room }, on) {
+    this._on = on;
+    this._first = sensors.length - room; // the first sensor that may be grown
+    this._births = new Map(); // by sensor, in the order of their ticks
+    this.room = room;
+    this.grows = room > 0;
+    this._loading = false;
+    for (const id of ["birth-back", "birth-on"]) find(id).hidden = !this.grows;
+    if (!this.grows) for (const id of ["tab-grown", "grown"]) find(id).remove();
+  }
+
+  /** The birth of a sensor; undefined: it was there from the start, or is not grown. */
+  of(sensor) {
+    return this._births.get(sensor);
+  }
+
+  /** Whether a sensor is one, as far as is known, and no room for one. */
+  isSensor(sensor) {
+    return sensor < this._first || this._births.has(sensor);
+  }
+
+  /** What is known of them, in order. */
+  get births() {
+    return [...this._births.values()];
+  }
+
+  /** How many sensors there are, in words. */
+  get words() {
+    const first = counted(this._first, "sensor");
+    return this.grows ? `${first}, ${this._births.size} grown, room for ${this.room} more` : first;
+  }
+
+  /** Ask for what there is, until all of it has been read. */
+  async load() {
+    if (!this.grows) return;
+    this._due = true; // there may be more than was asked for
+    if (this._loading) return;
+    this._loading = true;
+    try {
+      for (let done = false; !done || this._due; ) {
+        this._due = false;
+        const grown = await this._on.fetchBirths();
+        this._take(grown);
+        done = grown.done;
+        if (!done || this._due) await new Promise((resolve) => setTimeout(resolve, AGAIN));
+      }
+    } finally {
+      this._loading = false;
+    }
+  }
+
+  /** The tick of the nearest birth before (-1) or after (1) a tick; null: there is none. */
+  beside(tick, way) {
+    const ticks = this.births.map((birth) => birth.tick);
+    const there = ticks.filter((one) => (one - tick) * way > 0);
+    return there.length ? Math[way > 0 ? "min" : "max"](...there) : null;
+  }
+
+  _take(grown) {
+    const text = JSON.stringify(grown);
+    if (text === this._shown) return;
+    this._shown = text;
+    this.room = grown.room;
+    this._births = new Map(grown.births.map((birth) => [birth.sensor, birth]));
+    for (const id of ["birth-back", "birth-on"]) find(id).disabled = grown.births.length === 0;
+    this._list(grown);
+    this._on.change();
+  }
+
+  _list({ births, room, read_to: readTo, done }) {
+    const so = done ? "" : ` Read up to tick ${readTo} so far.`;
+    const grown = births.length ? counted(births.length, "sensor") : "No sensor";
+    const note = `${grown} grown, room for ${room} more.${so}`;
+    const titles = [["Tick"], ["Sensor"], ["Learned from", "number"], ["Retired", "number"]];
+    const head = titles.map(([title, className = ""]) =>
+      make("th", { scope: "col", className }, title),
+    );
+    const table = make(
+      "table",
+      { id: "grown-list" },
+      make("caption", { className: "unseen" }, "The sensors that were grown"),
+      make("thead", {}, make("tr", {}, ...head)),
+      make("tbody", {}, ...births.map((birth) => this._row(birth))),
+    );
+    find("grown").replaceChildren(make("p", { className: "quiet" }, note), table);
+  }
+
+  _row({ tick, exact, sensor, name, history, retired }) {
+    const when = make("button", { type: "button" }, `${exact ? "" : "by "}tick ${tick}`);
+    when.addEventListener("click", () => this._on.seek(tick));
+    const open = make("button", { type: "button" }, name);
+    open.addEventListener("click", () => this._on.pick(sensor));
+    return make(
+      "tr",
+      {},
+      make("td", {}, when),
+      make("th", { scope: "row" }, open),
+      make("td", { className: "number" }, history === null ? "not known" : counted(history, "tick")),
+      make("td", { className: "number" }, retired === null ? "–" : `tick ${retired}`),
+    );
+  }
+}
+
+/** What there is to say of a sensor that is not read; empty: it is read. */
+export function unread(frame, sensor) {
+  if (sensor >= frame.sensors) return "not grown yet";
+  return frame.retired.includes(sensor) ? "retired" : "";
+}
+
+/** What a decision grew and retired, in words. */
+export const changedWords = ({ changed }) =>
+  changed.map(({ name, retires }) => `${retires ? "retired" : "grew"} ${name}`).join(", ");

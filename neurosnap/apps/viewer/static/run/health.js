@@ -1,0 +1,69 @@
+// Which sensors of a home seem broken, and how much is known of them: asked for until all
+// of the readings are counted.
+
+import { counted, find, make, write } from "../base/dom.js";
+
+const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
+
+/** The panel of the sensors' health. */
+export class HealthView {
+  /** @param {{options: object}} run @param {() => Promise<object>} fetchHealth */
+  constructor({ options }, fetchHealth) {
+    this._fetch = fetchHealth;
+    this._judges = (options.alarms ?? "never") !== "never";
+    this._loading = false;
+    if (!this._judges) for (const id of ["tab-health", "health"]) find(id).remove();
+  }
+
+  /** Ask for what there is, until all of it has been read. */
+  async load() {
+    if (!this._judges) return;
+    this._due = true; // there may be more than was asked for
+    if (this._loading) return;
+    this._loading = true;
+    try {
+      for (let done = false; !done || this._due; ) {
+        this._due = false;
+        const health = await this._fetch();
+        this._show(health);
+        done = health.done;
+        if (!done || this._due) await new Promise((resolve) => setTimeout(resolve, AGAIN));
+      }
+    } finally {
+      this._loading = false;
+    }
+  }
+
+  _show(health) {
+    const text = JSON.stringify(health);
+    if (text === this._shown) return;
+    this._shown = text;
+    const { progress, alarms, sensors, read_to: readTo, done } = health;
+    const bad = alarms.length ? `: ${counted(alarms.length, "alarm")}` : "";
+    write(find("tab-health"), `Health${bad}`);
+    const so = done ? "" : `; read up to tick ${readTo} so far`;
+    const head = ["Sensor", "Health"].map((title) => make("th", { scope: "col" }, title));
+    const table = make(
+      "table",
+      {},
+      make("caption", { className: "unseen" }, "The health of the sensors"),
+      make("thead", {}, make("tr", {}, ...head)),
+      make("tbody", {}, ...sensors.map(row)),
+    );
+    find("health").replaceChildren(
+      make("p", { className: "quiet" }, `${progress}${so}`),
+      ...alarms.map((alarm) => make("p", { className: "alarm" }, alarm)),
+      table,
+    );
+  }
+}
+
+function row({ sensor, known, health }) {
+  const words = health > 0 ? `${Math.round(100 * health)} %` : "in alarm";
+  return make(
+    "tr",
+    {},
+    make("th", { scope: "row" }, sensor),
+    make("td", {}, known ? words : "not known yet"),
+  );
+}

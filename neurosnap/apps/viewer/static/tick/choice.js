@@ -1,0 +1,124 @@
+// What is selected: a sensor with its edges, or an edge with its weights.
+
+import { find, make, write } from "../base/dom.js";
+import { EdgeView } from "./edge.js";
+import { consequences } from "./consequences.js";
+import { edgeList } from "./edge_list.js";
+import { unread } from "../run/growth.js";
+import { bitWord, conditions, few, literalName, sensorOf } from "../base/literals.js";
+import { term } from "../base/terms.js";
+
+const NAMED = 8; // members of a class that are listed
+
+/** The panel of what is selected. */
+export class ChoiceView {
+  /**
+   * @param {string[]} names
+   * @param {import("../run/growth.js").GrowthView} growth
+   * @param {{pick: (thing: object|null) => void, fetchEdge: Function}} on
+   */
+  constructor(names, growth, on) {
+    this._names = names;
+    this._growth = growth;
+    this._on = on;
+    this._thing = null;
+    this._edge = new EdgeView(find("choice-body"), names, on.fetchEdge);
+    find("choice-close").addEventListener("click", () => on.pick(null));
+  }
+
+  /** Show what is selected: `{sensor}`, `{edge}`, or null. */
+  choose(thing, frame, graph, reasons) {
+    this._thing = thing;
+    this._graph = null;
+    find("choice").hidden = thing === null;
+    this._edge.open(thing?.edge ?? null);
+    if (thing?.edge) write(find("choice-title"), "Selected edge");
+    if (thing !== null && frame) this.show(frame, graph, false, reasons);
+  }
+
+  /** Show a tick. */
+  show(frame, graph, playing, reasons) {
+    if (this._thing === null) return;
+    if (this._thing.edge) this._edge.at(frame.tick, playing);
+    else this._showSensor(this._thing.sensor, frame, graph, reasons);
+  }
+
+  /** The scheme of colours has changed. */
+  recolour() {
+    if (this._thing?.edge) this._edge.recolour();
+  }
+
+  _showSensor(sensor, frame, graph, reasons) {
+    if (graph !== this._graph || graph === null) {
+      this._graph = graph;
+      this._reads = make("dd");
+      this._has = make("dd");
+      this._why = make("dd");
+      const facts = make(
+        "dl",
+        {},
+        make("dt", {}, term("read", "reads")),
+        this._reads,
+        make("dt", {}, term("state")),
+        this._has,
+        make("dt", {}, term("belief")),
+        this._why,
+        ...(graph ? this._place(sensor, graph) : []),
+        ...this._born(sensor),
+      );
+      find("choice-body").replaceChildren(facts, ...this._edges(sensor, graph));
+      write(find("choice-title"), this._names[sensor]);
+    }
+    const gone = unread(frame, sensor);
+    write(this._reads, gone || bitWord(frame.bits[sensor]));
+    write(this._has, gone || conditions(frame)[sensor]);
+    write(this._why, reasons.of(sensor));
+  }
+
+  /** Names, or what is known of births, have changed. */
+  rename() {
+    this._graph = undefined;
+  }
+
+  _born(sensor) {
+    const birth = this._growth.of(sensor);
+    if (birth === undefined) return [];
+    const from = birth.history === null ? "" : `, learned from ${birth.history} ticks`;
+    const born = `${birth.exact ? "" : "by "}tick ${birth.tick}${from}`;
+    const facts = [make("dt", {}, "born"), make("dd", {}, born)];
+    if (birth.retired !== null) {
+      facts.push(make("dt", {}, "retired"), make("dd", {}, `tick ${birth.retired}`));
+    }
+    return facts;
+  }
+
+  _node(sensor, graph) {
+    return graph?.nodes.find((node) => node.sensor === sensor);
+  }
+
+  _place(sensor, graph) {
+    const node = this._node(sensor, graph);
+    if (node === undefined) return [];
+    const same = graph.classes.find((members) => members.some((a) => sensorOf(a) === sensor));
+    const facts = [make("dt", {}, term("layer")), make("dd", {}, String(node.layer))];
+    if (same) {
+      const members = same.map((literal) => literalName(this._names, literal));
+      facts.push(make("dt", {}, term("equivalence", "equal")), make("dd", {}, few(members, NAMED, " ≡ ")));
+    }
+    for (const [literal, word] of [[2 * sensor, "if on"], [2 * sensor + 1, "if off"]]) {
+      facts.push(make("dt", {}, term(word)), make("dd", {}, consequences(literal, graph, this._names)));
+    }
+    return facts;
+  }
+
+  _edges(sensor, graph) {
+    const list = graph ? edgeList(sensor, graph, this._names, (edge) => this._on.pick({ edge })) : [];
+    return list.length ? list : [make("p", { className: "quiet" }, this._none(sensor, graph))];
+  }
+
+  /** Why there are no edges: those of a class are drawn at the one that stands for all. */
+  _none(sensor, graph) {
+    const standing = sensorOf(this._node(sensor, graph)?.class ?? 2 * sensor);
+    return standing === sensor ? "No edges yet." : `Its edges are those of ${this._names[standing]}.`;
+  }
+}

@@ -1,0 +1,119 @@
+// The diagram in words: a table with a line for each sensor, for whoever cannot see it,
+// or would rather read.
+
+import { find, make, write } from "../base/dom.js";
+import { unread } from "../run/growth.js";
+import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
+import { term } from "../base/terms.js";
+
+const RARELY = 250; // milliseconds between two updates while it plays
+const NAMED = 8; // members of a class that the first of them names
+
+/** The table of sensors. */
+export class Outline {
+  /**
+   * @param {HTMLElement} home
+   * @param {string[]} names
+   * @param {import("../run/growth.js").GrowthView} growth
+   * @param {(sensor: number) => void} pick
+   */
+  constructor(home, names, growth, pick) {
+    this._home = home;
+    this._names = names;
+    this._growth = growth;
+    this._rows = names.map((name, sensor) => {
+      const open = make("button", { type: "button", title: name }, name);
+      open.addEventListener("click", () => pick(sensor));
+      const cells = ["reads", "state", "belief", "layer", "implies"].map((what) =>
+        make("td", { className: what }),
+      );
+      const born = make("td", { className: "born" });
+      const last = growth.grows ? [born] : [];
+      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells, ...last);
+      return { row, cells, open, born };
+    });
+    const titles = [
+      "Sensor",
+      term("read", "Reads"),
+      term("state", "State"),
+      term("belief", "Belief"),
+      term("layer", "Layer"),
+      term("implies", "Implies (→), excludes (⊣)"),
+    ];
+    if (growth.grows) titles.push("Born");
+    home.replaceChildren(
+      make(
+        "table",
+        { id: "outline" },
+        make("caption", { className: "unseen" }, "Every sensor, its state and its edges"),
+        make("thead", {}, make("tr", {}, ...titles.map((t) => make("th", { scope: "col" }, t)))),
+        make("tbody", {}, ...this._rows.map(({ row }) => row)),
+      ),
+    );
+    this._shown = 0;
+  }
+
+  /** Show a tick; while it plays, now and then. A table that is hidden can wait. */
+  show(frame, reasons, playing) {
+    const { graph } = reasons;
+    const now = performance.now();
+    if (this._home.hidden || (playing && now - this._shown < RARELY)) return;
+    this._shown = now;
+    const words = conditions(frame);
+    this._rows.forEach(({ row, cells: [reads, state, belief] }, sensor) => {
+      row.hidden = sensor >= frame.sensors;
+      if (row.hidden) return;
+      const gone = unread(frame, sensor);
+      write(reads, gone || bitWord(frame.bits[sensor]));
+      write(state, gone || words[sensor]);
+      const kind = reasons.kind(sensor);
+      const isPlain = kind === "read" || kind === "unknown" || gone;
+      write(belief, isPlain ? kind : `${kind}: ${reasons.of(sensor)}`);
+      row.dataset.state = words[sensor];
+      row.dataset.belief = kind;
+      state.classList.toggle("on", words[sensor] === "on");
+    });
+    if (graph !== null && graph !== this._graph) this._setGraph(graph);
+    find("outline").dataset.tick = frame.tick;
+  }
+
+  /** Names, or what is known of births, have changed. */
+  rename() {
+    this._graph = null;
+    this._rows.forEach(({ open, born }, sensor) => {
+      write(open, this._names[sensor]);
+      open.title = this._names[sensor]; // there may not be room for all of it
+      const birth = this._growth.of(sensor);
+      write(born, birth ? `tick ${birth.tick}` : "");
+    });
+  }
+
+  _setGraph(graph) {
+    this._graph = graph;
+    for (const { cells: [, , , layer, implies] } of this._rows) {
+      write(layer, "");
+      write(implies, "");
+    }
+    const out = this._names.map(() => []);
+    for (const edge of graph.edges) {
+      const { source, target, kind } = drawn(edge.source, edge.target);
+      const [from, to] = [source, target].map((end) => literalName(this._names, end));
+      const sign = kind === "excite" ? "→" : "⊣";
+      const what = kind === "excite" ? to : this._names[sensorOf(target)];
+      out[sensorOf(source)].push(isComplement(source) ? `${from} ${sign} ${what}` : `${sign} ${what}`);
+      // Two that exclude each other do so both ways.
+      if (kind === "inhibit") out[sensorOf(target)].push(`⊣ ${this._names[sensorOf(source)]}`);
+    }
+    for (const members of graph.classes) {
+      // Whatever it has for others it has for each: they name the one that stands for all.
+      const [first, ...others] = members.map((literal) => literalName(this._names, literal));
+      out[sensorOf(members[0])].push(`${first} ≡ ${few(others, NAMED)}`);
+      members.slice(1).forEach((literal, k) => out[sensorOf(literal)].push(`${others[k]} ≡ ${first}`));
+    }
+    for (const node of graph.nodes) {
+      const [, , , layer, implies] = this._rows[node.sensor].cells;
+      write(layer, String(node.layer));
+      write(implies, out[node.sensor].join("; "));
+    }
+  }
+}

@@ -1,0 +1,218 @@
+// Curves over ticks: a line where one is, the values under the pointer, and a range of
+// ticks that is dragged.
+
+import uPlot from "../vendor/uplot/uPlot.esm.js";
+import { make } from "../base/dom.js";
+import { font, palette } from "../base/palette.js";
+
+/** The colours of curves, in their order. */
+export const INKS = ["first", "second", "third", "fourth"];
+const DASHES = [[], [6, 3], [2, 3], [8, 3, 2, 3]]; // told apart by these, too
+
+const DRAGGED = 5; // pixels from where it is no click any more
+// What is plotted by ticks is counted: no axis has halves.
+const WHOLE = Array.from({ length: 10 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** k)).flat();
+
+const moved = (event) => event === "mousemove"; // of what happens to one chart, others share this
+
+/** A figure's plot. */
+export class Chart {
+  /**
+   * @param {HTMLElement} home it fills this
+   * @param {object} look
+   * @param {string[]} look.labels one a curve
+   * @param {boolean} [look.limit] the last curve is a limit: thin, in the colour of text
+   * @param {boolean} [look.whole] all values are whole, from 0 up
+   * @param {boolean} [look.gaps] where a value is missing, so is the curve
+   * @param {object} [on] without it, the pointer does nothing
+   * @param {(tick: number) => void} on.seek told the tick that was clicked
+   * @param {(from: number, to: number) => void} on.range told the ticks that were dragged over
+   * @param {(tick: number|null, values: (number|null)[]) => void} [on.hover] told the tick
+   *   under the pointer, and the value of each curve that is nearest to it
+   * @param {string} [on.together] charts of the same name show the pointer together
+   */
+  constructor(home, { labels, limit = false, whole = false, gaps = true }, on = null) {
+    this._home = home;
+    this._look = { labels, limit, whole, gaps };
+    this._on = on;
+    this._now = make("div", { className: "now" });
+    this._tick = null;
+    this._ends = null;
+    this._hidden = new Set();
+    this._sizes = new ResizeObserver(() => this._resize());
+    this._sizes.observe(home);
+  }
+
+  /** What is drawn: ticks, then the values of each curve. */
+  get data() {
+    return this._data;
+  }
+
+  /**
+   * Draw other values.
+   *
+   * @param {number[][]} data ticks, then the values of each curve
+   * @param {[number, number]} [ends] the first and the last tick of the axis, where there
+   *   may be more than is known yet; without: of the data
+   */
+  set(data, ends = null) {
+    this._data = data;
+    const more = ends?.[0] === ends?.[1] ? 0.5 : 0; // an axis has a length
+    this._ends = ends && [ends[0] - more, ends[1] + more];
+    if (this._drawn) this._drawn.setData(data);
+    else this._draw();
+  }
+
+  /** Show which tick one is at. */
+  at(tick) {
+    this._tick = tick;
+    this._place();
+  }
+
+  /** Draw a curve, by its number, or do not. */
+  show(k, isShown) {
+    this._hidden[isShown ? "delete" : "add"](k);
+    this._drawn?.setSeries(k + 1, { show: isShown });
+  }
+
+  /**
+   * The values of all curves at a tick, or at the nearest before it that has one: of a long
+   * series only some have, and the last may not be known yet.
+   *
+   * @returns {{tick: number, value: number|null}[]}
+   */
+  valuesAt(tick) {
+    const ticks = this._data?.[0] ?? [];
+    const after = ticks.findIndex((one) => one > tick);
+    return this._look.labels.map((_, k) => {
+      const values = this._data?.[k + 1] ?? [];
+      let at = after < 0 ? ticks.length - 1 : after - 1;
+      while (at >= 0 && values[at] === undefined) at -= 1; // null: not known there
+      return { tick: ticks[at] ?? tick, value: values[at] ?? null };
+    });
+  }
+
+  /** The scheme of colours has changed. */
+  recolour() {
+    this._draw();
+  }
+
+  /** Take it away; left alone, it would listen to the window for ever. */
+  end() {
+    this._sizes.disconnect();
+    this._drawn?.destroy();
+    this._drawn = null;
+  }
+
+  _draw() {
+    const { clientWidth: width, clientHeight: height } = this._home;
+    this._drawn?.destroy();
+    this._drawn = null;
+    if (!this._data || width === 0 || height === 0) return; // not seen yet
+    const colours = palette();
+    const { whole } = this._look;
+    const grid = {
+      stroke: colours.mute,
+      font: font(10),
+      grid: { stroke: colours.line, width: 1 },
+      ticks: { show: false },
+    };
+    const range = (_, low, high) => [Math.min(0, low), high || 1];
+    this._drawn = new uPlot(
+      {
+        width,
+        height,
+        scales: { x: { time: false, range: (_, low, high) => this._ends ?? [low, high] }, y: whole ? { range } : {} },
+        axes: [
+          { ...grid, size: 20, gap: 2, space: 60 },
+          { ...grid, size: 42, gap: 3, space: 22, ...(whole ? { incrs: WHOLE } : {}) },
+        ],
+        series: [{}, ...this._look.labels.map((label, k) => this._curve(label, k, colours))],
+        legend: { show: false },
+        cursor: this._cursor(),
+        hooks: this._hooks(),
+      },
+      this._data,
+      this._home,
+    );
+    this._drawn.over.append(this._now);
+    this._listen(this._drawn.over);
+    this._place();
+  }
+
+  _curve(label, k, colours) {
+    const { labels, limit, gaps } = this._look;
+    const all = { label, points: { show: false }, show: !this._hidden.has(k), spanGaps: !gaps };
+    if (limit && k === labels.length - 1) return { ...all, stroke: colours.ink, width: 1 };
+    const [ink, dash] = [INKS[k % INKS.length], DASHES[k % DASHES.length]];
+    return { ...all, stroke: colours[ink], width: 1.6, dash };
+  }
+
+  _cursor() {
+    if (this._on === null) return { show: false };
+    const { together } = this._on;
+    return {
+      y: false,
+      points: { show: false },
+      drag: { x: true, y: false, setScale: false, dist: DRAGGED, click: () => {} },
+      bind: { dblclick: () => null }, // a second click is a click
+      ...(together ? { sync: { key: together, setSeries: false, filters: { pub: moved, sub: moved } } } : {}),
+    };
+  }
+
+  _hooks() {
+    const place = [() => this._place()]; // sizes are known only once it is drawn
+    if (this._on === null) return { draw: place };
+    const tickAt = (drawn, x) => Math.round(drawn.posToVal(x, "x"));
+    return {
+      draw: place,
+      setCursor: [
+        (drawn) => {
+          const { idx, idxs } = drawn.cursor;
+          const isNone = idx === null || idx === undefined;
+          const values = this._look.labels.map((_, k) => drawn.data[k + 1][idxs?.[k + 1]] ?? null);
+          this._on.hover?.(isNone ? null : drawn.data[0][idx], values);
+        },
+      ],
+      setSelect: [
+        (drawn) => {
+          const { left, width } = drawn.select;
+          if (width < DRAGGED) return;
+          drawn.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          this._on.range(tickAt(drawn, left), tickAt(drawn, left + width));
+        },
+      ],
+    };
+  }
+
+  /** A click goes to its tick; the end of a drag is none. */
+  _listen(over) {
+    if (this._on === null) return;
+    let from = 0;
+    over.addEventListener("mousedown", ({ clientX }) => (from = clientX));
+    over.addEventListener("click", ({ clientX, offsetX }) => {
+      if (Math.abs(clientX - from) >= DRAGGED) return;
+      this._on.seek(Math.round(this._drawn.posToVal(offsetX, "x")));
+    });
+  }
+
+  /**
+   * Put the line that marks a tick where it belongs. It lies in the plot's own area: asking
+   * the browser where that is would cost a layout with every tick.
+   */
+  _place() {
+    const ticks = this._data?.[0];
+    const [first, last] = this._ends ?? [ticks?.[0], ticks?.at(-1)];
+    const isThere = this._drawn && this._tick >= first && this._tick <= last;
+    this._now.hidden = !isThere;
+    if (!isThere) return;
+    this._now.style.transform = `translateX(${this._drawn.valToPos(this._tick, "x")}px)`;
+  }
+
+  _resize() {
+    const { clientWidth: width, clientHeight: height } = this._home;
+    if (width === 0 || height === 0) return;
+    if (this._drawn) this._drawn.setSize({ width, height });
+    else this._draw();
+  }
+}

@@ -1,0 +1,240 @@
+// What happened when, in a strip over the slider: anomalies and alarms, edges rewired,
+// sensors born, targets reached, beginnings of trajectories, restarts, ticks that are not
+// there. The server counts them for stretches of ticks a few pixels wide. A range of ticks
+// is chosen by dragging over it.
+
+import { counted, find, make, shape, write } from "../base/dom.js";
+
+const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
+const HEIGHT = 16;
+const STRETCH = 3; // pixels
+const THUMB = 8; // half of the slider's thumb, which stays within its ends
+const DRAGGED = 4; // pixels from where it is no click any more
+
+// Counted by stretches; what is painted later lies above. Each with its sign around x, and
+// what a count of it is in words.
+const SIGNS = {
+  missing: { d: (x) => `M${x} 0v${HEIGHT}`, words: (n) => `${counted(n, "tick")} not recorded` },
+  begins: { d: (x) => `M${x} ${HEIGHT}v-5`, words: (n) => `${counted(n, "beginning")} of a trajectory` },
+  born: { d: (x) => `M${x - 4} ${HEIGHT}l4 -7l4 7z`, words: (n) => `${counted(n, "sensor")} grown` },
+  reached: {
+    d: (x) => `M${x - 0.75} 0h1.5l6 3.5l-6 3.5v${HEIGHT - 7}h-1.5z`,
+    words: (n) => `target reached${n > 1 ? ` ${n} times` : ""}`,
+  },
+  anomalies: { d: (x) => `M${x - 4} 8l4 -8l4 8z`, words: (n) => `${counted(n, "tick")} with an anomaly` },
+};
+const REWIRED = (n) => `${counted(n, "edge")} rewired`;
+const RESUMED = (x) => `M${x} 0v${HEIGHT}`;
+const ALARM = (x) => `M${x} 0l4 5l-4 5l-4 -5z`;
+// What each sign means, for the help.
+const KEY = [
+  ["anomalies", SIGNS.anomalies.d, "an anomaly: an observation against what was learned"],
+  ["alarm", ALARM, "an alarm: a sensor that seems broken"],
+  ["rewired", (x) => `M${x - 1} ${HEIGHT}v-11h2v11z`, "edges rewired: the higher, the more"],
+  ["born", SIGNS.born.d, "a sensor grown"],
+  ["reached", SIGNS.reached.d, "the target reached"],
+  ["begins", SIGNS.begins.d, "a trajectory begins"],
+  ["resumed", RESUMED, "the run was taken up again"],
+  ["missing", SIGNS.missing.d, "ticks that were not recorded"],
+];
+
+/** The strip. */
+export class Strip {
+  /**
+   * @param {object} on
+   * @param {(from: number, to: number, bins: number) => Promise<object>} on.fetchMarks
+   * @param {(tick: number) => void} on.seek
+   * @param {(from: number, to: number) => void} on.range told what was dragged over
+   * @param {(alarms: object[]) => void} on.alarms told the alarms of all ticks
+   */
+  constructor(on) {
+    this._on = on;
+    this._home = find("strip");
+    this._range = [1, 0];
+    this._chosen = null;
+    this._marks = null;
+    this._loading = false;
+    this._from = null; // where the pointer went down
+    this._band = shape("rect", { class: "range", y: 0, height: HEIGHT });
+    this._home.addEventListener("pointerdown", (event) => this._down(event));
+    this._home.addEventListener("pointermove", (event) => this._move(event));
+    this._home.addEventListener("pointerup", (event) => this._up(event));
+    this._home.addEventListener("pointercancel", () => this._drop());
+    new ResizeObserver(() => this.load(...this._range).catch(() => {})).observe(this._home);
+    find("signs-list").append(...KEY.flatMap(([name, d, words]) => [
+      make("dt", {}, sign(name, d)),
+      make("dd", {}, words),
+    ]));
+  }
+
+  /** Ask for what happened between two ticks, until all of it has been read. */
+  async load(first, last) {
+    this._range = [first, last];
+    this._due = true; // there may be more than was asked for
+    if (this._loading || last < first) return;
+    this._loading = true;
+    try {
+      for (let done = false; !done || this._due; ) {
+        this._due = false;
+        const bins = Math.max(1, Math.floor(this._room / STRETCH));
+        this._marks = await this._on.fetchMarks(...this._range, bins);
+        this._draw();
+        this._on.alarms(this._marks.alarms);
+        done = this._marks.done;
+        if (!done || this._due) await new Promise((resolve) => setTimeout(resolve, AGAIN));
+      }
+    } finally {
+      this._loading = false;
+    }
+  }
+
+  /** Show which ticks one looks at; null: all. */
+  choose(range) {
+    this._chosen = range;
+    this._place();
+  }
+
+  get _room() {
+    return this._home.clientWidth - 2 * THUMB;
+  }
+
+  /** How many stretches there are. */
+  get _bins() {
+    return this._marks?.rewired.length ?? 0;
+  }
+
+  /** Where a tick begins. */
+  _across(tick) {
+    const { first, last } = this._marks;
+    return THUMB + (this._room * (tick - first)) / Math.max(1, last - first + 1);
+  }
+
+  _draw() {
+    const { rewired, resumed, alarms } = this._marks;
+    const wide = this._room / Math.max(1, this._bins);
+    const middle = (at) => THUMB + wide * (at + 0.5);
+    const most = Math.log1p(Math.max(1, ...rewired));
+    const bars = rewired.flatMap((edges, at) => {
+      if (edges === 0) return [];
+      const height = 2 + ((HEIGHT - 3) * Math.log1p(edges)) / most;
+      return [shape("rect", { class: "rewired", x: middle(at) - 1, y: HEIGHT - height, width: 2, height })];
+    });
+    const signs = Object.entries(SIGNS).flatMap(([kind, { d }]) =>
+      this._marks[kind].flatMap((count, at) =>
+        count ? [shape("path", { class: kind, d: d(middle(at)) })] : [],
+      ),
+    );
+    const again = resumed.map((tick) => shape("path", { class: "resumed", d: RESUMED(this._across(tick + 1)) }));
+    const raised = alarms.map(({ tick }) => shape("path", { class: "alarm", d: ALARM(this._across(tick + 0.5)) }));
+    this._title = shape("title");
+    this._home.setAttribute("aria-label", `What happened: ${this._words()}`);
+    this._home.replaceChildren(this._title, this._band, ...bars, ...again, ...signs, ...raised);
+    this._place();
+    const some = alarms.length > 0 || this._marks.anomalies.some((count) => count > 0);
+    for (const id of ["anomaly-back", "anomaly-on"]) find(id).hidden = !some;
+  }
+
+  /** Put the band of the range that is chosen. */
+  _place() {
+    if (this._marks === null) return;
+    const [from, to] = this._chosen ?? [0, -1];
+    this._band.setAttribute("x", from <= to ? this._across(from) : 0);
+    this._band.setAttribute("width", from <= to ? this._across(to + 1) - this._across(from) : 0);
+  }
+
+  /** All of it in a line, for those who do not see it. */
+  _words() {
+    const { rewired, resumed, alarms, done, read_to: readTo } = this._marks;
+    const sum = (counts) => counts.reduce((all, one) => all + one, 0);
+    const changed = rewired.filter((edges) => edges > 0).length;
+    const counts = Object.entries(SIGNS).map(([kind, { words }]) => [sum(this._marks[kind]), words]);
+    return [
+      ...counts.reverse().map(([count, words]) => (count ? words(count) : "")),
+      alarms.length ? counted(alarms.length, "alarm") : "",
+      changed ? `edges rewired at ${counted(changed, "place")}` : "",
+      resumed.length ? `taken up again after tick ${resumed.join(", ")}` : "",
+      done ? "" : `read up to tick ${readTo} so far`,
+    ]
+      .filter(Boolean)
+      .join("; ");
+  }
+
+  /** Which stretch lies at a place; null: none. */
+  _stretch(x) {
+    const at = Math.floor(((x - THUMB) / this._room) * this._bins);
+    return at >= 0 && at < this._bins ? at : null;
+  }
+
+  /** The first and the last tick of a stretch. */
+  _ticks(at) {
+    const { first, last } = this._marks;
+    const edge = (k) => Math.ceil(first + ((last - first + 1) * k) / this._bins);
+    return [edge(at), edge(at + 1) - 1];
+  }
+
+  /** The tick at a place, or the nearest one. */
+  _tick(x) {
+    const { first, last } = this._marks;
+    const tick = first + Math.floor(((x - THUMB) / this._room) * (last - first + 1));
+    return Math.min(Math.max(tick, first), last);
+  }
+
+  /** Say what happened where the pointer is, and when that was. */
+  _tell(x) {
+    const at = this._stretch(x);
+    if (at === null) return;
+    const { rewired, resumed, alarms, times } = this._marks;
+    const [from, to] = this._ticks(at);
+    const within = (tick) => from <= tick && tick <= to;
+    const when = times[at] === null ? "" : `, ${new Date(times[at] * 1000).toLocaleString()}`;
+    const happened = [
+      ...Object.entries(SIGNS).reverse().map(([kind, { words }]) => this._marks[kind][at] && words(this._marks[kind][at])),
+      rewired[at] && REWIRED(rewired[at]),
+      ...resumed.filter(within).map((tick) => `taken up again after tick ${tick}`),
+      ...alarms.filter(({ tick }) => within(tick)).map(({ line }) => line),
+    ].filter(Boolean);
+    const what = happened.length ? `: ${happened.join(", ")}` : "";
+    write(this._title, `tick ${from}${to > from ? ` to ${to}` : ""}${when}${what}`);
+  }
+
+  // The pointer ----------------------------------------------------------------------
+
+  _down(event) {
+    if (event.button !== 0 || this._marks === null) return;
+    this._from = event.offsetX;
+    this._home.setPointerCapture(event.pointerId);
+  }
+
+  _move({ offsetX: x }) {
+    this._tell(x);
+    if (this._dragged(x) === null) return;
+    const before = this._chosen;
+    this.choose(this._dragged(x));
+    this._chosen = before; // it is not chosen yet
+  }
+
+  _up({ offsetX: x }) {
+    const dragged = this._dragged(x);
+    if (dragged) this._on.range(...dragged);
+    else if (this._from !== null && this._stretch(x) !== null) this._on.seek(this._ticks(this._stretch(x))[0]);
+    this._drop();
+  }
+
+  _drop() {
+    this._from = null;
+    this._place();
+  }
+
+  /** The ticks that the pointer was dragged over; null: it was not. */
+  _dragged(x) {
+    if (this._from === null || Math.abs(x - this._from) < DRAGGED) return null;
+    return [this._tick(Math.min(x, this._from)), this._tick(Math.max(x, this._from))];
+  }
+}
+
+/** A sign by itself. */
+function sign(name, d) {
+  const picture = shape("svg", { class: "sign-of-strip", viewBox: `0 0 16 ${HEIGHT}`, "aria-hidden": "true" });
+  picture.append(shape("path", { class: name, d: d(8) }));
+  return picture;
+}
