@@ -84,7 +84,16 @@ async def test_news_is_taken_in_one_after_the_other(
     path_log: Path, tmp_path: Path
 ) -> None:
     log = cut_short(path_log, tmp_path / "run.mcap", 0.5)
-    async with opened(log, grows=lambda: True) as page:
+    async with (
+        serving(ViewSession(log, lambda: True)) as address,
+        looked_at(address.url) as page,
+    ):
+        # The only news is the test's own.
+        await page.add_init_script(
+            "window.EventSource = class extends EventTarget { close() {} };"
+        )
+        await page.goto(address.url)
+        await page.wait_for_selector("#drawing[data-tick]", state="attached")
         await expect(page.locator("#badge")).to_have_text("live")
         live = await page.evaluate(
             """async () => {

@@ -12,7 +12,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 MOST_SENSORS = 500
 MOST_COLUMNS = 2000
 _BATCH = 64
-"""Ticks read at a time: others wait for as long."""
+"""Ticks read at a time, at most: others wait for as long."""
 _ROOM = 64 * 2**20
 """Bytes of values, at most: of a longer run only every so many ticks are kept."""
 
@@ -67,7 +67,7 @@ class Raster:
             self._first = view.first
             self._read_to = self._first - 1
         first = self._read_to + 1
-        last = min(view.last, first + _BATCH - 1)
+        last = min(view.last, first + view.at_once(_BATCH) - 1)
         if first > last:
             return False
         try:

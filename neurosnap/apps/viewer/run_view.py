@@ -41,6 +41,8 @@ from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack
 from neurosnap.sources.open_live import STDIN
 
+_READINGS = 15_000
+"""Readings of sensors in the ticks that are read at once."""
 _GRAPHS = 32
 """Drawn orders that are kept."""
 _BITS: tuple[api.Bit, ...] = (None, 0, 1, None)
@@ -122,6 +124,14 @@ class RunView:
             world=self.scene.stage,
             columns=(*api.COLUMNS, *self.scene.columns),
         )
+
+    def at_once(self, most: int) -> int:
+        """Return how many ticks to read before others have their turn.
+
+        Args:
+            most: Of few sensors; of many fewer, as each takes longer.
+        """
+        return max(5, min(most, _READINGS // max(1, self.options.body.count)))
 
     def frames(self, first: int, last: int) -> list[api.Frame]:
         """Return the frames of some ticks, but of those whose state is not recorded.

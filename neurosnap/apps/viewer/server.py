@@ -37,8 +37,6 @@ from neurosnap.errors import InvalidValueError, NeurosnapError
 
 _FRAMES_AT_ONCE = 30
 """Frames read before another question has its turn: many are asked for in advance."""
-_READINGS_AT_ONCE = 15_000
-"""Readings of sensors in these frames, about: those of a large run take longer."""
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
 
@@ -79,8 +77,7 @@ def application(
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
         session = asked(request)
-        sensors = session.run_view.options.body.count
-        at_once = max(5, min(_FRAMES_AT_ONCE, _READINGS_AT_ONCE // max(1, sensors)))
+        at_once = session.run_view.at_once(_FRAMES_AT_ONCE)
         found: list[api.Frame] = []
         for start in range(first, last + 1, at_once):
             end = min(start + at_once - 1, last)

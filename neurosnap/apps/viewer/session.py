@@ -163,28 +163,14 @@ class ViewSession:
         """Read on in the background once that is wanted, until `stop` is set."""
         await wait_any(self.wanted, stop)
         while not stop.is_set():
-            async with self._lock:
-                pass  # who asks now goes before what is only needed soon
-            time_series, health, live = self.time_series, self.health, self.live
-            marks, raster = self.marks, self.raster
-            try:
-                more = await asyncio.to_thread(time_series.read_on)
-                time_series.ended = False
-            except RecordingError:
-                time_series.ended = True  # what was read until then is there
-                more = False
-            try:
-                more |= await asyncio.to_thread(health.read_on)
-            except RecordingError:
-                health.end()
-            try:
-                more |= await asyncio.to_thread(marks.read_on)
-            except RecordingError:
-                marks.end()
-            try:
-                more |= await asyncio.to_thread(raster.read_on)
-            except RecordingError:
-                raster.end()
+            live, more = self.live, False
+            for reader in (self.time_series, self.health, self.marks, self.raster):
+                async with self._lock:
+                    pass  # who asks now goes before what is only needed soon
+                try:
+                    more |= await asyncio.to_thread(reader.read_on)
+                except RecordingError:
+                    reader.end()  # what was read until then is there
             if more:
                 continue
             if live:

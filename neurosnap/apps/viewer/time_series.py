@@ -27,7 +27,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.read.births import Births
 
 _BATCH = 64
-"""Ticks read at a time: others wait for as long."""
+"""Ticks read at a time, at most: others wait for as long."""
 _STARTS_WITH = 1024
 _KINDS: dict[Column, tuple[int, ...]] = {
     "on": (ON, ON_PREDICTED),
@@ -78,7 +78,7 @@ class TimeSeries:
         if not self._filled:
             self._first = run_view.first
         first = self.read_to + 1
-        last = min(run_view.last, first + _BATCH - 1)
+        last = min(run_view.last, first + run_view.at_once(_BATCH) - 1)
         if first > last:
             return False
         found = np.full((len(self.columns), last - first + 1), np.nan, np.float32)
@@ -92,7 +92,12 @@ class TimeSeries:
             self._values = room
         self._values[:, self._filled : needed] = found
         self._filled = needed  # last: whoever looks meanwhile sees whole ticks
+        self.ended = False
         return True
+
+    def end(self) -> None:
+        """Say that no more can be read."""
+        self.ended = True
 
     def grown(self) -> Grown:
         """Return what the run has grown, as far as it was read."""

@@ -227,7 +227,7 @@ class Page {
     this.alarms.show(frame);
     this.world.show(frame);
     this.image.show(frame);
-    this.plots.at(frame);
+    this.plots.at(frame, this.player.playing);
     this.compare.show(frame, this.player.playing);
     this.raster.at(frame);
     this.voice.show(frame);

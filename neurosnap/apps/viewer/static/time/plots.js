@@ -8,6 +8,7 @@ import { find, make, number, write } from "../base/dom.js";
 import { term } from "../base/terms.js";
 
 const POINTS = 600;
+const RARELY = 100; // milliseconds between two readings while it plays: nobody reads faster
 const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
 
 // What belongs together is plotted together; the rest by itself.
@@ -49,6 +50,7 @@ export class Plots {
     this._range = [1, 0];
     this._asking = false;
     this._frame = null;
+    this._told = 0;
     this._hidden = new Set(told().get("hide")?.split(","));
     this._plots = PLOTS.map((own) => ({
       columns: own.filter((column) => columns.includes(column)),
@@ -74,13 +76,14 @@ export class Plots {
     }
   }
 
-  /** Show which tick one is at. */
-  at(frame) {
+  /** Show which tick one is at; the values, while it plays, now and then. */
+  at(frame, playing) {
     this._frame = frame;
-    for (const plot of this._plots) {
-      plot.chart.at(frame.tick);
-      this._tell(plot);
-    }
+    for (const plot of this._plots) plot.chart.at(frame.tick);
+    const now = performance.now();
+    if (playing && now - this._told < RARELY) return;
+    this._told = now;
+    for (const plot of this._plots) this._tell(plot);
   }
 
   /** The scheme of colours has changed. */
