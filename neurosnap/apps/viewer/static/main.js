@@ -2,42 +2,42 @@
 // is where a position becomes a frame, and a frame goes to all that show it.
 
 import { tickAsked, told } from "./base/address.js";
-import { AnomalyCard } from "./tick/anomaly.js";
-import { AlarmCard } from "./tick/alarms.js";
 import * as api from "./base/api.js";
-import { Reasons, tellItem } from "./tick/belief.js";
-import { showCells } from "./run/cells.js";
-import { OrderChanges } from "./order/changes.js";
-import { ChoiceView } from "./tick/choice.js";
-import { Diagram } from "./order/diagram.js";
-import { CompareView } from "./time/compare.js";
 import { counted, find, flash, write } from "./base/dom.js";
-import { FactsView } from "./tick/facts.js";
-import { deepTick } from "./tick/first_view.js";
+import { choiceAsked, keepChoice, keepView, keepWave, viewAsked, waveAsked } from "./base/link.js";
+import { explain } from "./base/terms.js";
+import { OrderChanges } from "./order/changes.js";
+import { Diagram } from "./order/diagram.js";
 import { Focus } from "./order/focus.js";
+import { Orders } from "./order/orders.js";
+import { Search } from "./order/search.js";
+import { showCells } from "./run/cells.js";
+import { FrameCache } from "./run/frames.js";
 import { GrowthView } from "./run/growth.js";
 import { HealthView } from "./run/health.js";
-import { bind } from "./keys.js";
 import { Lateness } from "./run/late.js";
-import { choiceAsked, keepChoice, keepView, keepWave, viewAsked, waveAsked } from "./base/link.js";
 import { follow, patched } from "./run/live.js";
-import { Orders } from "./order/orders.js";
-import { Outline } from "./tick/outline.js";
-import { Player } from "./time/player.js";
-import { Plots } from "./time/plots.js";
-import { FrameCache } from "./run/frames.js";
 import { attend } from "./run/presence.js";
-import { TickRange } from "./time/range.js";
-import { RasterView } from "./time/raster.js";
 import { chooseRun } from "./run/runs.js";
-import { Search } from "./order/search.js";
-import { Strip } from "./time/strip.js";
-import { explain } from "./base/terms.js";
-import { Timeline } from "./time/timeline.js";
+import { AlarmCard } from "./tick/alarms.js";
+import { AnomalyCard } from "./tick/anomaly.js";
+import { Reasons, tellItem } from "./tick/belief.js";
+import { ChoiceView } from "./tick/choice.js";
+import { FactsView } from "./tick/facts.js";
+import { deepTick } from "./tick/first_view.js";
+import { ImageView } from "./tick/image.js";
+import { Outline } from "./tick/outline.js";
 import { Notices, Voice } from "./tick/voice.js";
 import { WaveView } from "./tick/wave.js";
-import { ImageView } from "./tick/image.js";
 import { WorldView } from "./tick/world.js";
+import { CompareView } from "./time/compare.js";
+import { Player } from "./time/player.js";
+import { Plots } from "./time/plots.js";
+import { TickRange } from "./time/range.js";
+import { RasterView } from "./time/raster.js";
+import { Strip } from "./time/strip.js";
+import { Timeline } from "./time/timeline.js";
+import { bind } from "./keys.js";
 
 const RARELY = 100; // milliseconds between two orders while it plays
 const SLOW = 2; // ticks a second up to which a tick's wave is shown on its way
