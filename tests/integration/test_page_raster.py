@@ -42,7 +42,7 @@ async def test_the_pointer_tells_each_value_and_a_click_goes_there(
             (READ, 0, "on"),
             (READ, 1, "on, predicted"),
             (READ, 2, "unknown"),
-            (READ + 1, 1, "read, but contradicted"),
+            (READ + 1, 1, "contradicted"),
         ]:
             x, y = NAMES + wide * (tick - 0.5), HIGH * (sensor + 0.5)
             await canvas.hover(position={"x": x, "y": y})

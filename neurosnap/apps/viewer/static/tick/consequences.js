@@ -3,7 +3,7 @@
 import { few, isComplement, sensorOf } from "../base/literals.js";
 import { Reach } from "../base/reach.js";
 
-const NAMED = 8;
+const NAMED = 5;
 
 /**
  * Say what a literal implies of other sensors.

@@ -12,7 +12,7 @@ const RANGES = [["all", ""], ["1000", "1,000 ticks"], ["200", "200 ticks"], ["50
 // As the server numbers them.
 const WORDS = [
   "not recorded", "unknown", "off", "on", "off, predicted", "on, predicted",
-  "read, but contradicted",
+  "contradicted",
 ];
 const INKS = ["bg", "line", "panel", "accent", "band", "predicted", "bad"];
 
