@@ -9,7 +9,8 @@ const GAP = 6; // pixels between a word and its sentence
 export const TERMS = {
   order: "What the memory has learned: an edge from a up to b says that whenever a is on, b is.",
   "covering edge": "An implication that does not follow from others by way of a third sensor. Only these are drawn.",
-  equivalence: "Two sensors of which each implies the other: they have always been the same.",
+  equivalence: "Two sensors of which each implies the other: they have always been the same, on and off together.",
+  opposite: "A sensor is equivalent to the complement of another: one has always been on where the other was off.",
   complement: "The other half of a sensor, written with a star: a* is on where a is off.",
   height: "The number of edges on the longest chain of implications. It limits how deep a wave can go.",
   layer: "How many edges the longest chain from a sensor upwards has. Layer 0 is at the top: it implies nothing more.",
