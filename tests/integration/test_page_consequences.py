@@ -84,8 +84,10 @@ async def test_two_that_exclude_each_other_say_so_both(planner_log: Path) -> Non
                 assert f"⊣ {names[there]}" in told.split("; ")
 
 
-async def test_what_was_learned_in_a_range_is_one_click_away(csv_log: Path) -> None:
-    async with opened(csv_log, "#t=3&range=5-20") as page:
+async def test_what_was_learned_in_a_range_is_one_click_away(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, "#t=3&range=5-20") as page:
         await wait_shown(page, 3)
         await page.click("#range-changed")
         await wait_shown(page, 20)
@@ -93,6 +95,12 @@ async def test_what_was_learned_in_a_range_is_one_click_away(csv_log: Path) -> N
         heads = page.locator("#compare .differences thead th")
         await expect(heads.nth(0)).to_have_text("tick 20")
         await expect(heads.nth(1)).to_have_text("tick 5")
+        # However long the lists beside it are, its rows stand together.
+        table = page.locator("#compare .differences > table")
+        assert await table.locator("tbody tr").count() == 3
+        box = await table.bounding_box()
+        assert box is not None
+        assert box["height"] < 120
         await page.keyboard.press("x")
         await expect(page.locator("#range-changed")).to_be_hidden()
 

@@ -43,7 +43,8 @@ export class GrowthView {
   /** How many sensors there are, in words. */
   get words() {
     const first = counted(this._first, "sensor");
-    return this.grows ? `${first}, ${this._births.size} grown, room for ${this.room} more` : first;
+    const so = this._done ? "" : " so far";
+    return this.grows ? `${first}, ${this._births.size} grown${so}, room for ${this.room} more` : first;
   }
 
   /** Ask for what there is, until all of it has been read. */
@@ -77,6 +78,7 @@ export class GrowthView {
     if (text === this._shown) return;
     this._shown = text;
     this.room = grown.room;
+    this._done = grown.done;
     this._births = new Map(grown.births.map((birth) => [birth.sensor, birth]));
     for (const id of ["birth-back", "birth-on"]) find(id).disabled = grown.births.length === 0;
     this._list(grown);

@@ -116,7 +116,7 @@ export class CompareView {
       ...only(there).map((row) => [...row, 0, 1]),
       ...(felt ?? []).flatMap(({ name, reads, state }) => [
         ["reads", name, ...reads.map(bitWord)],
-        ["believed", name, ...state.map(bitWord)],
+        ["believed", name, ...state.map((held, k) => heldWord(reads[k], held))],
       ]),
     ];
   }
@@ -270,13 +270,24 @@ export class CompareView {
       });
       parts.push(more);
     }
-    const same = classes.slice(0, FEW).map((members) =>
-      make("li", {}, few(members.map((a) => literalName(this._names, a)), NAMED, " ≡ ")),
-    );
+    const same = classes.slice(0, FEW).map((members) => this._class(members));
     const left = classCount - same.length;
     if (left > 0) same.push(make("li", {}, `and ${counted(left, "other class")}`));
     if (same.length) parts.push(titled("The same", classCount), make("ul", {}, ...same));
     return make("section", {}, ...parts);
+  }
+
+  /** Sensors that are the same, a line; of many some, and a button for the others. */
+  _class(members) {
+    const names = members.map((a) => literalName(this._names, a));
+    const item = make("li", {}, names.slice(0, NAMED).join(" ≡ "), " ");
+    const more = names.length - NAMED;
+    if (more > 0) {
+      const all = make("button", { type: "button" }, `and ${more} more`);
+      all.addEventListener("click", () => item.replaceChildren(names.join(" ≡ ")));
+      item.append(all);
+    }
+    return item;
   }
 
   _words({ source, target }) {
@@ -296,7 +307,10 @@ export class CompareView {
     if (felt === null) return make("section", {}, title, make("p", { className: "quiet" }, missing));
     title.append(make("span", { className: "quiet" }, felt.length));
     if (felt.length === 0) return make("section", {}, title, make("p", { className: "quiet" }, "none"));
-    const words = (reads, state) => `reads ${bitWord(reads)}, believed ${bitWord(state)}`;
+    const words = (reads, state) => {
+      const [read, held] = [bitWord(reads), heldWord(reads, state)];
+      return read === held ? read : `reads ${read}, believed ${held}`;
+    };
     const rows = felt.map(({ sensor, name, reads, state }) => {
       const open = make("button", { type: "button", className: "link" }, name);
       open.addEventListener("click", () => this._on.pick({ sensor }));
@@ -305,6 +319,9 @@ export class CompareView {
     return make("section", {}, title, table("Sensors that differ", ["Sensor", ...titles], rows));
   }
 }
+
+/** What is believed of a sensor: one that was read and is not believed is contradicted. */
+const heldWord = (reads, held) => (held === null && reads !== null ? "contradicted" : bitWord(held));
 
 function table(caption, titles, rows) {
   const head = titles.map((title) => make(title ? "th" : "td", title ? { scope: "col" } : {}, title));

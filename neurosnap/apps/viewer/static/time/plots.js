@@ -66,11 +66,13 @@ export class Plots {
     if (this._asking || last < first) return; // whoever is asking looks at the range again
     this._asking = true;
     find("plots").ariaBusy = true;
+    this._say(null);
     try {
       while (!(await this._ask())) {
         await new Promise((soon) => setTimeout(soon, AGAIN));
       }
       find("plots").ariaBusy = false;
+      this._say(null);
     } finally {
       this._asking = false;
     }
@@ -194,9 +196,15 @@ export class Plots {
     });
   }
 
+  /** Say which tick is under the pointer, null: none, and whether more is to come. */
+  _say(tick) {
+    const more = this._asking && find("plots").ariaBusy === "true" ? "still being read" : "";
+    write(find("plots-at"), tick === null ? more : `under the pointer: tick ${tick}`);
+  }
+
   /** Say what the columns are under the pointer; null: it is elsewhere. */
   _hover(plot, tick, values) {
-    write(find("plots-at"), tick === null ? "" : `under the pointer: tick ${tick}`);
+    this._say(tick);
     plot.under = tick === null ? [] : values;
     this._tell(plot);
   }
