@@ -88,7 +88,7 @@ STATES: dict[str, State] = {
     ),
     "compare": State(
         ("path", "path-lax"),
-        60,
+        110,
         "tab=compare",
         (
             _press("t"),

@@ -1,8 +1,7 @@
 // What the run has grown: asked for until all of it is known, and shown as a table.
 
 import { counted, find, make } from "../base/dom.js";
-
-const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
+import { Gathering } from "../base/gathering.js";
 
 /** The births of a run, and the panel that lists them. */
 export class GrowthView {
@@ -20,7 +19,11 @@ export class GrowthView {
     this._births = new Map(); // by sensor, in the order of their ticks
     this.room = room;
     this.grows = room > 0;
-    this._loading = false;
+    this._gathering = new Gathering(async () => {
+      const grown = await on.fetchBirths();
+      this._take(grown);
+      return grown.done;
+    });
     for (const id of ["birth-back", "birth-on"]) find(id).hidden = !this.grows;
     if (!this.grows) for (const id of ["tab-grown", "grown"]) find(id).remove();
   }
@@ -49,21 +52,7 @@ export class GrowthView {
 
   /** Ask for what there is, until all of it has been read. */
   async load() {
-    if (!this.grows) return;
-    this._due = true; // there may be more than was asked for
-    if (this._loading) return;
-    this._loading = true;
-    try {
-      for (let done = false; !done || this._due; ) {
-        this._due = false;
-        const grown = await this._on.fetchBirths();
-        this._take(grown);
-        done = grown.done;
-        if (!done || this._due) await new Promise((resolve) => setTimeout(resolve, AGAIN));
-      }
-    } finally {
-      this._loading = false;
-    }
+    if (this.grows) await this._gathering.load();
   }
 
   /** The tick of the nearest birth before (-1) or after (1) a tick; null: there is none. */

@@ -2,36 +2,24 @@
 // of the readings are counted.
 
 import { counted, find, make, write } from "../base/dom.js";
-
-const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
+import { Gathering } from "../base/gathering.js";
 
 /** The panel of the sensors' health. */
 export class HealthView {
   /** @param {{options: object}} run @param {() => Promise<object>} fetchHealth */
   constructor({ options }, fetchHealth) {
-    this._fetch = fetchHealth;
     this._judges = (options.alarms ?? "never") !== "never";
-    this._loading = false;
+    this._gathering = new Gathering(async () => {
+      const health = await fetchHealth();
+      this._show(health);
+      return health.done;
+    });
     if (!this._judges) for (const id of ["tab-health", "health"]) find(id).remove();
   }
 
   /** Ask for what there is, until all of it has been read. */
   async load() {
-    if (!this._judges) return;
-    this._due = true; // there may be more than was asked for
-    if (this._loading) return;
-    this._loading = true;
-    try {
-      for (let done = false; !done || this._due; ) {
-        this._due = false;
-        const health = await this._fetch();
-        this._show(health);
-        done = health.done;
-        if (!done || this._due) await new Promise((resolve) => setTimeout(resolve, AGAIN));
-      }
-    } finally {
-      this._loading = false;
-    }
+    if (this._judges) await this._gathering.load();
   }
 
   _show(health) {

@@ -51,6 +51,7 @@ export class Plots {
     this._asking = false;
     this._frame = null;
     this._told = 0;
+    this._under = null; // the tick under the pointer
     this._hidden = new Set(told().get("hide")?.split(","));
     this._plots = PLOTS.map((own) => ({
       columns: own.filter((column) => columns.includes(column)),
@@ -66,13 +67,13 @@ export class Plots {
     if (this._asking || last < first) return; // whoever is asking looks at the range again
     this._asking = true;
     find("plots").ariaBusy = true;
-    this._say(null);
+    this._say();
     try {
       while (!(await this._ask())) {
         await new Promise((soon) => setTimeout(soon, AGAIN));
       }
       find("plots").ariaBusy = false;
-      this._say(null);
+      this._say();
     } finally {
       this._asking = false;
     }
@@ -196,15 +197,16 @@ export class Plots {
     });
   }
 
-  /** Say which tick is under the pointer, null: none, and whether more is to come. */
-  _say(tick) {
-    const more = this._asking && find("plots").ariaBusy === "true" ? "still being read" : "";
-    write(find("plots-at"), tick === null ? more : `under the pointer: tick ${tick}`);
+  /** Say which tick is under the pointer, or that more is to come. */
+  _say() {
+    const more = find("plots").ariaBusy === "true" ? "still being read" : "";
+    write(find("plots-at"), this._under === null ? more : `under the pointer: tick ${this._under}`);
   }
 
   /** Say what the columns are under the pointer; null: it is elsewhere. */
   _hover(plot, tick, values) {
-    this._say(tick);
+    this._under = tick;
+    this._say();
     plot.under = tick === null ? [] : values;
     this._tell(plot);
   }

@@ -4,8 +4,8 @@
 // is chosen by dragging over it.
 
 import { counted, find, make, shape, write } from "../base/dom.js";
+import { Gathering } from "../base/gathering.js";
 
-const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
 const HEIGHT = 16;
 const STRETCH = 3; // pixels
 const THUMB = 8; // half of the slider's thumb, which stays within its ends
@@ -53,7 +53,13 @@ export class Strip {
     this._range = [1, 0];
     this._chosen = null;
     this._marks = null;
-    this._loading = false;
+    this._gathering = new Gathering(async () => {
+      const bins = Math.max(1, Math.floor(this._room / STRETCH));
+      this._marks = await on.fetchMarks(...this._range, bins);
+      this._draw();
+      on.alarms(this._marks.alarms);
+      return this._marks.done;
+    });
     this._from = null; // where the pointer went down
     this._band = shape("rect", { class: "range", y: 0, height: HEIGHT });
     this._home.addEventListener("pointerdown", (event) => this._down(event));
@@ -70,22 +76,7 @@ export class Strip {
   /** Ask for what happened between two ticks, until all of it has been read. */
   async load(first, last) {
     this._range = [first, last];
-    this._due = true; // there may be more than was asked for
-    if (this._loading || last < first) return;
-    this._loading = true;
-    try {
-      for (let done = false; !done || this._due; ) {
-        this._due = false;
-        const bins = Math.max(1, Math.floor(this._room / STRETCH));
-        this._marks = await this._on.fetchMarks(...this._range, bins);
-        this._draw();
-        this._on.alarms(this._marks.alarms);
-        done = this._marks.done;
-        if (!done || this._due) await new Promise((resolve) => setTimeout(resolve, AGAIN));
-      }
-    } finally {
-      this._loading = false;
-    }
+    if (last >= first) await this._gathering.load();
   }
 
   /** Show which ticks one looks at; null: all. */
