@@ -89,7 +89,7 @@ async def test_what_was_learned_in_a_range_is_one_click_away(
 ) -> None:
     async with opened(planner_log, "#t=3&range=5-20") as page:
         await wait_shown(page, 3)
-        await page.click("#range-changed")
+        await page.click("#range-compare")
         await wait_shown(page, 20)
         await expect(page.locator("#tab-compare")).to_be_focused()
         heads = page.locator("#compare .differences thead th")
@@ -102,7 +102,7 @@ async def test_what_was_learned_in_a_range_is_one_click_away(
         assert box is not None
         assert box["height"] < 120
         await page.keyboard.press("x")
-        await expect(page.locator("#range-changed")).to_be_hidden()
+        await expect(page.locator("#range-compare")).to_be_hidden()
 
 
 async def test_a_suspect_is_not_said_to_be_believed_without_a_doubt(

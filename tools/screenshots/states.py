@@ -27,10 +27,6 @@ class State(NamedTuple):
     """Of the page, in pixels."""
 
 
-def _click(what: str) -> Step:
-    return lambda page: page.click(what)
-
-
 def _press(key: str) -> Step:
     return lambda page: page.press("body", key)
 

@@ -400,7 +400,7 @@ class Marks(msgspec.Struct, frozen=True, kw_only=True):
     reached: list[int]
     """How many of its ticks come to the target."""
     born: list[int]
-    """How many of its ticks grow a sensor."""
+    """How many sensors its ticks grow."""
     missing: list[int]
     """How many of its ticks have no state in the recording."""
     alarms: list[RaisedAlarm]

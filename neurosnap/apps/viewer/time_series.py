@@ -188,10 +188,7 @@ class TimeSeries:
         if body.room:
             there[:] = False
             there[self._births.read_at(tick - 1)] = True
-        return [
-            float((np.isin(what, kinds) & there).sum())
-            for kinds in map(_KINDS.__getitem__, COUNTED)
-        ]
+        return [float((np.isin(what, _KINDS[name]) & there).sum()) for name in COUNTED]
 
     def _follow_births(self, decisions: dict[int, wire.Decision], last: int) -> None:
         """Take in what decisions say, and the last key-frame, which knows the rest."""

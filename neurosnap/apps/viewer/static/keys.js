@@ -26,7 +26,7 @@ export function bind(page) {
     ["expand", () => page.expand()],
     ["taller", toggleTaller],
     ["help", help],
-    ["range-changed", () => page.compareRange()],
+    ["range-compare", () => page.compareRange()],
     ["order-changed", () => page.compare.withTick()],
     ["anomaly-back", () => page.toAnomaly(-1)],
     ["anomaly-on", () => page.toAnomaly(1)],
@@ -74,7 +74,7 @@ export function bind(page) {
     { keys: ["t"], says: "more room for plots and tables", act: toggleTaller },
     { keys: ["l"], says: "light or dark", act: toggleTheme },
     { keys: ["Escape"], says: "select nothing", act: () => page.choose(null) },
-    { keys: ["?"], says: "these keys", act: help },
+    { keys: ["?"], says: "this help", act: help },
   ]);
 }
 

@@ -104,7 +104,7 @@ def test_fewer_stretches_add_up(log: Path, bins: int) -> None:
     assert part.rewired == each.rewired[10:20]
 
 
-def test_the_beside_a_tick_is_the_nearest(log: Path) -> None:
+def test_the_anomaly_beside_a_tick_is_the_nearest(log: Path) -> None:
     marks, ticks = read(log), sorted(anomalies(log))
     assert ticks
     for tick in range(TICKS + 2):

@@ -29,7 +29,7 @@ export const TERMS = {
   belief: "Where a state comes from: it was read, or it is predicted by others, or readings contradict it.",
   on: "How many sensors the memory holds to be on.",
   predicted: "The sensor was not read, but others that were read imply its state.",
-  contradicted: "What others imply of the sensor and what it reads cannot both be true, so its state is left open.",
+  contradicted: "What others imply of the sensor and what it reads cannot both be true, or others contradict each other about it: its state is left open.",
   unknown: "The sensor was not read, and nothing that was read implies its state.",
   excites: "Where the first is on, the second is on: a signal goes from the one to the other.",
   inhibits: "Where the first is on, the second is off.",

@@ -49,6 +49,7 @@ export class Plots {
     this._on = on;
     this._range = [1, 0];
     this._asking = false;
+    this.isReading = true; // not all of it is there yet
     this._frame = null;
     this._told = 0;
     this._under = null; // the tick under the pointer
@@ -66,16 +67,18 @@ export class Plots {
     this._range = [first, last];
     if (this._asking || last < first) return; // whoever is asking looks at the range again
     this._asking = true;
+    this.isReading = true;
     find("plots").ariaBusy = true;
     this._say();
     try {
       while (!(await this._ask())) {
         await new Promise((soon) => setTimeout(soon, AGAIN));
       }
-      find("plots").ariaBusy = false;
-      this._say();
+      this.isReading = false;
     } finally {
       this._asking = false;
+      find("plots").ariaBusy = false;
+      this._say();
     }
   }
 
@@ -92,11 +95,6 @@ export class Plots {
   /** The scheme of colours has changed. */
   recolour() {
     for (const plot of this._plots) plot.chart.recolour();
-  }
-
-  /** Not all of it is there yet. */
-  get isReading() {
-    return this._asking;
   }
 
   /** What is plotted, a row a tick: of a long run only some. */

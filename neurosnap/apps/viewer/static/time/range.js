@@ -52,7 +52,7 @@ export class TickRange {
   _take(chosen) {
     if (String(chosen) === String(this.chosen)) return;
     this.chosen = chosen;
-    for (const id of ["range", "range-changed"]) find(id).hidden = chosen === null;
+    for (const id of ["range", "range-compare"]) find(id).hidden = chosen === null;
     write(find("range"), chosen ? `↻ ${chosen[0]} to ${chosen[1]} ×` : "");
     this._change();
   }

@@ -84,7 +84,7 @@ export class RasterView {
 
   /** Not all of it is there yet. */
   get isReading() {
-    return !this._known?.done;
+    return this._loading || !this._known?.done;
   }
 
   /** What is shown, a row a tick. */
