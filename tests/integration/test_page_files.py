@@ -173,17 +173,22 @@ async def test_the_table_is_written_as_export_writes_it(path_log: Path) -> None:
         assert told == [[as_text(field) for field in row] for row in rows]
 
 
-async def test_a_table_is_not_saved_before_all_of_it_was_read(path_log: Path) -> None:
+@pytest.mark.parametrize(
+    "answer", ["new Promise(() => {})", "Promise.reject(new Error('gone'))"]
+)
+async def test_a_table_is_not_saved_before_all_of_it_was_read(
+    path_log: Path, answer: str
+) -> None:
     async with opened(path_log) as page:
         await page.wait_for_selector('#plots[aria-busy="false"]')
         given: list[object] = []
         page.on("download", lambda download: given.append(download))
         await page.evaluate(
-            """async () => {
-                const { page } = await import("/main.js");
-                page.plots._on.fetchSeries = () => new Promise(() => {}); // it takes long
-                page.plots.load(1, 5);
-            }"""
+            f"""async () => {{
+                const {{ page }} = await import("/main.js");
+                page.plots._on.fetchSeries = () => {answer};
+                page.plots.load(1, 5).catch(() => {{}});
+            }}"""
         )
         await page.click("#save-csv")
         await expect(page.locator("#said")).to_contain_text("still being read")
