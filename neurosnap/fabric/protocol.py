@@ -89,8 +89,8 @@ class Fabric(Protocol):
     async def locate(self, handler: PlaceHandler) -> None:
         """Call ``handler(who, place)`` for every part that says where it is.
 
-        Those do whose swarm is on several machines. Whoever follows this first, and
-        then who is there (`watch`), is told of a part's place first.
+        Those do whose swarm is on several machines. A part's place may come before or
+        after the word that it is there (`watch`): a hub answers the two apart.
         """
         ...
 

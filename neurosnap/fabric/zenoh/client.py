@@ -216,9 +216,10 @@ class ZenohFabric:
         return subscribers
 
     async def announce(self) -> None:
-        """Declare the liveliness token ``alive/<who>``; its place before that."""
+        """Declare the liveliness token ``alive/<who>``, and one of its place."""
         keys = [f"alive/{self.who}"]
         if self._located:
+            # First: once all parts are seen, a run may begin, and be over soon.
             keys.insert(0, f"{PLACE}/{self.who}/{Place.here().text}")
         declare = self._session.liveliness().declare_token
         for key in keys:

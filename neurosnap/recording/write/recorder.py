@@ -125,8 +125,8 @@ class _Listener:
         self._left: dict[str, int] = {}
         self._going: dict[str, asyncio.TimerHandle] = {}
         self._gone: set[str] = set()
-        self._awaited = set(parts)  # who has not come yet
         self._places: dict[str, Place] = {}
+        self._noted: dict[str, Place] = {}  # of those, what is written
         self._ticks = 0
         self._frame = 0  # the tick of the last key-frame
         self.framed = 0
@@ -158,16 +158,22 @@ class _Listener:
         self._find_all_left()
 
     def locate(self, who: str, place: Place) -> None:
-        """Take in where a part is, before it is said to be there."""
-        if who in self._parts:
-            self._places[who] = place
+        """Take in where a part is; once that is known of all, write it down.
+
+        It may come before or after the word that the part is there. Not each for
+        itself: what is written names all that are known, and parts can be thousands.
+        """
+        if self.closed or who not in self._parts:
+            return
+        self._places[who] = place
+        if len(self._places) == len(self._parts):
+            self._note_places()
 
     def change(self, who: str, alive: bool) -> None:
-        """Take in that a part came or went; once all are there, note where they are."""
+        """Take in that a part came or went."""
         if self.closed:
             return
         if alive:
-            self._note_place(who)
             self._gone.discard(who)
             if (timer := self._going.pop(who, None)) is not None:
                 timer.cancel()
@@ -177,20 +183,15 @@ class _Listener:
             self._going[who] = loop.call_later(_LAST_WORD, self._give_up, who)
 
     def close(self) -> None:
-        """Take in nothing more; note where those are that were there, if not all were.
-
-        Of a short run on a busy machine, a part may be heard before it is seen.
-        """
-        if self._awaited:
-            self._writer.note_places(self._places)
+        """Write down where those are of whom it is known; take in nothing more."""
+        self._note_places()
         self.closed = True
 
-    def _note_place(self, who: str) -> None:
-        """Take in that a part is there; once all are, note where they are."""
-        if who in self._awaited:
-            self._awaited.remove(who)
-            if not self._awaited:
-                self._writer.note_places(self._places)
+    def _note_places(self) -> None:
+        """Write down where parts are, unless nothing of that is new."""
+        if self._places != self._noted:
+            self._noted = dict(self._places)
+            self._writer.note_places(self._noted)
 
     def _give_up(self, who: str) -> None:
         self._going.pop(who, None)

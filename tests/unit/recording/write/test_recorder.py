@@ -17,39 +17,51 @@ from tests.support.recordings import EACH
 OAK, ELM = Place("oak", 4711), Place("elm", 2)
 
 
-@pytest.mark.parametrize(
-    ("said", "noted"),
-    [
-        ({"world": OAK, "cell/0": ELM}, {"world": OAK, "cell/0": ELM}),
-        ({"world": OAK, "cell/7": ELM, "watcher": ELM}, {"world": OAK}),
-        ({}, {}),
-    ],
-    ids=["all", "some, and strangers", "none"],
-)
-def test_places_are_noted_when_all_parts_are_there(
-    tmp_path: Path, said: dict[str, Place], noted: dict[str, Place]
+PARTS = ("world", "cell/0")
+
+
+def test_places_are_noted_once_all_are_known_and_when_one_changes(
+    tmp_path: Path,
 ) -> None:
     log = tmp_path / "log.mcap"
     with SplitWriter(log, {}) as writer:
-        listener = _Listener(writer, ("world", "cell/0"), MemoryHub().fabric("x"))
-        for who, place in said.items():
-            listener.locate(who, place)
-        for who in ("recorder", "cell/0", "cell/0"):
-            listener.change(who, True)
-        assert Recording.open(log).places == {}
-        listener.change("world", True)
-        assert Recording.open(log).places == noted
+        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
+        for who in ("recorder", *PARTS):
+            listener.change(who, True)  # before its place, as hubs sometimes say it
+        for who in ("world", "cell/7", "recorder"):
+            listener.locate(who, OAK)
+            assert Recording.open(log).places == {}
+        for place in (ELM, ELM, OAK):
+            listener.locate("cell/0", place)
+            assert Recording.open(log).places == {"world": OAK, "cell/0": place}
+        size = log.stat().st_size
+        listener.locate("world", OAK)
+        listener.close()
+        listener.locate("world", ELM)  # too late
+        assert log.stat().st_size == size
+    assert Recording.open(log).places == dict.fromkeys(PARTS, OAK)
 
 
-def test_at_the_end_it_is_noted_where_those_are_who_were_seen(tmp_path: Path) -> None:
+def test_places_that_are_known_at_the_end_are_noted(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     with SplitWriter(log, {}) as writer:
-        listener = _Listener(writer, ("world", "cell/0"), MemoryHub().fabric("x"))
+        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
         listener.locate("world", OAK)
         listener.change("world", True)
         listener.close()
-        listener.change("cell/0", True)  # too late
     assert Recording.open(log).places == {"world": OAK}
+
+
+def test_nothing_is_noted_of_places_where_nobody_says_any(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    with SplitWriter(log, {}) as writer:
+        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
+        size = log.stat().st_size
+        for who in PARTS:
+            listener.change(who, True)
+        listener.close()
+        assert log.stat().st_size == size
+    assert Recording.open(log).places == {}
 
 
 @pytest.fixture
