@@ -218,18 +218,21 @@ def reach(edges: NDArray[np.bool_], start: NDArray[np.bool_]) -> NDArray[np.bool
 
 
 async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -> None:
-    # The cell of s6 is told that s6 implies not s7, which nobody has learned.
-    source, target = 12, 15
+    # Two cells are told what nobody has learned: that s6 implies not s7, and what is the
+    # same, that s7 implies not s6. A cell told one of the two alone would wait for a
+    # pulse that never comes, and each wave for its deadline.
+    extra = {6: 15, 7: 13}
 
     def mislead(end: MemoryFabric) -> Meddled:
         def incoming(message: wire.Message) -> wire.Message:
-            if isinstance(message, wire.Wiring) and message.cell == source // 2:
-                return msgspec.structs.replace(
-                    message,
-                    add=tuple(sorted({*message.add, target})),
-                    drop=tuple(b for b in message.drop if b != target),
-                )
-            return message
+            if not isinstance(message, wire.Wiring) or message.cell not in extra:
+                return message
+            target = extra[message.cell]
+            return msgspec.structs.replace(
+                message,
+                add=tuple(sorted({*message.add, target})),
+                drop=tuple(b for b in message.drop if b != target),
+            )
 
         return Meddled(end, incoming=incoming)
 
@@ -244,7 +247,8 @@ async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -
     while bits is not None:
         honest.append(snapshot.observe(bits).tolist())
         edges = snapshot.poc_graph().hasse().copy()
-        edges[source, target] = True
+        for cell, target in extra.items():
+            edges[2 * cell, target] = True
         graphs.append(edges)
         above = reach(edges, complete(bits))
         expected.append((above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)).tolist())
