@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.agent.senses import Senses
-from neurosnap.errors import MessageError, ShapeError
+from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.sensorium import pack, unpack
 
 if TYPE_CHECKING:
@@ -106,11 +106,18 @@ class World:
         """Return the observation that follows a decision; None: the source is over.
 
         With a live source it takes as long as that does.
+
+        Raises:
+            InvalidValueError: The source says that it knows nothing: no wave could
+                start of that, and the run would wait for one.
         """
         source = self._source
         bits = source.step(decision.action) if self._began else source.first()
         if bits is None:
             return None
+        if source.known is not None and not source.known.any():
+            name = f"source: known readings at tick {self._tick + 1}"
+            raise InvalidValueError(name, "must be 1 at least", 0)
         self._began = True
         self._tick += 1
         step = (-1 if source.begins else decision.action, self._state)

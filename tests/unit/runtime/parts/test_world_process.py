@@ -10,7 +10,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import MessageError, NeurosnapError
+from neurosnap.errors import InvalidValueError, MessageError, NeurosnapError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -89,6 +89,14 @@ def test_what_a_sensor_in_context_is_made_of_may_be_unknown() -> None:
                 literals[2 * k + (not on)] = True
         state = wire.State(tick + 1, 1, pack(literals), False, 0, 0, 0, 0, 0)
         assert world.hear(state) is None
+
+
+def test_a_source_that_knows_nothing_is_named() -> None:
+    world = World(Scripted([[True, True], [None, None]]), PLAIN)
+    told(world, 0)
+    rule = r"^source: known readings at tick 2: must be 1 at least, got 0$"
+    with pytest.raises(InvalidValueError, match=rule):
+        told(world, 1)
 
 
 def test_a_decision_that_came_before_changes_nothing() -> None:
