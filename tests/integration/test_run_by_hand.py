@@ -218,9 +218,9 @@ def reach(edges: NDArray[np.bool_], start: NDArray[np.bool_]) -> NDArray[np.bool
 
 
 async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -> None:
-    # Two cells are told what nobody has learned: that s6 implies not s7, and what is the
-    # same, that s7 implies not s6. A cell told one of the two alone would wait for a
-    # pulse that never comes, and each wave for its deadline.
+    # Two cells are told what nobody has learned: that s6 implies not s7, and, which is
+    # the same, that s7 implies not s6. A cell that alone is told so waits for a pulse
+    # that never comes, and each wave for its deadline.
     extra = {6: 15, 7: 13}
 
     def mislead(end: MemoryFabric) -> Meddled:

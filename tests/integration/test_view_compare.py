@@ -163,3 +163,16 @@ async def test_a_tick_that_is_not_there_is_refused(path_log: Path) -> None:
         await expect(page.locator("#compare")).to_contain_text(
             "tick: must be in [0, 40], got 99"
         )
+
+
+async def test_what_others_contradict_each_other_about_is_not_called_unknown(
+    torn_log: Path,
+) -> None:
+    last = RunView(torn_log).last
+    async with opened(torn_log, f"#t={last}") as page:
+        await wait_shown(page, last)
+        await page.click("#tab-compare")
+        row = page.get_by_role("table", name="Sensors that differ").get_by_role("row")
+        await expect(row.filter(has_text="s1").get_by_role("cell")).to_have_text(
+            ["reads unknown, believed contradicted", "reads unknown, believed on"]
+        )

@@ -1,5 +1,7 @@
 """What each sensor was at a tick, by what was read and what the state holds."""
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,29 +32,19 @@ def conditions(view: RunView, ticks: Ticks, tick: int) -> NDArray[np.uint8]:
     if state is None:
         return found
     try:
-        held = unpack(state.literals, 2 * count).reshape(-1, 2)
+        held = unpack(state.literals, 2 * count)
     except ShapeError:
         return found  # it is of other sensors
+    on, off = held.reshape(-1, 2).T
     read = ticks.literals(tick).reshape(-1, 2).any(axis=1)
-    on, off = held.T
-    neither = ~on & ~off
-    found[neither] = np.where(read, CONTRADICTED, UNKNOWN)[neither]
+    against = ticks.contradicted(state, held)
+    if state.incoherent and not (on | off | against).all():
+        # Others may say of a sensor that was not read that it is on, and that it is
+        # off; `ticks` may be without waves.
+        with suppress(RecordingError):
+            waves = Ticks(view.tick_index, view.options, tick, tick)
+            against = waves.contradicted(state, held)
+    found[:] = np.where(against, CONTRADICTED, UNKNOWN)
     found[on] = np.where(read, ON, ON_PREDICTED)[on]
     found[off] = np.where(read, OFF, OFF_PREDICTED)[off]
-    # Others may say of a sensor that was not read that it is on, and that it is off.
-    open_ones = np.flatnonzero(neither & ~read)
-    if state.incoherent and len(open_ones):
-        reached = _reached(view, tick, state.wave, 2 * count).reshape(-1, 2)
-        found[open_ones[reached[open_ones].all(axis=1)]] = CONTRADICTED
-    return found
-
-
-def _reached(view: RunView, tick: int, wave: int, literals: int) -> NDArray[np.bool_]:
-    """Return the literals that a tick's wave reached, as far as is known."""
-    found = np.zeros(literals, np.bool_)
-    try:
-        ticks = Ticks(view.tick_index, view.options, tick, tick)
-    except RecordingError:
-        return found
-    found[ticks.reached(wave)] = True
     return found

@@ -251,13 +251,11 @@ class RunView:
         body: Body,
         plan: api.Plan | None,
     ) -> api.Frame:
-        tick, sensors = state.tick, self.options.body.count
+        tick = state.tick
         image = self.images.latest(tick)
         observation = ticks.observations.get(tick)
         observed = ticks.literals(tick)
         literals = self._unpacked(state)
-        reached = np.zeros(2 * sensors, np.bool_)
-        reached[ticks.reached(state.wave)] = True
         decision = ticks.decisions.get(tick)
         choice = -1 if decision is None else decision.action
         waves = self._imagined.followed(
@@ -268,7 +266,7 @@ class RunView:
             tick=tick,
             bits=_bits(observed),
             state=_bits(literals),
-            contradicted=np.flatnonzero(reached[::2] & reached[1::2]).tolist(),
+            contradicted=np.flatnonzero(ticks.contradicted(state, literals)).tolist(),
             action=self.named(choice),
             choice=choice,
             why="" if decision is None else decision.why,

@@ -26,6 +26,8 @@ class Felt(msgspec.Struct, frozen=True, kw_only=True):
     """What it reads here and there."""
     state: tuple[Bit, Bit]
     """What the state has of it here and there."""
+    contradicted: tuple[bool, bool]
+    """Whether the state has nothing because both were said: of no sensor else."""
 
 
 class Only(msgspec.Struct, frozen=True, kw_only=True):
@@ -116,19 +118,23 @@ def _action(frames: list[Frame]) -> str | None:
 
 def _felt(frame: Frame, other: Frame, pairs: list[tuple[int, int, str]]) -> list[Felt]:
     """Return the sensors that differ; each with its numbers here and there."""
+    against = set(frame.contradicted), set(other.contradicted)
     felt = (
         Felt(
             sensor=one,
             name=name,
             reads=(frame.bits[one], other.bits[its]),
             state=(frame.state[one], other.state[its]),
+            contradicted=(one in against[0], its in against[1]),
         )
         for one, its, name in pairs
     )
     return [
         each
         for each in felt
-        if each.reads[0] != each.reads[1] or each.state[0] != each.state[1]
+        if any(
+            here != there for here, there in (each.reads, each.state, each.contradicted)
+        )
     ]
 
 

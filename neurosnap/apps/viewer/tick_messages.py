@@ -81,6 +81,27 @@ class Ticks:
         """Return the literals that a wave reached."""
         return [] if self._waves is None else self._waves.reached(wave)
 
+    def contradicted(
+        self, state: wire.State, held: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return of which sensors a state has neither literal, though both were said.
+
+        Of one that was read; and of one that was not, where the wave reached both of
+        its literals, as far as reports on it were read.
+
+        Args:
+            state: The state of one of these ticks.
+            held: ``(2N,)``, the literals it holds.
+
+        Returns:
+            ``(N,)``.
+        """
+        reached = np.zeros(2 * self._sensors, np.bool_)
+        reached[self.reached(state.wave)] = True
+        read = self.literals(state.tick)
+        said = read[::2] | read[1::2] | (reached[::2] & reached[1::2])
+        return said & ~(held[::2] | held[1::2])
+
     def _signal(self, tick: int) -> tuple[int, ...]:
         """Return the literals that start a tick's state wave."""
         return tuple(self.literals(tick).nonzero()[0].tolist())

@@ -9,9 +9,17 @@ from neurosnap.apps.viewer.order_difference import is_same
 from neurosnap.apps.viewer.partings import Partings, SideBySide
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_difference import difference
-from tests.support.recorded_runs import csv_run, path_run, recorded, without_states
+from tests.support.recorded_runs import (
+    csv_run,
+    path_run,
+    recorded,
+    scripted_run,
+    torn_run,
+    without_states,
+)
 
 TICKS = 60
+BITS = (False, True)
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +138,17 @@ def test_what_differs_at_a_tick_is_named(logs: dict[str, Path]) -> None:
             != (other.bits[sensor], other.state[sensor])
         ]
         assert found.height == (one.height, other.height)
+
+
+def test_what_is_contradicted_differs_from_what_is_unknown(tmp_path: Path) -> None:
+    torn = RunView(torn_run(tmp_path / "torn.mcap"))
+    # Nothing is learned of s1 but that it is independent.
+    rows: list[list[bool | None]] = [[a, b, False] for a in BITS for b in BITS]
+    blind = RunView(scripted_run([*rows, [True, None, None]], tmp_path / "blind.mcap"))
+    felt = {
+        each.sensor: each
+        for each in difference(torn, torn.last, blind, blind.last).felt or ()
+    }
+    # Neither run reads s1, and neither state has anything of it.
+    assert (felt[1].reads, felt[1].state) == ((None, None), (None, None))
+    assert felt[1].contradicted == (True, False)

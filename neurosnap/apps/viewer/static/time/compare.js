@@ -114,9 +114,9 @@ export class CompareView {
       ["did", "", ...actions],
       ...only(here).map((row) => [...row, 1, 0]),
       ...only(there).map((row) => [...row, 0, 1]),
-      ...(felt ?? []).flatMap(({ name, reads, state }) => [
-        ["reads", name, ...reads.map(bitWord)],
-        ["believed", name, ...state.map((held, k) => heldWord(reads[k], held))],
+      ...(felt ?? []).flatMap((each) => [
+        ["reads", each.name, ...each.reads.map(bitWord)],
+        ["believed", each.name, ...[0, 1].map((side) => heldWord(each, side))],
       ]),
     ];
   }
@@ -307,21 +307,22 @@ export class CompareView {
     if (felt === null) return make("section", {}, title, make("p", { className: "quiet" }, missing));
     title.append(make("span", { className: "quiet" }, felt.length));
     if (felt.length === 0) return make("section", {}, title, make("p", { className: "quiet" }, "none"));
-    const words = (reads, state) => {
-      const [read, held] = [bitWord(reads), heldWord(reads, state)];
+    const words = (each, side) => {
+      const [read, held] = [bitWord(each.reads[side]), heldWord(each, side)];
       return read === held ? read : `reads ${read}, believed ${held}`;
     };
-    const rows = felt.map(({ sensor, name, reads, state }) => {
-      const open = make("button", { type: "button", className: "link" }, name);
-      open.addEventListener("click", () => this._on.pick({ sensor }));
-      return [open, words(reads[0], state[0]), words(reads[1], state[1])];
+    const rows = felt.map((each) => {
+      const open = make("button", { type: "button", className: "link" }, each.name);
+      open.addEventListener("click", () => this._on.pick({ sensor: each.sensor }));
+      return [open, words(each, 0), words(each, 1)];
     });
     return make("section", {}, title, table("Sensors that differ", ["Sensor", ...titles], rows));
   }
 }
 
-/** What is believed of a sensor: one that was read and is not believed is contradicted. */
-const heldWord = (reads, held) => (held === null && reads !== null ? "contradicted" : bitWord(held));
+/** What is believed here (0) or there (1) of a sensor that differs. */
+const heldWord = ({ state, contradicted }, side) =>
+  contradicted[side] ? "contradicted" : bitWord(state[side]);
 
 function table(caption, titles, rows) {
   const head = titles.map((title) => make(title ? "th" : "td", title ? { scope: "col" } : {}, title));
