@@ -70,3 +70,11 @@ export class Reach {
     this._up.get(source).push(target);
   }
 }
+
+const whole = new WeakMap(); // by graph: a way through it is found many times
+
+/** The ways through all of an order. */
+export function reachOf(graph) {
+  if (!whole.has(graph)) whole.set(graph, new Reach(graph));
+  return whole.get(graph);
+}

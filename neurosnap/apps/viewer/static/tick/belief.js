@@ -4,7 +4,7 @@
 
 import { unread } from "../run/growth.js";
 import { bitWord, conditions, few, literalName, sensorOf } from "../base/literals.js";
-import { Reach } from "../base/reach.js";
+import { reachOf } from "../base/reach.js";
 
 const NAMED = 2;
 
@@ -119,10 +119,9 @@ export class Reasons {
   /** Whose readings imply a literal, the nearest first: "door says"; empty: not known. */
   _who(literal) {
     if (this.graph === null) return "";
-    this._reach ??= reachOf(this.graph);
     const { bits } = this._frame;
     const isRead = (one) => bits[sensorOf(one)] === 1 - (one & 1);
-    const below = [...this._reach.below([literal]).keys()];
+    const below = [...reachOf(this.graph).below([literal]).keys()];
     const saying = below.filter((one) => sensorOf(one) !== sensorOf(literal) && isRead(one));
     if (saying.length === 0) return "";
     const names = few(saying.map((one) => literalName(this._names, one)), NAMED, ", ");
@@ -134,11 +133,4 @@ export class Reasons {
 export function tellItem({ kind, name, sensors }, reasons) {
   if (kind !== "sensor") return `${name}: ${reasons.count(sensors)}`;
   return `${name}: ${reasons.of(sensors[0])}`;
-}
-
-const known = new WeakMap(); // by graph: a way through it is found many times
-
-function reachOf(graph) {
-  if (!known.has(graph)) known.set(graph, new Reach(graph));
-  return known.get(graph);
 }

@@ -1,7 +1,7 @@
 // What would be believed if a sensor were on, or off: all that its literals imply.
 
 import { few, isComplement, sensorOf } from "../base/literals.js";
-import { Reach } from "../base/reach.js";
+import { reachOf } from "../base/reach.js";
 
 const NAMED = 5;
 
@@ -14,7 +14,7 @@ const NAMED = 5;
  * @returns {string} such as "on: power; off: door, red"
  */
 export function consequences(literal, graph, names) {
-  const all = [...new Reach(graph).above([literal]).keys()];
+  const all = [...reachOf(graph).above([literal]).keys()];
   const others = all.filter((one) => sensorOf(one) !== sensorOf(literal));
   const [off, on] = [true, false].map((isOff) => others.filter((one) => isComplement(one) === isOff));
   const words = [["on", on], ["off", off]].flatMap(([word, some]) => {
