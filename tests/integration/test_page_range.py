@@ -1,5 +1,6 @@
 """The range of ticks one looks at, and the curves over time, in a real browser."""
 
+import asyncio
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.page_faults import faults
+from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import path_run, recorded
 from tools.browser import Scheme, wait_shown
 
@@ -61,8 +63,9 @@ async def chosen(page: Page, first: int, last: int) -> None:
 
 async def drawn(page: Page, first: int, last: int) -> None:
     """Wait until the curves show some ticks, and no other."""
-    while (await plotted(page, "edges"))[0] != list(range(first, last + 1)):
-        await page.evaluate("new Promise(requestAnimationFrame)")
+    async with asyncio.timeout(PATIENCE):
+        while (await plotted(page, "edges"))[0] != list(range(first, last + 1)):
+            await page.evaluate("new Promise(requestAnimationFrame)")
 
 
 async def test_dragging_over_the_strip_chooses_a_range(path_log: Path) -> None:

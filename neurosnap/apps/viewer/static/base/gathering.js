@@ -8,6 +8,7 @@ export class Gathering {
   constructor(ask) {
     this._ask = ask;
     this._asking = false;
+    this._due = false;
   }
 
   /** Ask until all of it is there; who is asking already asks once more. */

@@ -19,6 +19,7 @@ export class GrowthView {
     this._births = new Map(); // by sensor, in the order of their ticks
     this.room = room;
     this.grows = room > 0;
+    this._done = false;
     this._gathering = new Gathering(async () => {
       const grown = await on.fetchBirths();
       this._take(grown);

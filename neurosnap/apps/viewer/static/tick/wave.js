@@ -25,6 +25,7 @@ export class WaveView {
     this._hops = new Map();
     this._started = null;
     this._drawn = "";
+    this._opened = null; // the tick that the page opened at, for its wave
     find("wave-which").addEventListener("change", (event) => {
       this._which = event.target.value;
       this._take(this._frame);
