@@ -90,7 +90,7 @@ class Fabric(Protocol):
         """Call ``handler(who, place)`` for every part that says where it is.
 
         Those do whose swarm is on several machines. A part's place may come before or
-        after the word that it is there (`watch`): a hub answers the two apart.
+        after the word that it is there (`watch`): a hub sends them separately.
         """
         ...
 

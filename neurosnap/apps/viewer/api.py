@@ -208,7 +208,7 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     state: list[Bit]
     """The recorded state: which sensors it has on, off, or neither."""
     contradicted: list[int]
-    """Sensors of which both literals were said, so that the state has neither."""
+    """Sensors that are contradicted: the state has neither of their literals."""
     action: str | None
     """What was decided, by name, several joined by ``+``; None: nothing (yet)."""
     choice: int

@@ -42,7 +42,7 @@ from neurosnap.sensorium import unpack
 from neurosnap.sources.open_live import STDIN
 
 _READINGS = 15_000
-"""Readings of sensors in the ticks that are read at once."""
+"""Readings of sensors in the ticks that are read at once, about."""
 _GRAPHS = 32
 """Drawn orders that are kept."""
 _BITS: tuple[api.Bit, ...] = (None, 0, 1, None)
@@ -129,7 +129,8 @@ class RunView:
         """Return how many ticks to read before others have their turn.
 
         Args:
-            most: Of few sensors; of many fewer, as each takes longer.
+            most: How many of a run of few sensors. With many, each tick takes longer,
+                and there are fewer.
         """
         return max(5, min(most, _READINGS // max(1, self.options.body.count)))
 

@@ -27,7 +27,7 @@ class Felt(msgspec.Struct, frozen=True, kw_only=True):
     state: tuple[Bit, Bit]
     """What the state has of it here and there."""
     contradicted: tuple[bool, bool]
-    """Whether the state has nothing because both were said: of no sensor else."""
+    """Whether it is contradicted here and there."""
 
 
 class Only(msgspec.Struct, frozen=True, kw_only=True):

@@ -84,10 +84,10 @@ class Ticks:
     def contradicted(
         self, state: wire.State, held: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Return of which sensors a state has neither literal, though both were said.
+        """Return which sensors are contradicted: a state has neither of their literals.
 
-        Of one that was read; and of one that was not, where the wave reached both of
-        its literals, as far as reports on it were read.
+        Such a sensor was read; or it was not, and the wave reached both of its
+        literals, as far as reports on it were read.
 
         Args:
             state: The state of one of these ticks.

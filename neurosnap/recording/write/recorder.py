@@ -160,8 +160,9 @@ class _Listener:
     def locate(self, who: str, place: Place) -> None:
         """Take in where a part is; once that is known of all, write it down.
 
-        It may come before or after the word that the part is there. Not each for
-        itself: what is written names all that are known, and parts can be thousands.
+        It may come before or after the word that the part is there. What is written
+        names every part, and they can be thousands: so it is written once, not for
+        each of them.
         """
         if self.closed or who not in self._parts:
             return
