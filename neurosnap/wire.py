@@ -1,10 +1,10 @@
 """All messages on the wire, and their keys.
 
 A message is a frozen, tagged struct; its JSON is the payload, so what is on the wire is
-what is in a recording. The union is closed and append-only: a new field comes last and
-has a default, and `SCHEMA` grows with every change that an older reader could not
-follow. Literals are numbered as in `neurosnap.sensorium`; bit strings are packed with
-the lowest bit first and travel as base64.
+what is in a recording. The union is closed, and `SCHEMA` grows with every change to it:
+a recording of another schema is refused. Literals are numbered as in
+`neurosnap.sensorium`; bit strings are packed with the lowest bit first and travel as
+base64.
 
 Which process sent a message follows from its key alone. A topic is one role's to say,
 and a topic that several parts say ends its key with the part: ``leave/cell/3``,
@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 5
+SCHEMA = 6
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -418,7 +418,7 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     snapshot: bytes
     """What `Snapshot.to_bytes` gave."""
     waves: Natural = 0
-    """Waves started so far; 0: it is from before key-frames could be started from."""
+    """Waves started so far."""
     epochs: Naturals = ()
     """The number of the last wiring, or of each worker's last frame."""
     known: bytes = b""

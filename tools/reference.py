@@ -224,8 +224,8 @@ def messages() -> str:
         " the key `neurosnap/<swarm>/` and what is given below, where `PART` stands for"
         " its sender, such as `cell/3`, and a star for a number of a cell or worker. Its"
         " payload is JSON: an object with its tag as `type`, and its fields. Whole"
-        " numbers go up to 2,147,483,647. What has its default may be missing. New fields come last and have a default, so that old recordings"
-        f" can always be read; this is schema {wire.SCHEMA}."
+        " numbers go up to 2,147,483,647. What has its default may be missing. This is schema"
+        f" {wire.SCHEMA}; a recording of another schema is refused."
     )
     topics: dict[type[Any], list[str]] = {}
     for topic, kind in wire.TOPICS.items():

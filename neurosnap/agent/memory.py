@@ -32,8 +32,6 @@ class AgentMemory:
     Args:
         body: What is sensed and done at first. If it has room, sensors are grown.
         imagines: Whether its policy imagines, and has to know what was met.
-        retires_covered: As for `Growth`.
-        retires_known: Likewise.
 
     Attributes:
         body: What is sensed by now.
@@ -45,22 +43,11 @@ class AgentMemory:
             or do not exclude each other.
     """
 
-    def __init__(
-        self,
-        body: Body,
-        imagines: bool = False,
-        *,
-        retires_covered: bool = True,
-        retires_known: bool = True,
-    ) -> None:
+    def __init__(self, body: Body, imagines: bool = False) -> None:
         self.body = body
         self.experience = Experience(body) if imagines else None
         self.decision = Decision(0, -1, "the run begins")
-        self._growth = None
-        if body.room:
-            self._growth = Growth(
-                body, retires_covered=retires_covered, retires_known=retires_known
-            )
+        self._growth = Growth(body) if body.room else None
         self._begins = False  # the observation whose state is to come
         self._actions = None if self.is_empty else Actions(body)
 

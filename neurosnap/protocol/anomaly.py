@@ -92,7 +92,6 @@ class AnomalyDetector:
         sensorium: The names of the sensors.
         hold: For how many ticks after the first anomaly to go on judging by the order
             that it broke; 0: always by the order given.
-        former: As for `contradiction`.
 
     Raises:
         InvalidValueError: `hold` is negative.
@@ -108,14 +107,11 @@ class AnomalyDetector:
         ('door', 'motion', ('door', 'motion'))
     """
 
-    def __init__(
-        self, sensorium: Sensorium, hold: int = 0, *, former: bool = False
-    ) -> None:
+    def __init__(self, sensorium: Sensorium, hold: int = 0) -> None:
         if hold < 0:
             raise InvalidValueError("hold", "must be 0 or more", hold)
         self._sensorium = sensorium
         self._hold = hold
-        self._former = former
         self._held: PocGraph | None = None
         self._until = 0
         self._since: int | None = None
@@ -162,7 +158,7 @@ class AnomalyDetector:
         if self._held is not None and tick > self._until:
             self._held = self._since = None
         order = graph if self._held is None else self._held
-        found = contradiction(order, seen, self._suspicion(seen), former=self._former)
+        found = contradiction(order, seen, self._suspicion(seen))
         if found.coherent:
             self._calm = seen
             if self._held is None:

@@ -25,7 +25,6 @@ class AnomalyJudge:
             are counted.
         remembers: Whether to keep the last readings of all sensors for that. A run
             whose sensors grow has them anyway, and gives them to `judge`.
-        former: As for `AnomalyDetector`.
     """
 
     def __init__(
@@ -35,10 +34,9 @@ class AnomalyJudge:
         support: int,
         *,
         remembers: bool,
-        former: bool,
     ) -> None:
         self._support = support
-        self._new_detector = partial(AnomalyDetector, hold=hold, former=former)
+        self._new_detector = partial(AnomalyDetector, hold=hold)
         self._detector = self._new_detector(sensorium)
         self._history: History | None = None
         if support and remembers:

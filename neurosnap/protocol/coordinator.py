@@ -24,7 +24,6 @@ from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.bands import count_of, head_of
-from neurosnap.poc.learning.search import answered
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl, to_weigh
@@ -71,12 +70,6 @@ class Coordinator:
             broke, in ticks; None: not to judge them.
         support: The occasions an anomaly must rest on to be told; 0: all are, and none
             are counted.
-        recall: Whether cells are asked for what they have read; else it is looked up
-            here, as runs did before.
-        remind: Whether a newborn cell is told its history at once; else once it says
-            that it lacks it, as runs did before.
-        bounded: Whether there is a bound on the search for what is wrong; before, there
-            was none on a part of it.
         shares: The sensors whose pairs with those before them each worker learns;
             empty: the snapshot does all of that.
     """
@@ -95,9 +88,6 @@ class Coordinator:
         workers: int = 0,
         hold: int | None = None,
         support: int = 0,
-        recall: bool = True,
-        remind: bool = True,
-        bounded: bool = True,
         shares: Sequence[range] = (),
     ) -> None:
         self.totals = Totals()
@@ -116,8 +106,6 @@ class Coordinator:
         self._band = band
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
-        self._recalls = recall
-        self._reminds = recall and remind
         self._graph: PocGraph = self._snapshot.poc_graph()
         self._learning = LearnControl(shares, repeats)
         self._anomaly: wire.Anomaly | None = None  # to be told once that is
@@ -133,7 +121,6 @@ class Coordinator:
                 hold,
                 support,
                 remembers=not self._grows,
-                former=not bounded,
             )
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
@@ -179,9 +166,6 @@ class Coordinator:
             workers=options.sharing,
             hold=options.hold if options.watch else None,
             support=options.support,
-            recall=options.recall,
-            remind=options.remind,
-            bounded=options.bounded,
             shares=shares,
         )
         if frame is not None:
@@ -277,18 +261,6 @@ class Coordinator:
     def begin_with(self, frame: wire.KeyFrame) -> None:
         """Let workers that share the learning go on from a key-frame that was said."""
         self._begins = frame.snapshot if self._learning.shares else b""
-
-    def begin_rewired(self) -> list[wire.Message]:
-        """Go on as runs did before they could start from key-frames: rewire the cells.
-
-        For replays of their recordings.
-        """
-        self.remember()
-        return [*self._control.rewire_whole(), self._next_decision]
-
-    def remember(self) -> None:
-        """Know the wiring again that a key-frame made forget; for such replays."""
-        self._control.remember()
 
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
@@ -450,7 +422,7 @@ class Coordinator:
         It has taken part in a wave by now: whoever hosts it has this tick's readings.
         """
         born = self._next_decision.born
-        if self._memory is None or born < 0 or not self._reminds:
+        if self._memory is None or born < 0:
             return []
         return self._recall.remind(tick, born, self._memory.history)
 
@@ -459,12 +431,9 @@ class Coordinator:
         memory, state = self._memory, self._snapshot.state
         if memory is not None:
             try:
-                if not self._recalls:
-                    answered(self._search, memory.history)
-                else:
-                    # None starts it.
-                    question = self._search.send(answer)  # type: ignore[arg-type]
-                    return self._recall.ask(tick, question)
+                # None starts it.
+                question = self._search.send(answer)  # type: ignore[arg-type]
+                return self._recall.ask(tick, question)
             except StopIteration:
                 pass
             memory.settle(state)

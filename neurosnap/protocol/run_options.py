@@ -268,12 +268,14 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     seed: Seed = 0
     snapshot: SnapshotOption = "empirical"
     threshold: Threshold | None = None
-    """None, in earlier recordings and for a discounted snapshot: its own default."""
+    """None for a discounted snapshot: its own default."""
     decay: Decay | None = None
     """None: the snapshot's own default."""
     wiring: Wiring = "hasse"
     cells: CellKind = "process"
-    workers: Workers = 2
+    workers: Annotated[int, msgspec.Meta(ge=0)] = 2
+    """How many workers share the cells, as `Workers` says. An inline run has one at
+    most; with 0 each of its cells is a part of the swarm, as cells in processes are."""
     learning: Learning = "coordinator"
     keyframe_every: KeyframeEvery = 1000
     frames: Frames = 0
@@ -283,31 +285,11 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     watch: Anomalies = False
     hold: Hold = 0
     support: Support = 10
-    """In recordings from before, which do not say so, it is 0."""
     alarms: Alarms = NEVER
     deadline: Deadline = 10.0
-    together: bool = True
-    """Whether one worker hosts the cells of an inline run. In recordings from before,
-    which do not say so, every cell was a part of its own."""
-    recall: bool = True
-    """Whether cells search their own histories for what to grow. In recordings from
-    before, which do not say so, the coordinator did."""
-    remind: bool = True
-    """Whether a newborn cell is told its history at once. In recordings from before,
-    which do not say so, it was once the cell said that it lacked it."""
-    bounded: bool = True
-    """Whether there is a bound on the search for what is wrong. In recordings from
-    before, which do not say so, there was none on a part of it."""
-    retires_covered: bool = True
-    """Whether a grown sensor retires where several others did as much. In recordings
-    from before, which do not say so, none did."""
     band: int = _BAND
     """Numbers that travel in one band of a key-frame, at most: of so many pairs, and
-    more, the weights follow it in bands. In recordings from before, which do not say
-    so, none did."""
-    retires_known: bool = True
-    """Whether it does so only as long as the history goes back to when it was first on.
-    In recordings from before, which do not say so, it did so later, too."""
+    more, the weights follow it in bands. 0: they are in the key-frame."""
 
     def __post_init__(self) -> None:
         if self.alarms != NEVER:
@@ -360,12 +342,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             InvalidValueError: The body has room for sensors to be grown, and is not fit
                 for it.
         """
-        return AgentMemory(
-            self.body,
-            imagines=self.imagine > 0,
-            retires_covered=self.retires_covered,
-            retires_known=self.retires_known,
-        )
+        return AgentMemory(self.body, imagines=self.imagine > 0)
 
     @property
     def sharing(self) -> int:
@@ -377,9 +354,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         match self.cells:
             case "worker":
                 return len(shares(len(self.sensors), self.workers))
-            case "inline" if self.together:
-                return 1
-            case _:
+            case "inline":
+                return min(1, self.workers)
+            case "process":
                 return 0
 
     def host_names(self) -> list[str]:

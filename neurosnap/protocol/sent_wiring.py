@@ -38,10 +38,6 @@ class Wires(Protocol):
         """Let the next wiring go to all, and whole, whatever they were told."""
         ...
 
-    def remember(self) -> None:
-        """Take `forget` back, as if it had not been called."""
-        ...
-
     def start_at(self, epochs: tuple[int, ...]) -> None:
         """Be as whoever had these `epochs` and forgot.
 
@@ -129,10 +125,6 @@ class CellWires:
     def forget(self) -> None:
         """Let the next wiring go to all cells, and whole."""
         self.is_forgotten = True
-
-    def remember(self) -> None:
-        """Take `forget` back."""
-        self.is_forgotten = False
 
     def start_at(self, epochs: tuple[int, ...]) -> None:
         """Be as whoever had these `epochs` and forgot."""

@@ -51,10 +51,6 @@ class WorkerWires:
         """Let the next wiring go to all workers, and whole."""
         self.is_forgotten = True
 
-    def remember(self) -> None:
-        """Take `forget` back."""
-        self.is_forgotten = False
-
     def start_at(self, epochs: tuple[int, ...]) -> None:
         """Be as whoever had these `epochs` and forgot."""
         if len(epochs) != len(self._told):

@@ -68,10 +68,6 @@ class WaveControl:
         """
         self._wires.forget()
 
-    def remember(self) -> None:
-        """Take `forget` back."""
-        self._wires.remember()
-
     def start_at(self, waves: int, epochs: tuple[int, ...]) -> None:
         """Continue after `waves` waves and wirings up to `epochs`, as after `forget`.
 

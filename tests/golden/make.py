@@ -1,7 +1,7 @@
 """Make the golden recording of the schema in force, once: then it stays as it is.
 
-A recording is written as ``recording-<schema>.mcap``, its meaning beside it as JSON.
-The next schema gets its own pair, and those before it must stay readable.
+It is written as ``recording.mcap``, its meaning beside it as JSON. A change of the
+schema replaces the pair.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ MESSAGES: tuple[tuple[int, wire.Message], ...] = (
     (5, wire.State(1, 1, b"\x15", False, 1, 1, 1, 2, 2)),
     (6, wire.Reached(1, 2, (0, 5), b"\x25", 1, 1, 1, 1)),
     (7, wire.Decision(1, -1, "ünïcode: nothing to do")),
-    (8, wire.KeyFrame(1, b"PK not quite a snapshot")),
+    (8, wire.KeyFrame(1, b"PK not quite a snapshot", 2, (3,))),
     (0, wire.Fault("cell/2", "wiring/0: must hold its own messages")),
     (9, wire.WorkerWiring(1, 3, 2, bytes((0, 0, 0, 0, 2, 0, 0, 0)), b"")),
     (0, wire.PulseBatch(2, 0, 1, 0, bytes(4), b"\2\0\0\0", b"\1\0\0\0", b"\4\0\0\0")),
@@ -89,7 +89,7 @@ def meaning(recording: Recording) -> dict[str, Any]:
 
 def make(folder: Path = FOLDER) -> Path:
     """Write the pair for the schema in force; refuse to replace one."""
-    path = folder / f"recording-{wire.SCHEMA}.mcap"
+    path = folder / "recording.mcap"
     with Writer(path) as writer:
         writer.start({"seed": "7", "world": "Golden-v0", "sensors": '["a","b","c"]'})
         for number, (sequence, message) in enumerate(MESSAGES):

@@ -32,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 
 def made(runs: Runs, log: Path, **changes: Any) -> Path:
-    given = {"together": True, "band": 4, **changes}
+    given = {"workers": 1, "band": 4, **changes}
     recorded_run(msgspec.structs.replace(options_for(runs.csv), **given), log)
     return log
 

@@ -34,7 +34,6 @@ from tests.support.rewritten_recordings import (
     changing,
     flipped,
     rewritten,
-    write_again,
 )
 from tests.support.run_options import options_for
 
@@ -311,26 +310,6 @@ def test_a_newborn_cell_is_told_its_history_before_it_is_asked(inline: Path) -> 
     assert lacked.isdisjoint(birth.born for birth in births)
 
 
-def test_a_run_from_before_cells_were_asked_is_derived_as_it_was(
-    inline: Path, tmp_path: Path
-) -> None:
-    log, older = tmp_path / "log", tmp_path / "older"
-    options = lamp_options(ticks=TICKS, cells="inline")
-    new = ("recall", "remind", "retires_covered", "retires_known")
-    before = dict.fromkeys(new, False)
-    made(msgspec.structs.replace(options, **before), log)
-    assert not list(Recording.open(log).messages(("recall", "recalled", "remind")))
-    assert course(log) == course(inline)
-    recording = Recording.open(log)
-    said = msgspec.json.decode(recording.metadata["options"])
-    for name in before:
-        del said[name]
-    recording.metadata["options"] = msgspec.json.encode(said).decode()
-    write_again(recording, older, recording.messages())
-    verdict = verify(older)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
-
-
 def test_a_reader_may_begin_anywhere(inline: Path) -> None:
     for tick in (10, 20, 30):
         verdict = verify(inline, tick)
@@ -366,7 +345,7 @@ def test_in_several_files_each_begins_with_what_was_grown(
 ) -> None:
     log = tmp_path / "log"
     # Cells of their own say more than one worker for all of them.
-    apart = {"cells": "inline", "together": False}
+    apart = {"cells": "inline", "workers": 0}
     made(lamp_options(ticks=TICKS, split=SMALLEST, **apart), log)
     files = part_paths(log)
     assert len(files) > 1

@@ -189,7 +189,7 @@ def options_for(folder: Path, cells: CellKind, ticks: int) -> RunOptions:
         ticks=ticks,
         threshold=0.1,
         cells=cells,
-        together=False,
+        workers=2 if cells == "worker" else 0,
     )
 
 

@@ -30,7 +30,7 @@ def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
         body=body_of(source, "walker"),
         ticks=TICKS,
         cells=cells,
-        together=False,  # says more than one worker
+        workers=2 if cells == "worker" else 0,  # cells say more than one worker
         keyframe_every=100,
         split=SMALLEST,
     )

@@ -102,7 +102,7 @@ def test_processes_workers_inline_and_spread_agree(
         several = min(1 + seed % 3, sensors)
         kinds = {
             "cells": options,
-            "inline": msgspec.structs.replace(options, together=True),
+            "inline": msgspec.structs.replace(options, workers=1),
             "worker": msgspec.structs.replace(options, cells="worker", workers=several),
             "spread": spread(options, several),
         }

@@ -160,7 +160,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seed=5,
         threshold=0.1,
         cells="inline",
-        together=False,  # as processes are
+        workers=0,  # as processes are
     )
     tally = live_on(options, Weather(), random.Random(7), folder)
     assert (tally.restarts, tally.losses, tally.repeats) == (0, 0, 0)

@@ -60,7 +60,7 @@ def options_for(
         wiring=wiring,
         cells=cells,
         deadline=deadline,
-        together=False,  # inline, each cell is a part of its own
+        workers=2 if cells == "worker" else 0,  # inline, each cell is a part
     )
 
 

@@ -129,7 +129,7 @@ def _options(
     source: str, arguments: Mapping[str, Argument], ticks: int, **changes: object
 ) -> RunOptions:
     # The messages of cells that are processes.
-    cells = {"cells": "inline", "together": False}
+    cells = {"cells": "inline", "workers": 0}
     given = {"threshold": 0.08, "keyframe_every": 7, **cells, **changes}
     return options_for(source, 5, arguments, ticks=ticks, **given)  # type: ignore[arg-type]
 

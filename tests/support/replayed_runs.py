@@ -66,7 +66,7 @@ def options_for(
         decay=None if snapshot == "empirical" else 0.9,
         wiring=wiring,
         cells="inline",
-        together=False,  # the messages of cells that are processes
+        workers=0,  # the messages of cells that are processes
         keyframe_every=7,
         band=4 if wiring == "derived" else 1000,
     )

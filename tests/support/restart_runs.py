@@ -13,7 +13,7 @@ def options_of(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
         {"places": 5},
         ticks=ticks,
         cells="inline",
-        together=False,  # as processes are
+        workers=0,  # as processes are
         keyframe_every=20,
         split=split,
     )

@@ -21,8 +21,7 @@ def scripted_options(ticks: int, workers: int = 0, **more: object) -> RunOptions
         "body": Body.full(["s0", "s1", "s2"], ACTIONS),
         "threshold": 0.2,
         "cells": "worker" if workers else "inline",
-        "workers": max(workers, 1),
-        "together": False,
+        "workers": workers,
     }
     return RunOptions(source="scripted", ticks=ticks, **(given | more))  # type: ignore[arg-type]
 

@@ -95,7 +95,6 @@ class _Cores:
             options.hold,
             options.support,
             remembers=True,
-            former=False,
         )
         self._core._judge = self._judge  # noqa: SLF001 - the time it takes is wanted
         hosted = shares(count, _WORKERS)

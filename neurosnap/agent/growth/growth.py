@@ -30,9 +30,6 @@ class Growth:
     Args:
         body: What is sensed and done, with room for what is grown.
         length: Ticks of the history.
-        retires_covered: Whether a sensor retires where several others did as much.
-        retires_known: Whether that counts only as long as the history goes back to when
-            the sensor was first on.
 
     Attributes:
         history: The last readings of every sensor.
@@ -41,19 +38,10 @@ class Growth:
         InvalidValueError: As for `Grower`.
     """
 
-    def __init__(
-        self,
-        body: Body,
-        length: int = LENGTH,
-        *,
-        retires_covered: bool = True,
-        retires_known: bool = True,
-    ) -> None:
+    def __init__(self, body: Body, length: int = LENGTH) -> None:
         self._grower = Grower(body) if body.finds else None
         self._scripted = {context for _, context in body.scripted}
         self.history = History(len(body.sensors), length)
-        self._retires_covered = retires_covered
-        self._retires_known = retires_known
         self._own = len(body.own)
         self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
         self._body = body
@@ -172,7 +160,7 @@ class Growth:
             return
         graph = snapshot.poc_graph()
         alone = self._guarantees_alone(place, graph)
-        if alone and self._retires_covered:
+        if alone:
             alone = yield from self._not_covered(place, alone, graph, snapshot)
         if not alone:
             self._said["retires"] = body.first_grown + place
@@ -223,7 +211,7 @@ class Growth:
         # (Shares of a discounted snapshot are at most 1: it forgets such times, too.)
         result = results[0]
         counted = snapshot.weight(mine, result) + snapshot.weight(mine, result ^ 1)
-        if self._retires_known and counted > remembered:
+        if counted > remembered:
             return results
         return [
             result

@@ -595,11 +595,9 @@ class Snapshot(Archived):
         octets = entry(arrays, "state", ((total + 7) // 8,), np.uint8)
         self.adopt(unpack(octets.tobytes(), total))
         self._derive(arrays)
-        self._since.fill(0)
-        if "since" in arrays:  # earlier files lack it
-            self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
-            if (self._since > self._clock + self._skipped).any():
-                raise ValueError("since: must not be after the clock")
+        self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
+        if (self._since > self._clock + self._skipped).any():
+            raise ValueError("since: must not be after the clock")
 
     def _check_room(self) -> None:
         """Refuse an observation that no count has room for."""

@@ -62,7 +62,6 @@ def contradiction(
     suspicion: ArrayLike | None = None,
     *,
     patience: int = PATIENCE,
-    former: bool = False,
 ) -> Contradiction:
     """Return how an observation contradicts an order.
 
@@ -73,7 +72,6 @@ def contradiction(
             the largest sum is returned; of several of those, the first in order. None:
             all alike.
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
-        former: Search as far as runs did before there was a bound on all of it.
 
     Cost:
         O(N²/64) time if it is coherent. If not, O(k N/64) for ``k`` literals in
@@ -110,15 +108,15 @@ def contradiction(
         rows &= ~to_words(alone)
         rows[alone] = 0
     sensors = clashing >> 1
-    cover = smallest_cover(rows, worth[sensors], patience, former=former)
+    cover = smallest_cover(rows, worth[sensors], patience)
     edges = graph.wire_list("hasse")
     literals, ends, more = shortest_chains(
         np.searchsorted(edges, np.arange(len(graph) + 1) << 32),
         edges & 0xFFFFFFFF,
         clashing,
         seen,
-        len(graph) ** 2 if former else CHAINS,
-        len(graph) ** 2 if former else _LOOKS,
+        CHAINS,
+        _LOOKS,
     )
     mask, way, stops = to_mask(alone), literals.tolist(), [0, *ends.tolist()]
     return Contradiction(

@@ -29,8 +29,6 @@ from neurosnap.poc.order.masks import members, to_mask
 PATIENCE = 2_000
 """Vertices looked at, over all sets of the undecided, before the rest is covered
 greedily: about as many microseconds."""
-FORMER_PATIENCE = 100_000
-"""What it was for each connected part, in runs from before."""
 
 
 class Cover(NamedTuple):
@@ -52,11 +50,7 @@ _NOTHING = Cover(0, 0, exact=True)
 
 
 def smallest_cover(
-    rows: Words,
-    worth: NDArray[np.float64],
-    patience: int = PATIENCE,
-    *,
-    former: bool = False,
+    rows: Words, worth: NDArray[np.float64], patience: int = PATIENCE
 ) -> Cover:
     """Return a smallest vertex cover.
 
@@ -65,8 +59,6 @@ def smallest_cover(
             and no vertex is next to itself.
         worth: ``(k,)``, finite: the more, the rather a vertex is chosen.
         patience: How many vertices to look at.
-        former: Search as runs did before: take no vertex because every cover must have
-            it, and be as patient with every connected part.
 
     Cost:
         O(k²) time and O(1) an edge, compiled; and a few operations on masks for each
@@ -87,18 +79,16 @@ def smallest_cover(
     alive = degrees > 0
     part = labels(rows, alive)
     taken = greedy(rows, degrees.copy(), alive.copy(), rank)
-    needed = 0
-    if not former:
-        most = np.bincount(part[taken], minlength=max(1, count)).astype(np.int64)
-        forced(rows, degrees, alive, part, most)
-        needed = to_mask((part >= 0) & ~alive)
-        alive &= degrees > 0
-        part = labels(rows, alive)
+    most = np.bincount(part[taken], minlength=max(1, count)).astype(np.int64)
+    forced(rows, degrees, alive, part, most)
+    needed = to_mask((part >= 0) & ~alive)
+    alive &= degrees > 0
+    part = labels(rows, alive)
     cover = Cover(needed, needed, exact=True)
     for first in np.unique(part[alive]).tolist():
         inside = part == first
         search = _Search(rows, worth, inside)
-        patience = search.solve(FORMER_PATIENCE if former else patience)
+        patience = search.solve(patience)
         if patience >= 0:
             cover = _joined(cover, search.best[search.wanted])
             continue

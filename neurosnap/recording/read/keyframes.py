@@ -61,11 +61,10 @@ class Gathering:
         return start._replace(bands=(*self._bands.values(),))
 
 
-def keyframes(recording: Recording) -> Iterator[Start]:
+def starts(recording: Recording) -> Iterator[Start]:
     """Yield the key-frames of a recording that are whole, in order.
 
-    Those of old are among them that say no more than what was learned. Of a finished
-    recording only chunks that hold one are unpacked.
+    Of a finished recording only chunks that hold one are unpacked.
 
     Raises:
         RecordingError: While iterating: it is damaged.
@@ -75,15 +74,6 @@ def keyframes(recording: Recording) -> Iterator[Start]:
         start = gathering.take(recorded)
         if start is not None:
             yield start
-
-
-def starts(recording: Recording) -> Iterator[Start]:
-    """Yield the key-frames of a recording that one can start from, in order.
-
-    Raises:
-        RecordingError: While iterating: it is damaged.
-    """
-    return (start for start in keyframes(recording) if start.frame.waves)
 
 
 def last_start(recording: Recording, tick: int) -> Start | None:

@@ -3,7 +3,7 @@
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.recording.read.keyframes import Start, keyframes
+from neurosnap.recording.read.keyframes import Start, starts
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
@@ -35,7 +35,7 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
 
 def _last_known(recording: Recording, last: int) -> int:
     """Return the last tick up to `last` that can be learned from what is there."""
-    frames = {start.frame.tick for start in keyframes(recording)}
+    frames = {start.frame.tick for start in starts(recording)}
     seen = {
         recorded.message.tick
         for recorded in recording.messages(("observe",))
@@ -88,7 +88,7 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
 def _last_frame(recording: Recording, tick: int) -> Start | None:
     """Return the last key-frame up to a tick, be it one to start from or not."""
     last: Start | None = None
-    for start in keyframes(recording):
+    for start in starts(recording):
         if (0 if last is None else last.frame.tick) <= start.frame.tick <= tick:
             last = start
     return last

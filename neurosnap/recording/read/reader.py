@@ -101,14 +101,14 @@ class Recording:
                 `neurosnap.recording.format.index_scan`.
 
         Raises:
-            RecordingError: It says nothing of its run, or is of a newer kind.
+            RecordingError: It says nothing of its run, or is of another schema.
         """
         recording = cls(path, layout)
         recording._verify_run()  # its own
         return recording
 
     def _verify_run(self) -> None:
-        """Refuse a recording that says nothing of its run, or is of a newer kind."""
+        """Refuse a recording that says nothing of its run, or is of another schema."""
         if RUN not in self.layout.metadata:
             if self.layout.chunks or self.finished or self.layout.damage:
                 raise RecordingError(
@@ -117,9 +117,12 @@ class Recording:
             return
         schema = self.metadata.get("schema", "")
         # Not as numbers: Python refuses to read one of thousands of digits.
-        if schema not in map(str, range(1, wire.SCHEMA + 1)):
-            rule = f"must be in [1, {wire.SCHEMA}]"
-            raise RecordingError(f"{self.path}: schema: {rule}, got {schema[:40]!r}")
+        if schema != str(wire.SCHEMA):
+            advice = "read it with the version of neurosnap that wrote it, or run again"
+            raise RecordingError(
+                f"{self.path}: schema: must be {wire.SCHEMA}, got {schema[:40]!r};"
+                f" {advice}"
+            )
 
     @property
     def metadata(self) -> dict[str, str]:

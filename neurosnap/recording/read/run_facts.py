@@ -17,24 +17,11 @@ def options_of(recording: Recording) -> RunOptions:
     recording.demand_facts()
     try:
         raw = recording.metadata["options"]
-        options = msgspec.json.decode(raw, type=RunOptions)
+        return msgspec.json.decode(raw, type=RunOptions)
     except (KeyError, msgspec.MsgspecError) as error:
         raise RecordingError(
             f"{recording.path}: options: must be those of a run, got {error}"
         ) from error
-    before: dict[str, int] = {
-        "band": 0,
-        "bounded": False,
-        "recall": False,
-        "remind": False,
-        "retires_covered": False,
-        "retires_known": False,
-        "support": 0,
-        "together": False,
-    }
-    said = msgspec.json.decode(raw)
-    lacking = {name: value for name, value in before.items() if name not in said}
-    return msgspec.structs.replace(options, **lacking)
 
 
 def resumed_at(recording: Recording) -> tuple[int, ...]:

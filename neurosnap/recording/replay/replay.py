@@ -18,13 +18,14 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import NoReturn, TypeAlias
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
+from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.snapshot import OF_PAIRS
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.part_history import answer_of
@@ -33,7 +34,6 @@ from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.reader import Recorded, Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
-from neurosnap.recording.replay.comparison import is_same, is_stretch
 from neurosnap.sensorium import selection, unpack
 
 _INPUTS = ("observe", "settle", "tally", "recalled", "band", "learned")
@@ -106,12 +106,11 @@ class Replay:
         # Read ahead: senders overtake each other in a recording, too.
         self._outputs: deque[Recorded] = deque()
         self._observations: dict[int, wire.Observation] = {}
-        self._reports: dict[int, list[tuple[_Report, bool]]] = {}
+        self._reports: dict[int, list[_Report]] = {}
         self._recalled: dict[tuple[int, int], list[wire.Recalled]] = {}
         self._bands: dict[int, list[wire.Band]] = {}  # by tick
         self._learned: dict[int, list[wire.Learned]] = {}  # likewise
         self._would: list[wire.Learned] = []  # what workers should say of a tick
-        self._told: dict[str, int] = {}  # epoch of each part's last wiring
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
         # A key-frame to begin with has been said.
@@ -152,7 +151,7 @@ class Replay:
             yield tick
             if self._resumed and self._resumed[0] == tick:
                 self._resumed.popleft()
-                self._said = deque(self._begin_again())
+                self._said = deque(self.core.begin())
         self._check_closing(tick)
 
     def _check_closing(self, tick: int) -> None:
@@ -166,14 +165,6 @@ class Replay:
                 f" derived {derived}"
             )
         self.compared["decide"] += 1
-
-    def _begin_again(self) -> list[wire.Message]:
-        """Return what the core says where the run is taken up again."""
-        self._read_until(lambda: bool(self._outputs))
-        from_frame = self._outputs and isinstance(
-            self._outputs[0].message, wire.KeyFrame
-        )
-        return self.core.begin() if from_frame else self.core.begin_rewired()
 
     def _only_closing_words(self) -> bool:
         closing = (wire.KeyFrame, wire.Band, wire.Learn, wire.Decision)
@@ -198,19 +189,13 @@ class Replay:
     def _compare(self, recorded: Recorded, derived: wire.Message | None) -> None:
         """Hold what was derived against what was recorded."""
         message = recorded.message
-        if not is_same(derived, recorded):
+        if derived is None or wire.encode(derived) != recorded.payload:
             self._differ(recorded, derived)
         match message:
             case wire.State():
                 self._check_reached(recorded, message.wave, self._observed)
             case wire.Reached():
                 self._check_reached(recorded, message.wave, message.signal)
-            case wire.Wiring():
-                self._told[f"cell/{message.cell}"] = message.epoch
-            case wire.WorkerWiring():
-                self._told[f"worker/{message.worker}"] = message.epoch
-            case wire.KeyFrame(waves=0):  # from before: the wiring went on by changes
-                self.core.remember()
             case _:
                 pass
         self.compared[wire.topic(message.key)] += 1
@@ -345,8 +330,8 @@ class Replay:
         while wave in self.core.in_flight:
             if not self._read_until(lambda: wave in self._reports):
                 break
-            for report, dated in self._reports.pop(wave):
-                said = self.core.receive(report if dated else self._dated(report))
+            for report in self._reports.pop(wave):
+                said = self.core.receive(report)
                 if any(isinstance(message, wire.Fault) for message in said):
                     continue  # it was refused then, too
                 reached.update(wire.fired(report))
@@ -437,14 +422,6 @@ class Replay:
                 f" derived {wire.encode(derived).decode()[:_SHOWN]}"
             )
 
-    def _dated(self, report: _Report) -> _Report:
-        """Return a report of schema 1, which does not say by which wiring it is.
-
-        It is taken to be by the last: if it was not, what it says shows.
-        """
-        epoch = self._told.get(report.sender, 0)
-        return msgspec.structs.replace(report, epoch=epoch)
-
     def _feed_deadline(self, recorded: Recorded) -> list[wire.Message]:
         """Let the wave be late that was repeated here."""
 
@@ -471,8 +448,7 @@ class Replay:
                 case wire.Observation() as observation:
                     self._observations.setdefault(observation.tick, observation)
                 case wire.CellReport() | wire.WorkerReport() as report:
-                    dated = b'"epoch":' in recorded.payload
-                    self._reports.setdefault(report.wave, []).append((report, dated))
+                    self._reports.setdefault(report.wave, []).append(report)
                 case wire.Band() as band:
                     self._bands.setdefault(band.tick, []).append(band)
                 case wire.Learned() as learned:
@@ -517,6 +493,17 @@ def _workers(
         if worker is not None:
             found.append(worker)
     return found
+
+
+def is_stretch(band: wire.Band, arrays: Arrays) -> bool:
+    """Tell whether a band is a stretch of an array of pairs, bit for bit."""
+    if band.array not in OF_PAIRS or band.array not in arrays:
+        return False
+    flat = arrays[band.array].reshape(-1)
+    count, rest = divmod(len(band.data), flat.itemsize)
+    there = flat[band.offset : band.offset + count]
+    little = there.astype(there.dtype.newbyteorder("<"), copy=False)
+    return not rest and little.data.cast("B") == band.data
 
 
 def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:

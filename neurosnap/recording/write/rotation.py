@@ -236,7 +236,6 @@ class SplitWriter:
         return (
             self._split is not None
             and self._newest.size > self._split.size
-            and frame.waves > 0
             and frame.tick > self._begins
             and frame.tick >= self._causes.asked
             and delivery.sequence >= self.upcoming(frame.sender)

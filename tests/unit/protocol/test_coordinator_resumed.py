@@ -135,22 +135,6 @@ def test_a_key_frame_of_another_run_is_refused() -> None:
 
 
 @pytest.mark.parametrize("make", [lambda: CellWires(3), lambda: WorkerWires(3, 2)])
-def test_what_is_recalled_was_never_forgotten(make: type[Wires]) -> None:
-    some = np.array([0 << 32 | 2, 3 << 32 | 1])
-    more = np.array([0 << 32 | 2, 2 << 32 | 4, 3 << 32 | 1])
-    plain, recalled = make(), make()
-    said = []
-    for wires in (plain, recalled):
-        told = wires.rewire_to(some)
-        if wires is recalled:
-            wires.forget()
-            assert wires.is_forgotten
-            wires.remember()
-        said.append([told, wires.rewire_to(more), wires.rewire_whole()])
-    assert said[0] == said[1]
-
-
-@pytest.mark.parametrize("make", [lambda: CellWires(3), lambda: WorkerWires(3, 2)])
 def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
     make: type[Wires],
 ) -> None:

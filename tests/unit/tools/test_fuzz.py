@@ -144,7 +144,7 @@ def test_a_schema_that_is_no_number_of_ours_is_refused(
     Header("neurosnap", "").write(builder)
     Metadata(RUN, {"schema": schema}).write(builder)
     path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
-    with pytest.raises(RecordingError, match=r": schema: must be in \[1, \d\], got '"):
+    with pytest.raises(RecordingError, match=r": schema: must be \d+, got '"):
         Recording.open(path)
 
 

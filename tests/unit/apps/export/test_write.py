@@ -24,7 +24,6 @@ from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.reader import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.split_files import part_paths
-from neurosnap.recording.read.stretches import last_tick
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource
@@ -202,17 +201,6 @@ def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
     lacking = [row for row in table(tmp_path / "out.csv") if not row["state"]]
     assert [row["tick"] for row in lacking] == ["5", "8"]
     assert all(row["depth"] == row["incoherent"] == "" for row in lacking)
-
-
-@pytest.mark.parametrize("name", ["run-1-cells", "run-1-workers"])
-def test_recordings_of_an_older_schema_are_exported(name: str, tmp_path: Path) -> None:
-    golden = Path(__file__).parents[3] / "golden" / f"{name}.mcap"
-    recording = Recording.open(golden)
-    assert recording.metadata["schema"] == "1"
-    for form in FORMS:
-        done = export(golden, form, tmp_path / form)
-        assert done.incomplete == 0
-    assert len(table(tmp_path / "csv")) == last_tick(recording) > 0
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,8 @@ def log(
     """Return a recording in which a rule is broken, once after it was well tested."""
     folder = tmp_path_factory.mktemp("marks")
     options = csv_run(folder / "rows.csv", TICKS)
-    shared = request.param == "workers"
-    options = replace(options, watch=True, support=SUPPORT, together=shared)
+    workers = int(request.param == "workers")
+    options = replace(options, watch=True, support=SUPPORT, workers=workers)
     return recorded(options, folder / "run.mcap")
 
 

@@ -5,9 +5,8 @@ from typing import TypeAlias
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.evidence import Evidence
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
@@ -94,17 +93,3 @@ def test_dates_are_kept_in_the_file(kind: Kind, known: list[bool] | None) -> Non
     twin.learn([1, 0, 0])
     snapshot.learn([1, 0, 0])
     assert twin.to_bytes() == snapshot.to_bytes()
-
-
-@KINDS
-def test_a_file_without_dates_is_read_and_dated_from_there_on(kind: Kind) -> None:
-    snapshot = kind(2, 0.25)
-    for bits in [(0, 0), (0, 1), (1, 1)]:
-        snapshot.observe(bits)
-    arrays = unpack_arrays(snapshot.to_bytes())
-    del arrays["since"]
-    twin = Snapshot.from_bytes(pack_arrays(arrays))
-    assert twin.evidence(0, 2).holds
-    assert twin.evidence(0, 2).since == 0
-    ticks = [twin.learn([1, 0]) for _ in range(9)]
-    assert twin.evidence(0, 2).since == 4 + ticks.index(True)

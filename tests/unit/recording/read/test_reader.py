@@ -213,7 +213,7 @@ def write_mcap(
     path: Path,
     *,
     profile: str = "neurosnap",
-    schema: str | None = "1",
+    schema: str | None = SCHEMA,
     topic: str = "/excite",
     encoding: str = "json",
     payload: bytes = wire.encode(EACH["excite"]),
@@ -245,12 +245,14 @@ def test_a_foreign_mcap_is_refused(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "schema", [str(wire.SCHEMA + 1), "0", "", "-1", "one", "1.0", "9" * 30]
+    "schema",
+    [str(wire.SCHEMA + 1), str(wire.SCHEMA - 1), "0", "", "-1", "one", "1.0", "9" * 30],
 )
 def test_a_schema_that_is_not_known_is_refused(path: Path, schema: str) -> None:
     write_mcap(path, schema=schema)
     with pytest.raises(
-        RecordingError, match=rf"schema: must be in \[1, {SCHEMA}\], got '{schema}"
+        RecordingError,
+        match=rf"log.mcap: schema: must be {SCHEMA}, got '{schema}.*'; read it with ",
     ):
         Recording.open(path)
 
@@ -303,7 +305,7 @@ def test_totals_without_a_balance_are_an_error(path: Path) -> None:
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start("neurosnap", "a stranger")
-        writer.add_metadata("neurosnap.run", {"schema": "1"})
+        writer.add_metadata("neurosnap.run", {"schema": str(wire.SCHEMA)})
         writer.add_metadata("neurosnap.totals", {"expected": "{}"})
         writer.finish()
     with pytest.raises(

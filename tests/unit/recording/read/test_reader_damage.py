@@ -275,7 +275,7 @@ def crafted(path: Path, chunk: Chunk | Message) -> Recording:
     builder = RecordBuilder()
     builder.write(MAGIC)
     Header("neurosnap", "a stranger").write(builder)
-    Metadata("neurosnap.run", {"schema": "1"}).write(builder)
+    Metadata("neurosnap.run", {"schema": str(wire.SCHEMA)}).write(builder)
     chunk.write(builder)
     path.write_bytes(builder.end())
     return Recording.open(path)
