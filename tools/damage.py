@@ -32,9 +32,9 @@ from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read import info
+from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.read.split_files import open_whole, part_path, part_paths
+from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
@@ -176,7 +176,7 @@ def judge(truth: Truth, log: Path) -> Found:
         WrongError: Something is given out that is not so.
     """
     try:
-        recording = open_whole(log)
+        recording = Recording.open(log)
         messages = _read(truth, recording)
     except RecordingError as error:
         return Found(0, 0, 0, False, str(error))
@@ -278,9 +278,9 @@ def _salvaged(truth: Truth, log: Path, messages: int, derived: int) -> None:
     except RecordingError:
         _demand(not out.exists(), "a file left by what failed")
         return
-    again = open_whole(out)
+    again = Recording.open(out)
     _demand(_read(truth, again) == messages, "other messages salvaged than there are")
-    _demand(not again.layout.damage, "damage in what was salvaged")
+    _demand(not again.damage, "damage in what was salvaged")
     _demand(_derived(out) == derived, f"other ticks salvaged than {derived}")
     out.unlink()
 

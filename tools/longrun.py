@@ -26,7 +26,7 @@ import psutil
 
 from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.registry import parts_of

@@ -35,7 +35,7 @@ import msgspec
 import psutil
 
 from neurosnap.errors import NeurosnapError
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.registry import parts_of
 from neurosnap.system.signals import SIGNALS

@@ -7,7 +7,7 @@ import msgspec
 from neurosnap.health.alarm import Alarm, Progress, told
 from neurosnap.health.follower import Follower
 from neurosnap.recording.read.observed import Observed, observations
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.sources.tables.readings import Readings
 from neurosnap.sources.tables.spans import seconds_of
 

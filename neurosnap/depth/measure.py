@@ -20,7 +20,7 @@ from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.system.durable import replace_file, replacing

@@ -20,7 +20,7 @@ from neurosnap.protocol.anomaly_messages import Told, told, with_support
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.alarms import alarms_of
 from neurosnap.recording.read.births import Births, births_of
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import Network

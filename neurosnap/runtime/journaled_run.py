@@ -18,7 +18,7 @@ from neurosnap.errors import InvalidValueError, NeurosnapError, PartDiedError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.split_files import first_path
+from neurosnap.recording.read.recording import first_path
 from neurosnap.runtime.parts.intake_process import INTAKE, IntakeJob, Taken
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.parts.world_process import WayIn

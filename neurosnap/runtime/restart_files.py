@@ -23,8 +23,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_path, part_paths
+from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.system.durable import sync_file, sync_folder
@@ -229,7 +228,7 @@ def _hold(files: Sequence[Path], path: Path) -> bool:
 def _is_sound(path: Path) -> bool:
     """Tell whether a file can be read to its end, or to where it was cut."""
     try:
-        recording = Recording.open(path)
+        recording = Recording.open_file(path)
         cut = recording.cut
         if recording.damage:
             return False
@@ -241,7 +240,7 @@ def _is_sound(path: Path) -> bool:
 def _ticks(files: Sequence[Path]) -> Iterator[_Tick]:
     """Yield the ticks that have an observation and a state, in order."""
     for path in files:
-        for tick in ticks(Recording.open(path)):
+        for tick in ticks(Recording.open_file(path)):
             if tick.observation is not None and tick.state is not None:
                 seen = tick.observation
                 yield tick.number, seen.bits, seen.known, seen.begins
@@ -267,6 +266,6 @@ def _has_chunk(path: Path, offset: int) -> bool:
 def _number(log: Path) -> int:
     """Return which of the files of its run one is; 0 where it does not say."""
     try:
-        return Recording.open(log).part or 0
+        return Recording.open_file(log).part or 0
     except RecordingError:
         return 0

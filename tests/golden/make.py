@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 
 FOLDER = Path(__file__).parent

@@ -7,7 +7,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.golden.make import FOLDER, MESSAGES, make, meaning
 
 GOLDEN = FOLDER / "recording.mcap"

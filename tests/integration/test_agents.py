@@ -16,7 +16,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of, drawn_to

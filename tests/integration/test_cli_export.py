@@ -12,7 +12,7 @@ from typer.testing import Result
 
 from neurosnap import wire
 from neurosnap.apps.export import as_csv
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.command_line import call
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.health_view import HealthView
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past

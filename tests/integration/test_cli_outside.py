@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.journal import journal_of
 from tests.support.commands import Command

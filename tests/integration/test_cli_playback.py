@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.command_line import call, failed, flat, happy, last_json, refused
 from tests.support.command_line_files import cut, record_path

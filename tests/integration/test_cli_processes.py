@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.system.picture import KINDS
 from tests.support.command_line import RUN_KEYS, last_json
 from tests.support.command_line_files import readings

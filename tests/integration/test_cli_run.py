@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import RUN_KEYS, call, flat, happy, refused
 from tests.support.command_line_files import readings

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import part_paths
 from tools.longrun import write_readings
 
 pytestmark = pytest.mark.slow

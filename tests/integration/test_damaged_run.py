@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime import launch
 from neurosnap.runtime.restart import Restart
 from tests.support.commands import Command
@@ -97,7 +97,7 @@ def test_a_recorder_without_a_hub_writes_down_what_it_has(
 def chunks(log: Path) -> int:
     """Return how many whole chunks of a recording are on the disk."""
     try:
-        return len(Recording.open(log).layout.chunks)
+        return len(Recording.open(log).files[0].layout.chunks)
     except RecordingError:
         return 0
 
@@ -106,7 +106,7 @@ def test_a_damaged_recording_is_kept_and_told_of(tmp_path: Path) -> None:
     log, kept = tmp_path / "a.mcap", tmp_path / "a.damaged-1.mcap"
     with fed(log) as running:
         running.feed(lambda: chunks(log) >= 3)
-        place = Recording.open(log).layout.chunks[0].offset + 20
+        place = Recording.open(log).files[0].layout.chunks[0].offset + 20
         with log.open("r+b") as file:
             file.seek(place)
             (byte,) = file.read(1)

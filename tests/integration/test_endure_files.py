@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import SMALLEST
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.restart import Restart, run_with_restarts
 from neurosnap.runtime.restart_files import RestartFiles

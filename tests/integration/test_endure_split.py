@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from neurosnap.protocol.run_options import SMALLEST
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from tests.support.disturbed_runs import (
     ENDLESS,

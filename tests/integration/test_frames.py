@@ -18,9 +18,9 @@ from neurosnap import wire
 from neurosnap.agent.continuing import Continuing
 from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import happy, refused
 from tests.support.foxglove_rules import refusals

@@ -11,7 +11,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.memory import body_in
 from neurosnap.apps.figures.experiments.stages import Stage, StageEnv
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source

@@ -18,8 +18,7 @@ from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import learned_at
 from neurosnap.recording.read.learning import Learning
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
@@ -63,7 +62,9 @@ def by_one_agent(options: RunOptions) -> list[wire.Decision]:
 
 
 def decisions(log: Path) -> dict[int, wire.Decision]:
-    messages = (recorded.message for recorded in open_whole(log).messages(("decide",)))
+    messages = (
+        recorded.message for recorded in Recording.open(log).messages(("decide",))
+    )
     return {one.tick: one for one in messages if isinstance(one, wire.Decision)}
 
 

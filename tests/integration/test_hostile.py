@@ -22,7 +22,7 @@ from neurosnap.agent.body import Body
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime import inline, launch
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE

@@ -20,7 +20,7 @@ from neurosnap.fabric.security.make_keys import make_keys, revoke
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.fabrics import Seen
 from tests.support.secured_hub import SWARM, Hub, hub_with

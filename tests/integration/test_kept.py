@@ -13,7 +13,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.child_process import END
 from neurosnap.sensorium import unpack

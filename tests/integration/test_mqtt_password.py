@@ -10,7 +10,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import unpack

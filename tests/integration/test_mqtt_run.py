@@ -17,7 +17,7 @@ from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.learning import Learning
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command

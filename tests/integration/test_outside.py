@@ -24,7 +24,7 @@ from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import coordinator_process

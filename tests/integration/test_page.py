@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import expect
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack

@@ -11,7 +11,8 @@ from PIL import Image
 from playwright.async_api import Page, expect
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.page_faults import faults
 from tests.support.recorded_runs import recorded

@@ -10,7 +10,7 @@ from playwright.async_api import expect
 
 from neurosnap import wire
 from neurosnap.agent.continuing import Continuing
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
 from tests.support.page_faults import faults
 from tests.support.recorded_runs import recorded

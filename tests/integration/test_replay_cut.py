@@ -8,7 +8,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from tests.support.lossy_runs import LOST, Simulation, lost_once
@@ -19,6 +19,8 @@ from tests.support.shuffled_recordings import shuffled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from neurosnap.recording.read.file import Recorded
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +33,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
 def offsets(log: Path, count: int) -> list[int]:
     """Return places to cut at: round every chunk's end, and drawn ones."""
     size = log.stat().st_size
-    chunks = Recording.open(log).layout.chunks
+    chunks = Recording.open(log).files[0].layout.chunks
     edges = [chunk.offset + step for chunk in chunks for step in (-1, 0, 1)]
     chance = random.Random(3)
     drawn = [chance.randrange(size) for _ in range(count)]
@@ -52,7 +54,7 @@ def test_a_recording_cut_anywhere_is_incomplete_and_never_different(
     if seed is not None:
         recorded = shuffled(seed)(list(recorded))
     whole = write_again(recording, tmp_path / "log", recorded, chunk=1500)
-    first_chunk = Recording.open(whole).layout.chunks[0].offset
+    first_chunk = Recording.open(whole).files[0].layout.chunks[0].offset
     ticks = set()
     for size in offsets(whole, 30):
         cut = cut_at(whole, tmp_path / "cut", size)

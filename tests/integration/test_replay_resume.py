@@ -9,8 +9,9 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
@@ -43,7 +44,7 @@ def cut_at(log: Path, target: Path, size: int) -> Path:
 
 def cut_in(log: Path, target: Path, share: float) -> Path:
     """Cut in the middle of the chunk behind a share of them."""
-    chunks = Recording.open(log).layout.chunks
+    chunks = Recording.open(log).files[0].layout.chunks
     number = int(share * len(chunks))
     return cut_at(log, target, (chunks[number].offset + chunks[number + 1].offset) // 2)
 

@@ -10,8 +10,9 @@ from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import last_tick
 from neurosnap.sensorium import unpack
 from tests.support.recorded_messages import first, of_type

@@ -7,7 +7,8 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.run_options import WiringKind
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.recorded_messages import first
 from tests.support.replayed_runs import Runs

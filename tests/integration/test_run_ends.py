@@ -14,7 +14,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, RecordingError, SwarmError
 from neurosnap.protocol.run_options import CellKind
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.run import run
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
 

@@ -9,8 +9,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.learned_at import learned_at
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run
@@ -72,7 +71,7 @@ def test_they_have_weights_cells_and_names(inline: Path) -> None:
     assert names[first:] == ("turn_a&a&~b", "press&a&b", "press&~a&lit")
     on = {
         recorded.message.tick
-        for recorded in open_whole(inline).messages(("observe",))
+        for recorded in Recording.open(inline).messages(("observe",))
         if isinstance(recorded.message, wire.Observation)
         and recorded.message.bits[birth.born >> 3] >> (birth.born & 7) & 1
     }

@@ -19,7 +19,7 @@ from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import RIGHTS, Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.playback import play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Seen

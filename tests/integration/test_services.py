@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from neurosnap.fabric.security.roles import Role
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command
 from tests.support.course import course

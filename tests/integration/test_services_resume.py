@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from tests.support.course import course
 from tests.support.patience import PATIENCE

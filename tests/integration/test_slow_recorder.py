@@ -15,7 +15,7 @@ import pytest
 
 from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import Outcome, run
 from tests.support.course import course

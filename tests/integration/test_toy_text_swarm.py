@@ -9,7 +9,7 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.fit_agent import body_of

@@ -73,11 +73,11 @@ async def test_another_recording_is_chosen_and_a_link_leads_to_it(
             "other/run.mcap",
         ]
         await expect(page.locator("#what")).to_contain_text(
-            RunView(logs[0]).files.first.swarm
+            RunView(logs[0]).recording.swarm
         )
         await page.select_option("#run", "1")
         await expect(page.locator("#what")).to_contain_text(
-            RunView(logs[1]).files.first.swarm
+            RunView(logs[1]).recording.swarm
         )
         await wait_shown(page, 12)
         assert await page.evaluate("location.hash") == "#t=12&run=1"

@@ -16,7 +16,7 @@ from neurosnap.apps.viewer.frame_changes import Change
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.page_requests import events, get
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded, told
@@ -63,7 +63,7 @@ async def test_a_growing_recording_is_told_as_differences(
                 assert frame["state"] == whole.state
                 assert frame["bits"] == whole.bits
             assert event.live == (
-                event.ticks < TICKS or not session.run_view.files.finished
+                event.ticks < TICKS or not session.run_view.recording.finished
             )
             share = next(shares, None)
             if share is not None:

@@ -11,7 +11,7 @@ from playwright.async_api import expect
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support import browser_pages as pages
 from tests.support.browser_pages import IN_BROWSER, derived, looked_at, opened, states
 from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded
@@ -28,7 +28,7 @@ def another_log(tmp_path: Path) -> Path:
 def cut_short(log: Path, target: Path, part: float) -> Path:
     """Keep a part of a recording's chunks."""
     whole = in_chunks(log, target.with_suffix(".whole"), 1000)
-    chunks = Recording.open(whole).layout.chunks
+    chunks = Recording.open(whole).files[0].layout.chunks
     offset = chunks[int(len(chunks) * part)].offset
     target.write_bytes(whole.read_bytes()[:offset])
     return target

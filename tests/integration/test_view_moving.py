@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.async_api import expect
 
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from tests.support.browser_pages import (
     IN_BROWSER,
@@ -227,7 +227,7 @@ async def test_a_sensor_is_found_by_a_part_of_its_name(planner_log: Path) -> Non
 
 async def test_a_live_run_appears_and_grows(planner_log: Path, tmp_path: Path) -> None:
     whole = in_chunks(planner_log, tmp_path / "whole.mcap", 4000)
-    chunks = Recording.open(whole).layout.chunks
+    chunks = Recording.open(whole).files[0].layout.chunks
     data, log = whole.read_bytes(), tmp_path / "live.mcap"
     grown = [chunks[len(chunks) * part // 3].offset for part in (1, 2)]
     log.write_bytes(data[: grown[0]])

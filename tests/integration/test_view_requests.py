@@ -14,7 +14,7 @@ from neurosnap.apps.viewer.address import Address
 from neurosnap.apps.viewer.connection import Connection
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.page_requests import get, say, status_of
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded, told

@@ -12,7 +12,7 @@ from playwright.async_api import expect
 
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from tests.support.browser_pages import IN_BROWSER, derived, go_to, opened, states
 from tests.support.recorded_runs import (

@@ -19,7 +19,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify

@@ -11,7 +11,7 @@ from playwright.async_api import Browser, ConsoleMessage, Page
 from neurosnap import wire
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
 from tools.browser import NO_BROWSER, Scheme, chromium, new_page, started, wait_shown

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.command_line import happy
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap import wire
-from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.read.recording import Recording
 
 
 def course(log: Path, ticks: int | None = None) -> list[wire.Message]:
@@ -19,7 +19,7 @@ def course(log: Path, ticks: int | None = None) -> list[wire.Message]:
             to stop may have decided on the next one already, and sensed it.
     """
     found: list[tuple[int, int, wire.Message]] = []
-    for recorded in open_whole(log).messages(("observe", "state", "decide")):
+    for recorded in Recording.open(log).messages(("observe", "state", "decide")):
         match recorded.message:
             case wire.Observation(tick=tick) as message:
                 found.append((tick, 0, message))

@@ -12,8 +12,7 @@ import psutil
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.restart import Restart, run_with_restarts
 from neurosnap.runtime.restart_policy import Supervision

@@ -14,7 +14,7 @@ from neurosnap.protocol.run_options import (
     SnapshotKind,
     WiringKind,
 )
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.run import Outcome, run
 from neurosnap.sources.open import open_source
 

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 
 M = TypeVar("M")
 

@@ -13,7 +13,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run

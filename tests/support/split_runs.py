@@ -9,8 +9,8 @@ import msgspec
 from neurosnap import wire
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import SplitWriter
 from tests.support.implying_rows import implying_rows
 from tests.support.scripted_runs import ACTIONS, record_scripted, scripted_options

@@ -20,7 +20,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source

@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.starting.child_processes import allow_files
 from tools.bench.kinds import line_options
 from tools.bench.report import Line, Sizes, ratio_of_pairs

@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.run import describe

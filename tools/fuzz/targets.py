@@ -26,10 +26,10 @@ from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.wave import Wave
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.index_scan import scan_index
 from neurosnap.recording.format.records import opened
+from neurosnap.recording.format.scan import scan_index
 from neurosnap.recording.read.info import describe, render
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.participant import decoded
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
 from tools.fuzz.messages import altered, drawn, message, number
@@ -345,6 +345,6 @@ class RecordingTarget:
     def _look(self) -> None:
         """Look at the file as a viewer does, which shows what it can."""
         with suppress(RecordingError), opened(self._path) as file:
-            for chunk in scan_index(self._path).layout.chunks:
+            for chunk in scan_index(self._path).chunks:
                 with suppress(RecordingError):
                     unpack(self._path, file, chunk)

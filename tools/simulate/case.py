@@ -18,7 +18,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.errors import SwarmError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import describe
@@ -84,7 +84,7 @@ def live_on(
             return tally  # some of it cannot be read, and it says so
         if past is not None and past.part:
             # The files of lives before it say what they lack by themselves.
-            completeness = open_whole(log).completeness()
+            completeness = Recording.open(log).completeness()
         # What the disk or the network took from it, the files before may have.
         spared = completeness.whole and not (tally.flips or tally.powercuts)
         if lives.kept and spared:
@@ -99,7 +99,9 @@ def live_on(
 
 def _births(log: Path) -> int:
     """Return how many sensors a recorded run has grown."""
-    messages = (recorded.message for recorded in open_whole(log).messages(("decide",)))
+    messages = (
+        recorded.message for recorded in Recording.open(log).messages(("decide",))
+    )
     return sum(isinstance(m, wire.Decision) and m.born >= 0 for m in messages)
 
 

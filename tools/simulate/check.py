@@ -19,8 +19,8 @@ from neurosnap.poc.learning.search import answered
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.reader import Recorded
-from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import pack, selection
 from tools.simulate.source import source_of
@@ -113,7 +113,7 @@ def check(
     Raises:
         WrongError: It differs; the text says where.
     """
-    recorded = list(open_whole(log).messages())
+    recorded = list(Recording.open(log).messages())
     _check_completeness(recorded, completeness, sent)
     true, said = truth(options), _said(recorded)
     for topic, expected in true.said.items():

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.file import RecordingFile
+from neurosnap.recording.read.recording import part_paths
 from tools.simulate.weather import Tally, Weather
 
 
@@ -38,7 +38,7 @@ class Disk:
         power = chance.random() < weather.power
         self._tally.powercuts += power
         for path in paths:
-            if Recording.open(path).finished:
+            if RecordingFile.open(path).finished:
                 continue
             # What a run begins with may be lost. A later file begins on the disk, but
             # for a power cut.
@@ -98,7 +98,7 @@ class Disk:
 def _in_chunk(path: Path, at: int) -> bool:
     """Tell whether a byte is among the messages of a whole recording."""
     try:
-        chunks = Recording.open(path).layout.chunks
+        chunks = RecordingFile.open(path).layout.chunks
     except RecordingError:
         return False
     return any(chunk.offset <= at < chunk.offset + chunk.packed for chunk in chunks)
@@ -106,7 +106,7 @@ def _in_chunk(path: Path, at: int) -> bool:
 
 def _ends(log: Path) -> Iterator[int]:
     """Yield where a file can end with some of its chunks, the next one torn or not."""
-    layout = Recording.open(log).layout
+    layout = RecordingFile.open(log).layout
     yield layout.size
     for chunk in layout.chunks:
         yield chunk.offset

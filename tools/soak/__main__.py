@@ -38,7 +38,7 @@ from rich.console import Console
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.run_options import HostKind, RunOptions
-from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.parts.intake_process import INTAKE
@@ -192,7 +192,7 @@ def _restarts(kills: int) -> int:
 
 def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
     """Return what a recording says of itself; nothing is compared with it yet."""
-    recording = open_whole(log)
+    recording = Recording.open(log)
     told = recording.messages(("observe", "state", "decide", "wave"))
     heard = [each.message for each in told]
     kinds = (wire.Observation, wire.State, wire.Decision)
@@ -224,7 +224,7 @@ def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
     A run that is asked to stop has decided on its next tick already.
     """
     found: list[tuple[object, ...]] = []
-    for recorded in open_whole(log).messages(("state", "decide")):
+    for recorded in Recording.open(log).messages(("state", "decide")):
         match recorded.message:
             case wire.State() as state:
                 found.append(("state", state.tick, state.literals, state.incoherent))

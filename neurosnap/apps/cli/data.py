@@ -10,7 +10,7 @@ from neurosnap.apps.cli.shared import screen
 from neurosnap.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.sources.tables.meaning import Wanted
     from neurosnap.sources.tables.readings import Readings
 
@@ -76,7 +76,7 @@ def opened(data: Path, wanted: "Wanted") -> "Recording | Readings":
     """
     from neurosnap.apps.cli import output
     from neurosnap.recording.format.records import MAGIC
-    from neurosnap.recording.read.split_files import open_whole
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.sources.tables.open_readings import first_bytes, open_readings
 
     if not first_bytes(str(data)).startswith(MAGIC):
@@ -85,4 +85,4 @@ def opened(data: Path, wanted: "Wanted") -> "Recording | Readings":
     if wanted.patterns or wanted.comparisons or wanted.time:
         rule = "must not go with a recording, whose sensors are known"
         raise InvalidValueError("sensors, when or time", rule, str(data))
-    return open_whole(data)
+    return Recording.open(data)

@@ -29,7 +29,7 @@ def health(
 ) -> None:
     """Tell which sensors of a home seem broken, since when, and why."""
     from neurosnap.apps import health_log
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.read.run_facts import options_of
 
     with errors():

@@ -20,7 +20,7 @@ from neurosnap.apps.cli.stopping import unwinding
 from neurosnap.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.sources.tables.readings import Readings
 
 _BYTES_A_PAIR = 100
@@ -55,7 +55,7 @@ def learn(
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.empirical import EmpiricalSnapshot
     from neurosnap.poc.learning.relation_table import tabulate
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
 
     with errors():
         if out is not None:
@@ -89,8 +89,8 @@ def learn(
 def _readings(found: "Recording | Readings") -> "Readings":
     """Return readings; of a recording those that it learned from."""
     from neurosnap.recording.read.learned_at import snapshot_at
-    from neurosnap.recording.read.reader import Recording
     from neurosnap.recording.read.readings_of import readings_of
+    from neurosnap.recording.read.recording import Recording
 
     if not isinstance(found, Recording):
         return found

@@ -28,10 +28,10 @@ def info(log: Log, as_json: Json = False) -> None:
     """Show what a recording holds, what it learned, and what is missing from it."""
     from neurosnap.apps.cli.relations import learned_lines
     from neurosnap.recording.read.info import describe, render
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
 
     with errors():
-        recording = Recording.open(log)
+        recording = Recording.open_file(log)
         found = describe(recording)
         say(as_json).print(render(found), markup=False, soft_wrap=True)
         for line in learned_lines(log, recording, found):
@@ -64,7 +64,7 @@ def graph(
     from neurosnap.apps.export.graph_text import diagram, parse_format, render
     from neurosnap.recording.read.births import births_of
     from neurosnap.recording.read.learned_at import snapshot_at
-    from neurosnap.recording.read.split_files import open_whole
+    from neurosnap.recording.read.recording import Recording
 
     with errors():
         table = form == "table" and not as_json
@@ -74,7 +74,7 @@ def graph(
                 rule = "must go with the table; other formats go to standard output"
                 raise InvalidValueError("out", rule, str(out))
         wanted = "json" if as_json or table else parse_format(form)
-        recording = open_whole(log)
+        recording = Recording.open(log)
         tick, snapshot = snapshot_at(recording, at)
         if table:
             answered = answered_by(log, recording, tick, snapshot, every=every)

@@ -93,12 +93,12 @@ def depth(
     from neurosnap.apps.cli import output
     from neurosnap.depth.measure import draw, fit, from_recording, measure, write_csv
     from neurosnap.depth.probe import Measured
-    from neurosnap.recording.read.split_files import open_whole
+    from neurosnap.recording.read.recording import Recording
 
     with errors():
         tall = _numbers("heights", heights)
         sizes = _numbers("sensors", sensors) if sensors else _sizes(tall)
-        recording = None if log is None else open_whole(log)
+        recording = None if log is None else Recording.open(log)
         if recording is not None:
             rows = from_recording(recording)
         else:

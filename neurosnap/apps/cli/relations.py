@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.snapshot import Snapshot
     from neurosnap.recording.read.info import Info
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
 
 MOST = 40
 """Rows that a terminal is shown, unless they are what was asked for."""

@@ -153,7 +153,7 @@ def _verify(log: Path, begin: int, as_json: bool) -> None:
 
 def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> None:
     from neurosnap.apps.cli import output
-    from neurosnap.recording.read.split_files import part_path
+    from neurosnap.recording.read.recording import part_path
     from neurosnap.recording.replay.resume import find_resume_point
     from neurosnap.runtime.journaled_run import run_journaled
     from neurosnap.runtime.parts.world_process import WayIn
@@ -206,11 +206,11 @@ def _play(
 ) -> None:
     from neurosnap.apps.cli import output
     from neurosnap.recording.read.info import shown
-    from neurosnap.recording.read.split_files import open_whole
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.replay.playback import play_on
 
     network.check()
-    recording = open_whole(log)
+    recording = Recording.open(log)
     where = f"{network.listen} under neurosnap/{shown(recording.swarm)}/**"
 
     def on_begin() -> None:

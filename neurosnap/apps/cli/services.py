@@ -246,7 +246,7 @@ def _numbered(out: Path | None, before: int) -> Path | None:
 
 def _written(log: Path) -> Path:
     """Return the file that a resumed run was recorded in: one of several, maybe."""
-    from neurosnap.recording.read.split_files import part_paths
+    from neurosnap.recording.read.recording import part_paths
 
     return next(iter(part_paths(log).values()), log)
 

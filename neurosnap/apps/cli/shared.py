@@ -27,7 +27,7 @@ from neurosnap.system.distribution import version
 from neurosnap.system.signals import INTERRUPTED
 
 if TYPE_CHECKING:
-    from neurosnap.recording.read.reader import Recording
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.runtime.hosts.numbers import Numbers
 
 T = TypeVar("T")

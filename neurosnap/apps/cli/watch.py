@@ -71,7 +71,7 @@ def watch(
     from neurosnap.health.news import News
     from neurosnap.protocol.anomaly_messages import Told
     from neurosnap.protocol.anomaly_text import anomaly_line
-    from neurosnap.recording.read.split_files import open_whole
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.runtime import registry
     from neurosnap.runtime.anomaly_feed import Fed, recorded, without_anomalies
     from neurosnap.runtime.anomaly_feed import watch as look_on
@@ -88,7 +88,7 @@ def watch(
 
     with errors():
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
-            recording = open_whole(Path(what))
+            recording = Recording.open(Path(what))
             found = False
             for told in recorded(recording, support):
                 show(told)

@@ -18,7 +18,7 @@ from neurosnap.poc.order.pocset import PocSet
 from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import unpack
 
 MOST = 4_000
@@ -82,7 +82,7 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
     What was observed by then takes the place of a realisation, where every reading was
     known. A sensor that was not grown yet, or has retired, is left out.
     """
-    recording = open_whole(path)
+    recording = Recording.open(path)
     tick, snapshot = snapshot_at(recording, tick)
     poc = PocSet.from_graph(snapshot.poc_graph(), snapshot.sensorium)
     count, state, seen = len(poc), None, []

@@ -13,7 +13,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import PocSet
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 
 LIMIT = 256
 """The most vertices that are drawn without being asked to draw more."""

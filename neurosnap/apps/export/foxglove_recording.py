@@ -29,8 +29,9 @@ from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.births import Births, births_of
+from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.keyframes import Gathering, Start
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.ticks import InOrder, Tick
 from neurosnap.sensorium import Sensorium, selection, unpack

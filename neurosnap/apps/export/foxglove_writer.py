@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.apps.export import foxglove_schemas as drawn
 from neurosnap.apps.export.foxglove_layout import BELIEVED, GRAPH, LOG, READINGS, STATE
 from neurosnap.recording.format import schemas
-from neurosnap.recording.read.reader import Recorded
+from neurosnap.recording.read.file import Recorded
 from neurosnap.system.distribution import version
 
 COPIED = (

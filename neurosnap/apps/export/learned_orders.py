@@ -5,7 +5,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.learning import Learning
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.ticks import Tick
 
 

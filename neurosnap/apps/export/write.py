@@ -14,8 +14,7 @@ from neurosnap.apps.export.output_file import placed
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import open_whole, part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.system.distribution import must_have
 
@@ -91,7 +90,7 @@ def export(
         raise InvalidValueError("at", "must come with --format graphml", at)
     if only_readings and form != "csv":
         raise InvalidValueError("only-readings", "must come with --format csv", form)
-    recording = open_whole(log)
+    recording = Recording.open(log)
     path = log.with_name(f"{log.stem}{_ENDINGS[form]}") if out is None else out
     reads = (log, *part_paths(log).values())
     with placed(path, force=force, reads=reads) as draft:

@@ -31,7 +31,7 @@ def listed(sessions: Sequence[ViewSession]) -> Runs:
         [
             Listed(
                 name=name,
-                swarm=session.run_view.files.first.swarm,
+                swarm=session.run_view.recording.swarm,
                 ticks=session.run_view.last,
                 live=session.live,
             )

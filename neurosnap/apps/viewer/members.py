@@ -31,7 +31,7 @@ def members(run_view: RunView) -> Cells:
     hosting = _hosting(run_view)
     sent = _sent(run_view, hosting)
     there = {part.who: part for part in _running(run_view.path)}
-    places = run_view.files.last.places
+    places = run_view.recording.places
     services = [who for who in ("coordinator", "world") if who in sent]
     return Cells(
         cells=[
@@ -58,7 +58,7 @@ def _hosting(run_view: RunView) -> dict[str, range]:
 
 def _sent(run_view: RunView, hosting: Collection[str]) -> dict[str, int]:
     """Return how many messages each part has sent, as far as those that host go."""
-    noted = run_view.files.last.noted().expected
+    noted = run_view.recording.noted().expected
     if noted:
         return noted
     sent: dict[str, int] = {}

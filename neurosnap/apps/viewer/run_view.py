@@ -34,8 +34,8 @@ from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly_messages import told, with_support
 from neurosnap.protocol.anomaly_text import evidence
-from neurosnap.recording.read.growing_files import Files
 from neurosnap.recording.read.learning import Learning
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack
@@ -63,9 +63,9 @@ class RunView:
 
     def __init__(self, path: Path, scene: Scene | None = None) -> None:
         self.path = path
-        self.files = Files(path)
-        self.options = options_of(self.files.first)
-        self.tick_index = TickIndex(self.files)
+        self.recording = Recording.open(path, verify=False)
+        self.options = options_of(self.recording)
+        self.tick_index = TickIndex(self.recording)
         self.recall = SnapshotCache(self.tick_index, self.options)
         self.scene = Scene(self.options) if scene is None else scene
         self.images = RecordedImages(self.tick_index, self.options)
@@ -95,12 +95,14 @@ class RunView:
     @property
     def cut(self) -> str | None:
         """Where a recording that is not whole ends, and what in it cannot be read."""
-        return "; ".join((*self.files.cuts, *self.tick_index.damage.values())) or None
+        return (
+            "; ".join((*self.recording.cuts, *self.tick_index.damage.values())) or None
+        )
 
     @property
     def resumed(self) -> tuple[int, ...]:
         """The ticks after which the run was taken up again."""
-        return resumed_at(self.files.last)
+        return resumed_at(self.recording)
 
     def run(self, live: bool) -> api.Run:
         """Return what is being looked at.
@@ -119,8 +121,8 @@ class RunView:
             first=self.first,
             ticks=self.last,
             live=live,
-            cut=None if live and not self.files.troubled else self.cut,
-            swarm=self.files.first.swarm,
+            cut=None if live and not self.recording.spoiled else self.cut,
+            swarm=self.recording.swarm,
             world=self.scene.stage,
             columns=(*api.COLUMNS, *self.scene.columns),
         )

@@ -100,7 +100,7 @@ class ViewSession:
         """Return what has become of the recording; None: it is there."""
         name = self._log.name
         try:
-            if not self.run_view.files.replaced():
+            if not self.run_view.recording.replaced():
                 return None
         except RecordingError:
             return f"{name} was deleted or moved: only what was read before is shown"
@@ -137,14 +137,14 @@ class ViewSession:
     def _open_again(self) -> None:
         """Open what is there now under the same name, if that is another recording."""
         with suppress(RecordingError):  # deleted: who asks is told
-            if self.run_view.files.replaced():
+            if self.run_view.recording.replaced():
                 self._open()
 
     def _look(self) -> None:
         # Asked first: what was written before its end is seen after.
         grows = self._grows()
         try:
-            if self.run_view.files.replaced():
+            if self.run_view.recording.replaced():
                 self._open()
                 return
         except RecordingError:
@@ -156,8 +156,8 @@ class ViewSession:
 
     def _is_live(self, grows: bool) -> bool:
         """Return whether more may come: another file may where there are several."""
-        files = self.run_view.files
-        return grows and (files.split or not files.finished)
+        recording = self.run_view.recording
+        return grows and (recording.part is not None or not recording.finished)
 
     async def read_on(self, stop: asyncio.Event) -> None:
         """Read on in the background once that is wanted, until `stop` is set."""

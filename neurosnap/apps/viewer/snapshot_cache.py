@@ -86,7 +86,7 @@ class SnapshotCache:
         Raises:
             RecordingError: It holds none, or one of other sensors.
         """
-        path = self._tick_index.files.first.path
+        path = self._tick_index.recording.path
         return snapshot_in(frame, self._tick_index.bands(frame), self._options, path)
 
     def _leads(self, known: int, tick: int) -> bool:
@@ -114,7 +114,7 @@ class SnapshotCache:
         return self._kept[known].copy()
 
     def _blank(self) -> Learning:
-        return Learning(self._tick_index.files.first.path, self._options)
+        return Learning(self._tick_index.recording.path, self._options)
 
     def _keep(self, learning: Learning) -> None:
         self._kept[learning.tick] = learning.copy()

@@ -108,7 +108,7 @@ class Ticks:
 
     def _gather(self, tick_index: TickIndex) -> None:
         first, last = self._range[0], self._range[-1]
-        closing = tick_index.files.last.closing
+        closing = tick_index.recording.closing
         if closing is not None and closing.tick in self._range:
             self.decisions[closing.tick] = closing
         behind = tick_index.chunk_after(last)

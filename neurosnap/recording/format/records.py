@@ -1,4 +1,7 @@
-"""MCAP records: their structure, and errors that name a place in a file."""
+"""MCAP records: their structure, a walk from one to the next, errors that name places.
+
+The records in a chunk are walked in `neurosnap.recording.format.chunks`, compiled.
+"""
 
 import functools
 import io
@@ -7,7 +10,7 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Literal, TypeVar
+from typing import BinaryIO, Literal, TypeAlias, TypeVar
 
 import msgspec
 from mcap.data_stream import ReadDataStream
@@ -165,6 +168,8 @@ class Layout(msgspec.Struct):
     """Names of metadata with a checksum of their own that is right."""
     sure: bool = False
     """The checksum of the whole data section was there and right."""
+    walked: int = 0
+    """Where the first record starts that was not seen, in a file without its end."""
 
     @property
     def sealed(self) -> bool:
@@ -277,3 +282,37 @@ def channel_of(body: bytes) -> Channel:
 def _channel(body: bytes) -> Channel:
     channel: Channel = parse(Channel.read, body)
     return channel
+
+
+Head: TypeAlias = tuple[int, int, int]
+"""Of a record: its kind, where its body starts, and where it ends."""
+
+
+def heads(file: BinaryIO, start: int, end: int) -> Iterator[Head]:
+    """Yield the head of each record in a range; then the file stands at the body.
+
+    Cost: a read for each record. Bodies are not read, so nothing is verified but that
+    each record fits.
+
+    Args:
+        file: Open for reading; it may be moved meanwhile.
+        start: Where the first record starts.
+        end: The byte behind the last one.
+
+    Raises:
+        ValueError: While iterating: the next record is longer than can be.
+    """
+    at = start
+    while at < end:
+        file.seek(at)
+        data = file.read(HEAD.size)
+        body = at + HEAD.size
+        if len(data) < HEAD.size:
+            raise ValueError(f"a record must have a whole head, got {len(data)} bytes")
+        opcode, length = HEAD.unpack(data)
+        if length > LIMIT:
+            raise ValueError(f"a record must have at most {LIMIT} bytes, got {length}")
+        at = body + length
+        if at > end:
+            raise ValueError(f"a record must end by byte {end}, got {at}")
+        yield opcode, body, at

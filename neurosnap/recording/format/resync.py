@@ -16,8 +16,14 @@ from mcap.opcode import Opcode
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.facts import is_proved
-from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, LIMIT, MALFORMED, Chunk
-from neurosnap.recording.format.walk import heads
+from neurosnap.recording.format.records import (
+    CHUNK_HEAD,
+    HEAD,
+    LIMIT,
+    MALFORMED,
+    Chunk,
+    heads,
+)
 
 _WINDOW = 1 << 20
 _LONGEST = 16  # bytes a compression's name may have

@@ -29,9 +29,9 @@ from neurosnap.recording.format.records import (
     Layout,
     channel_of,
     damaged,
+    heads,
     parse,
 )
-from neurosnap.recording.format.walk import heads
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _OFFSET = struct.Struct("<HQ")

@@ -6,7 +6,7 @@ from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
 from neurosnap.health.news import News, news
 from neurosnap.recording.read.observed import observations
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 
 

@@ -10,7 +10,7 @@ from neurosnap.agent.growth.changed import Changed
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.agent.memory import body_in
 from neurosnap.errors import MessageError, RecordingError
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 
 

@@ -18,8 +18,7 @@ from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged_in
 from neurosnap.recording.read.births import Birth, Births, births_of
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import first_path, part_paths
+from neurosnap.recording.read.recording import Recording, first_path, part_paths
 
 _SECOND = 10**9
 _CLOCKS_BEGIN = 946_684_800 * _SECOND
@@ -100,7 +99,7 @@ def describe(recording: Recording) -> Info:
     Raises:
         RecordingError: It is not what a writer of ours writes.
     """
-    layout = recording.layout
+    layout = recording.files[-1].layout
     if layout.indexed and layout.channels and recording.totals is not None:
         counts = _noted_counts(recording)
         start = min((chunk.start for chunk in layout.chunks), default=0)
@@ -133,7 +132,7 @@ def describe(recording: Recording) -> Info:
         in_force={} if run is None else run.in_force,
         damage=damage,
         missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
-        unproved=recording.layout.doubts(RUN),
+        unproved=recording.files[-1].layout.doubts(RUN),
         births=births.listed if births else (),
         room=births.room if births else 0,
     )
@@ -141,7 +140,7 @@ def describe(recording: Recording) -> Info:
 
 def _births(recording: Recording, run: RunOptions | None) -> Births | None:
     """Return what a run has grown; None: that cannot be known."""
-    if run is None or recording.layout.doubts(RUN):
+    if run is None or recording.files[-1].layout.doubts(RUN):
         return None
     return births_of(recording)
 
@@ -196,7 +195,7 @@ def _files(recording: Recording) -> tuple[str, ...]:
 
 def _noted_counts(recording: Recording) -> Counter[str]:
     """Count the messages of each topic by the indexes behind the chunks."""
-    layout, counts = recording.layout, Counter[str]()
+    layout, counts = recording.files[-1].layout, Counter[str]()
     topics = {
         id_: each.topic.removeprefix("/") for id_, each in layout.channels.items()
     }
@@ -238,7 +237,7 @@ def _channels(counts: Counter[str], duration: float) -> tuple[Channel, ...]:
 
 
 def _packings(recording: Recording) -> tuple[Packing, ...]:
-    chunks = recording.layout.chunks
+    chunks = recording.files[-1].layout.chunks
     return tuple(
         Packing(
             name=name or "none",

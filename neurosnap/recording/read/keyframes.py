@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 
 EARLY = 2 * 10**9
 """Nanoseconds by which a message may overtake, or be behind, another one's; what takes

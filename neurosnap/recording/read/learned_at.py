@@ -5,7 +5,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.recording.read.keyframes import Start, starts
 from neurosnap.recording.read.learning import Learning
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.stretches import last_tick
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.protocol.observations import readings
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 
 _SECOND = 1e9

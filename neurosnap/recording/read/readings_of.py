@@ -5,7 +5,7 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.protocol.observations import readings
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.tables.readings import Readings, utc

@@ -4,7 +4,7 @@ import msgspec
 
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 
 
 def options_of(recording: Recording) -> RunOptions:

@@ -16,10 +16,10 @@ from mcap.records import Channel
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.channels import channels_in
-from neurosnap.recording.format.chunk_index import ChunkIndex, index_chunk
+from neurosnap.recording.format.chunks import ChunkIndex, channels_in, index_chunk
 from neurosnap.recording.format.records import opened
-from neurosnap.recording.read.growing_files import File, Files
+from neurosnap.recording.read.file import RecordingFile
+from neurosnap.recording.read.recording import Recording
 
 M = TypeVar("M")
 
@@ -86,14 +86,14 @@ class TickIndex:
     """A recording's chunks, by tick. To be used by one thread at a time.
 
     Args:
-        files: What it is in.
+        recording: It may grow.
     """
 
-    def __init__(self, files: Files) -> None:
+    def __init__(self, recording: Recording) -> None:
         self.damage: dict[int, str] = {}
         """For each chunk that cannot be read, why."""
-        self.files = files
-        self._topics: dict[File, dict[int, str]] = {}
+        self.recording = recording
+        self._topics: dict[RecordingFile, dict[int, str]] = {}
         self._first_ticks: dict[int, int] = {}
         self._kept: OrderedDict[int, ChunkMessages] = OrderedDict()
         self._size = 0  # of those, in bytes
@@ -102,7 +102,7 @@ class TickIndex:
 
     def __len__(self) -> int:
         """Return the number of chunks."""
-        return len(self.files)
+        return len(self.recording.chunks)
 
     def grow(self) -> bool:
         """Look at what the files have gained; return whether that is anything.
@@ -110,7 +110,7 @@ class TickIndex:
         Raises:
             RecordingError: A file cannot be read.
         """
-        grown, moved = self.files.grow()
+        grown, moved = self.recording.grow()
         if moved:
             for kept in (self._first_ticks, self._kept, self._observed, self.damage):
                 kept.clear()
@@ -269,7 +269,7 @@ class TickIndex:
         In a recording that was cut short that is not certain. Without a key-frame one
         has to begin further back, and comes to the same.
         """
-        file, chunk = self.files.place(number)
+        file, chunk = self.recording.chunks[number]
         topics = self._topics_of(file)
         return any(topics.get(channel) == "keyframe" for channel in chunk.counts)
 
@@ -292,20 +292,20 @@ class TickIndex:
 
     def _read(self, number: int) -> ChunkMessages:
         """Return a chunk, unpacked and verified."""
-        file, chunk = self.files.place(number)
+        file, chunk = self.recording.chunks[number]
         with opened(file.path) as stream:
             found = index_chunk(file.path, stream, chunk)
         topics = _named(found.registered.values()) or self._topics_of(file)
         place = f"{file.path}: at byte {chunk.offset}: chunk {chunk.number}"
         return ChunkMessages(found, topics, place)
 
-    def _topics_of(self, file: File) -> dict[int, str]:
+    def _topics_of(self, file: RecordingFile) -> dict[int, str]:
         """Return for each channel of a file its topic; see `Layout.channels`."""
         if file not in self._topics:
-            said = file.seen.layout.channels
-            if not said and file.chunks:
+            said = file.layout.channels
+            if not said and file.layout.chunks:
                 with opened(file.path) as stream:
-                    said = channels_in(file.path, stream, file.chunks)
+                    said = channels_in(file.path, stream, file.layout.chunks)
             self._topics[file] = _named(said.values())
         return self._topics[file]
 

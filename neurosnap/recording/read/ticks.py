@@ -11,7 +11,8 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 
 TOPICS = ("observe", "state", "decide")
 WINDOW = 1024

@@ -18,8 +18,9 @@ from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.learned_at import learned_at
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import last_tick
 
 _NS = 1e9

@@ -26,10 +26,14 @@ from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import Start, last_start, starts
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import (
+    Recording,
+    first_path,
+    part_path,
+    part_paths,
+)
 from neurosnap.recording.read.run_facts import options_of, resumed_at
-from neurosnap.recording.read.split_files import first_path, part_path, part_paths
-from neurosnap.recording.read.stretches import lost_before, stretches
+from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
 from neurosnap.sensorium import pack
 
@@ -202,7 +206,7 @@ def _files(log: Path, most: int | None) -> list[Recording]:
     files: list[Recording] = []
     for path in part_paths(log).values():
         try:
-            recording = Recording.open(path)
+            recording = Recording.open_file(path)
         except RecordingError:
             if files and _is_blank(path):
                 break
@@ -220,7 +224,7 @@ def _files(log: Path, most: int | None) -> list[Recording]:
         del files[-1]  # nor did all of the key-frame that it begins with
     if len(files) > 1 and not files[-2].noted().completeness.whole:
         del files[-1]
-    return files or [Recording.open(log)]  # which says why not
+    return files or [Recording.open_file(log)]  # which says why not
 
 
 def _lacks_bands(recording: Recording) -> bool:
@@ -274,7 +278,7 @@ def _prove(recording: Recording) -> None:
         _UnprovedError: Not all is there.
     """
     number = recording.part or 0
-    if not number or lost_before(recording):  # it is known that something is missing
+    if not number or recording.lost:  # it is known that something is missing
         return
     share, later = recording.share or {}, _begun_after(recording)
     silent = [who for who, wave in _reported(recording).items() if not wave]
@@ -285,7 +289,7 @@ def _prove(recording: Recording) -> None:
         return
     reached = 0
     with suppress(RecordingError):
-        for stretch in stretches(Recording.open(before))[-1:]:
+        for stretch in stretches(Recording.open_file(before))[-1:]:
             reached = _derive(stretch, None, lacks=True).tick
     if reached < recording.begins:
         raise _UnprovedError(
@@ -448,7 +452,7 @@ def _begun_after(recording: Recording) -> dict[str, int]:
         return {}
     log = first_path(recording.path, number) if number else recording.path
     try:
-        return Recording.open(part_path(log, number + 1)).share or {}
+        return Recording.open_file(part_path(log, number + 1)).share or {}
     except RecordingError:  # there is none, or it was cut at its very beginning
         return {}
 
@@ -465,7 +469,7 @@ def restore(past: ResumePoint, ticks: int) -> Coordinator:
         past: From `find_resume_point`.
         ticks: How many ticks the run is to have in all; more than there are.
     """
-    several = stretches(Recording.open(Path(past.log)))
+    several = stretches(Recording.open_file(Path(past.log)))
     stretch = [one for one in several if one.begins <= past.tick][-1]
     # All from there on was derived when it was looked back.
     before = max(past.tick - 1, stretch.begins)

@@ -10,8 +10,7 @@ import msgspec
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.keyframes import starts
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import Whole, open_whole
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import last_tick, stretches
 from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
 
@@ -62,7 +61,7 @@ def verify(path: Path, tick: int = 0) -> Verdict:
         RecordingError: It cannot be read, or no key-frame is there to begin with.
     """
     began = time.perf_counter()
-    recording = open_whole(path)
+    recording = Recording.open(path)
     count: Counter[str] = Counter()
     ranges: list[tuple[int, int]] = []
     difference, first = None, 0
@@ -80,7 +79,7 @@ def verify(path: Path, tick: int = 0) -> Verdict:
         if difference is not None:
             break
     return Verdict(
-        files=len(recording.parts) if isinstance(recording, Whole) else 1,
+        files=len(recording.files),
         same=difference is None,
         complete=recording.whole,
         difference=difference,

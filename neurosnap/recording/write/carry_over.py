@@ -6,8 +6,8 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.protocol.resume_point import ResumePoint, first_number
-from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.read.stretches import lost_before, pieces
+from neurosnap.recording.read.file import Recorded, RecordingFile
+from neurosnap.recording.read.stretches import pieces
 from neurosnap.recording.write.writer import Writer
 
 
@@ -26,7 +26,7 @@ def begin_recording(
     writer.start(facts_of(metadata, past))
     if past is None:
         return
-    old = Recording.open(Path(past.log))
+    old = RecordingFile.open(Path(past.log))
     for sender, first in (old.share or {}).items():
         writer.sequences.begin(sender, first)
     if past.part:
@@ -38,7 +38,7 @@ def begin_recording(
 
 def copy_into(
     writer: Writer,
-    old: Recording,
+    old: RecordingFile,
     keeps: Callable[[Recorded], bool] = lambda _: True,
     lost: str = "",
 ) -> None:
@@ -51,7 +51,7 @@ def copy_into(
         lost: Why some are missing before the first; empty: none are.
     """
     for piece in pieces(old):
-        lost = lost or lost_before(piece)
+        lost = lost or piece.lost
         for recorded in filter(keeps, piece.messages()):
             if lost:
                 writer.note_gap(lost)

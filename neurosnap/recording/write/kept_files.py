@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import part_paths
 
 
 def not_kept(log: Path, newest: int, keep: int) -> list[Path]:

@@ -45,7 +45,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
-from neurosnap.recording.read.split_files import part_path, part_paths
+from neurosnap.recording.read.recording import part_path, part_paths
 from neurosnap.recording.write.carry_over import begin_recording, facts_of
 from neurosnap.recording.write.causal_order import CausalOrder, Heard, Said
 from neurosnap.recording.write.fsync_thread import FsyncThread

@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import Whole, open_whole
+from neurosnap.recording.read.file import RecordingFile
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import lost_behind
 from neurosnap.recording.write.carry_over import copy_into
 from neurosnap.recording.write.writer import Writer
@@ -48,16 +48,14 @@ def salvage(log: Path, out: Path) -> Salvaged:
         RecordingError: `log` is no recording of ours, or what it says of its run cannot
             be proved; or `out` cannot be written.
     """
-    recording = open_whole(log)
+    recording = Recording.open(log)
     recording.demand_facts()
-    parts = recording.parts if isinstance(recording, Whole) else (recording,)
     with Writer(out) as writer:
         try:
             writer.start(_facts(recording))
-            _begin(writer, parts[0])
-            lost = _copy(writer, parts)
-            if isinstance(recording, Whole):
-                lost = "; ".join((lost, *recording.unread)).strip("; ")
+            _begin(writer, recording.files[0])
+            lost = _copy(writer, recording.files)
+            lost = "; ".join((lost, *recording.unread)).strip("; ")
             if lost:
                 writer.note_gap(lost)
             noted = recording.noted()
@@ -70,7 +68,7 @@ def salvage(log: Path, out: Path) -> Salvaged:
     return Salvaged(str(out), completeness, _lost(recording))
 
 
-def _begin(writer: Writer, first: Recording) -> None:
+def _begin(writer: Writer, first: RecordingFile) -> None:
     """Let the senders' shares begin as in the first file there is."""
     if (share := first.share) is None:
         writer.sequences = RunningNumbers(anywhere=True)
@@ -81,21 +79,21 @@ def _begin(writer: Writer, first: Recording) -> None:
         writer.note_share()
 
 
-def _copy(writer: Writer, parts: Sequence[Recording]) -> str:
+def _copy(writer: Writer, files: Sequence[RecordingFile]) -> str:
     """Write the messages of all files; return why some are missing behind the last."""
     lost = ""
-    for part, after in zip_longest(parts, parts[1:]):
-        copy_into(writer, part, lost=lost)
-        lost = lost_behind(part, after)
+    for file, after in zip_longest(files, files[1:]):
+        copy_into(writer, file, lost=lost)
+        lost = lost_behind(file, after)
     return lost
 
 
 def _lost(recording: Recording) -> tuple[str, ...]:
-    cut = recording.cut
-    if cut is None or isinstance(recording, Whole):
+    last = recording.files[-1]
+    if (cut := last.cut) is None:
         return recording.damage
     where = f"byte {cut.offset} of {cut.size}"
-    return (*recording.damage, f"{recording.path}: cut short at {where}")
+    return (*recording.damage, f"{last.path}: cut short at {where}")
 
 
 def _facts(recording: Recording) -> dict[str, str]:

@@ -18,7 +18,7 @@ from neurosnap.health.follower import Follower
 from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.read.observed import Observed, as_observed, observations
-from neurosnap.recording.read.split_files import first_path, open_whole
+from neurosnap.recording.read.recording import Recording, first_path
 
 _LOOK = 60.0
 """Seconds without a reading after which it looks at the clock."""
@@ -143,7 +143,7 @@ class HealthListener:
     def _catch_up(self, past: Past) -> None:
         """Follow what is recorded by now. A millisecond or so for each ten minutes."""
         try:
-            for tick, observed in observations(open_whole(past.log)):
+            for tick, observed in observations(Recording.open(past.log)):
                 if past.until is not None and tick > past.until:
                     break
                 self._observe(tick, observed)

@@ -9,8 +9,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST, RunOptions
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.restart_runs import names, options_of
@@ -40,7 +39,7 @@ def flipped(content: bytes, at: int) -> bytes:
 
 def in_chunk(path: Path) -> int:
     """Return a byte in the first chunk of a recording."""
-    return Recording.open(path).layout.chunks[0].offset + 10
+    return Recording.open(path).files[0].layout.chunks[0].offset + 10
 
 
 def observed(*files: Path) -> set[tuple[int, bytes]]:
@@ -87,7 +86,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     log: Path, recordings: dict[tuple[int, int], bytes]
 ) -> None:
     log.write_bytes(recordings[30, 3])
-    chunks = Recording.open(log).layout.chunks
+    chunks = Recording.open(log).files[0].layout.chunks
     # As it grows: without its end. The length of the last chunk is too large then.
     grown = recordings[30, 3][: chunks[-1].offset + chunks[-1].packed + 50]
     length_at = chunks[-1].offset - 8 - 4 - 4 - 28 - 8

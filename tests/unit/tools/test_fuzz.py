@@ -15,7 +15,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.recording.format.records import RUN
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.participant import decoded
 from neurosnap.sensorium import pack

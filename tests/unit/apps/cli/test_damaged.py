@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.command_line import call
 from tests.support.recorded_runs import in_chunks, path_run, recorded
 
@@ -41,7 +41,7 @@ def test_what_is_not_whole_ends_with_three(
     whole: Path, tmp_path: Path, verb: tuple[str, ...]
 ) -> None:
     data = whole.read_bytes()
-    chunk = Recording.open(whole).layout.chunks[9]
+    chunk = Recording.open(whole).files[0].layout.chunks[9]
     spoiled = bytearray(data)
     spoiled[chunk.offset + 50] ^= 1
     summary = data[:-100] + b"?" + data[-99:]

@@ -6,7 +6,7 @@ import pytest
 
 from neurosnap.apps.export import foxglove_recording
 from neurosnap.apps.export.foxglove_recording import write_drawable
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.export_runs import TICKS, recorded
 
 

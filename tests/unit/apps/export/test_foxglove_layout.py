@@ -10,7 +10,7 @@ import pytest
 from neurosnap.apps.export import foxglove_recording
 from neurosnap.apps.export.foxglove_layout import layout
 from neurosnap.apps.export.hasse_layout_3d import reach
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from tests.support.foxglove_rules import CAMERA, KEYS, PATH, steps
 from tests.support.mcap_contents import attached, said, schemas_in

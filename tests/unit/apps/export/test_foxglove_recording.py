@@ -21,9 +21,8 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.recording.format.records import PROFILE
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import Sensorium, unpack
@@ -310,7 +309,7 @@ def test_a_later_file_is_drawn_from_its_key_frame_on(
     assert recording.begins > 0
     count = write_drawable(tmp_path / "drawn.mcap", recording)
     time, scene = said(tmp_path / "drawn.mcap", "/graph")[-1]
-    _, snapshot = snapshot_at(open_whole(split), recording.begins + count)
+    _, snapshot = snapshot_at(Recording.open(split), recording.begins + count)
     assert scene == order_scene(snapshot.poc_graph(), snapshot.sensorium, time)
 
 
@@ -320,7 +319,7 @@ def test_a_run_in_several_files_is_drawn_as_one(
     monkeypatch.setattr(rotation, "split_of", lambda _: rotation.Split(1))
     split, path = recorded(tmp_path / "log.mcap"), tmp_path / "drawn.mcap"
     assert len(part_paths(split)) > 1
-    whole = open_whole(split)
+    whole = Recording.open(split)
     assert write_drawable(path, whole) == TICKS
     states = [message["tick"] for _, message in said(path, "/state")]
     assert states == list(range(1, TICKS + 1))

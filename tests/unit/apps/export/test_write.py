@@ -21,9 +21,8 @@ from neurosnap import wire
 from neurosnap.apps.export.write import Form, export, parse_form
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.recording.read.split_files import part_paths
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource
@@ -246,7 +245,7 @@ def test_a_damaged_recording_is_exported_without_what_is_damaged(
     log: Path, tmp_path: Path, form: Form
 ) -> None:
     data = bytearray(cut(log, tmp_path / "cut.mcap").read_bytes())
-    layout = Recording.open(tmp_path / "cut.mcap").layout
+    layout = Recording.open(tmp_path / "cut.mcap").files[0].layout
     data[layout.chunks[len(layout.chunks) // 2].offset + 5] ^= 1
     (tmp_path / "cut.mcap").write_bytes(data)
     done = export(tmp_path / "cut.mcap", form)

@@ -10,7 +10,7 @@ from neurosnap.apps.viewer.api import Frame
 from neurosnap.apps.viewer.event_stream import _Listener
 from neurosnap.apps.viewer.frame_changes import Event
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.recorded_runs import TICKS, planner_run, recorded
 

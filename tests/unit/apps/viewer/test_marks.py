@@ -13,7 +13,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.literals import from_words
 from neurosnap.protocol.anomaly_messages import told, with_support
 from neurosnap.protocol.anomaly_text import evidence
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from tests.support.lamp import LIMITED, lamp_options
 from tests.support.recorded_runs import csv_run, in_chunks, recorded

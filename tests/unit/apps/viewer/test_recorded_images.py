@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.recorded_runs import in_chunks, recorded
 from tests.support.run_options import options_for
 
@@ -33,7 +33,7 @@ def test_every_frame_names_its_image(log: Path) -> None:
 
 def test_it_is_found_while_the_recording_grows(log: Path, tmp_path: Path) -> None:
     data = log.read_bytes()
-    ends = [c.offset + c.packed for c in Recording.open(log).layout.chunks]
+    ends = [c.offset + c.packed for c in Recording.open(log).files[0].layout.chunks]
     assert len(ends) > 5
     growing = tmp_path / "run.mcap"
     growing.write_bytes(data[: ends[0]])

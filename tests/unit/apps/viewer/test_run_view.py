@@ -16,7 +16,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import complete, unpack
 from tests.support.recorded_runs import (
     TICKS,
@@ -294,7 +294,9 @@ def damage(log: Path) -> tuple[int, set[int]]:
     channels = {topic: 1 + k for k, topic in enumerate(wire.TOPICS)}
     hurt = next(
         chunk
-        for chunk in recording.layout.chunks[len(recording.layout.chunks) // 3 :]
+        for chunk in recording.files[0].layout.chunks[
+            len(recording.files[0].layout.chunks) // 3 :
+        ]
         if {channels["observe"], channels["state"]} <= chunk.counts.keys()
         and channels["keyframe"] not in chunk.counts
     )
@@ -342,7 +344,11 @@ def test_a_growing_recording_is_followed(small: bytes, tmp_path: Path) -> None:
     assert run_view.grow()
     assert not run_view.grow()
     assert len(seen) > 5
-    assert (run_view.last, run_view.cut, run_view.files.finished) == (TICKS, None, True)
+    assert (run_view.last, run_view.cut, run_view.recording.finished) == (
+        TICKS,
+        None,
+        True,
+    )
     assert run_view.frames(1, TICKS) == RunView(growing).frames(1, TICKS)
 
 

@@ -12,7 +12,7 @@ from neurosnap.apps.viewer.api import COLUMNS, COUNTED
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.time_series import TimeSeries, thinned
 from neurosnap.errors import InvalidValueError
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.recorded_runs import (
     TICKS,
     csv_run,

@@ -9,9 +9,8 @@ from mcap.opcode import Opcode
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.full_scan import scan
-from neurosnap.recording.format.index_scan import scan_growth, scan_index
 from neurosnap.recording.format.records import MAGIC, Cut, opened
+from neurosnap.recording.format.scan import scan, scan_growth, scan_index
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import traffic
 from tools.fuzz import altered_bytes
@@ -30,7 +29,7 @@ def log(tmp_path: Path) -> Path:
 
 def test_a_finished_file_is_known_by_its_summary(log: Path) -> None:
     seen, scanned = scan_index(log), scan(log)
-    found = seen.layout
+    found = seen
     assert found.damage == []
     assert len(found.chunks) > 5
     for name in ("size", "library", "metadata", "chunks", "channels"):
@@ -43,13 +42,13 @@ def test_a_file_is_known_up_to_wherever_it_was_cut(log: Path) -> None:
     for size in range(60, len(data), 97):
         log.write_bytes(data[:size])
         scanned, seen = scan(log), scan_index(log)
-        if seen.layout.metadata.keys() != scanned.metadata.keys():
+        if seen.metadata.keys() != scanned.metadata.keys():
             pytest.fail(f"metadata differs at {size}")
-        assert seen.layout.chunks == scanned.chunks
-        assert seen.layout.damage == []
-        assert seen.layout.cut is not None
+        assert seen.chunks == scanned.chunks
+        assert seen.damage == []
+        assert seen.cut is not None
         assert scanned.cut is not None
-        assert seen.layout.cut.chunks == scanned.cut.chunks
+        assert seen.cut.chunks == scanned.cut.chunks
 
 
 def test_what_is_gained_is_found_from_where_the_walk_stopped(log: Path) -> None:
@@ -61,10 +60,10 @@ def test_what_is_gained_is_found_from_where_the_walk_stopped(log: Path) -> None:
         assert scan_growth(log, seen)
         assert not scan_growth(log, seen)
         afresh = scan_index(log)
-        assert seen.layout.chunks == afresh.layout.chunks
-        assert seen.layout.cut == afresh.layout.cut
-        assert seen.layout.damage == afresh.layout.damage == []
-    assert seen.layout.cut is None
+        assert seen.chunks == afresh.chunks
+        assert seen.cut == afresh.cut
+        assert seen.damage == afresh.damage == []
+    assert seen.cut is None
 
 
 def test_no_byte_can_be_wrong_unnoticed_in_what_is_shown(log: Path) -> None:
@@ -97,9 +96,9 @@ def test_a_summary_that_points_beyond_the_file_is_not_followed(
     records[at] = kind, bytes(body)
     log.write_bytes(altered_bytes.resealed(records))
     seen = scan_index(log)
-    (damage,) = seen.layout.damage
+    (damage,) = seen.damage
     assert "the summary must be well-formed" in damage.why
-    assert seen.layout.chunks == scanned.chunks
+    assert seen.chunks == scanned.chunks
 
 
 @pytest.mark.parametrize("packed", [0, 1, 2**64 - 1])
@@ -111,15 +110,15 @@ def test_a_chunk_that_is_as_long_as_it_does_not_say_ends_what_can_be_read(
     struct.pack_into("<Q", data, second.offset - 8, packed)
     log.write_bytes(data[: second.offset + second.packed + 100])
     seen = scan_index(log)
-    assert seen.layout.chunks == scan(log).chunks == scanned.chunks[:1]
-    assert seen.layout.cut == Cut(1, second.start_offset, log.stat().st_size)
+    assert seen.chunks == scan(log).chunks == scanned.chunks[:1]
+    assert seen.cut == Cut(1, second.start_offset, log.stat().st_size)
 
 
 def contents(log: Path) -> set[bytes]:
     """Return what the chunks hold that can be read."""
     found = set()
     with opened(log) as file:
-        for chunk in scan_index(log).layout.chunks:
+        for chunk in scan_index(log).chunks:
             with suppress(RecordingError):
                 found.add(unpack(log, file, chunk))
     return found

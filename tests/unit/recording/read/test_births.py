@@ -14,8 +14,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.read.births import Birth, Births, births_of
 from neurosnap.recording.read.info import describe, render
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import open_whole
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.rewritten_recordings import changing, rewritten
@@ -129,7 +128,7 @@ def test_a_later_file_alone_says_by_when(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     # Enough for several chunks: only they count towards the size of a file.
     made(log, ticks=400, split=SMALLEST)
-    (found,) = births_of(open_whole(log)).listed
+    (found,) = births_of(Recording.open(log)).listed
     assert (found.tick, found.exact) == (BIRTH, True)
     last = max(tmp_path.glob("log_*.mcap"))
     (later,) = births_of(Recording.open(last)).listed

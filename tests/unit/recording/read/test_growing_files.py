@@ -7,8 +7,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.read.split_files import part_path
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording, part_path
 from neurosnap.recording.write.writer import Writer
 from tests.support.recorded_runs import TICKS, path_run, recorded
 
@@ -110,7 +110,7 @@ def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> Non
     assert view is not None
     assert view.grow()
     assert not view.grow()
-    assert view.files.finished
+    assert view.recording.finished
     assert view.frames(1, TICKS) == RunView(log).frames(1, TICKS)
     assert view.graph(TICKS) == RunView(log).graph(TICKS)
 
@@ -129,13 +129,13 @@ def test_files_deleted_while_they_are_looked_at_are_left_out(
     view = RunView(target)
     assert view.first == 1
     target.unlink()
-    assert not view.files.replaced()
+    assert not view.recording.replaced()
     assert view.grow()
     assert (view.first, view.last) == (SPLIT[0] + 1, TICKS)
     assert view.frames(1, TICKS) == RunView(log).frames(view.first, TICKS)
     assert not view.grow()
     target.write_bytes(split.read_bytes())  # the run was taken up again from the start
-    assert view.files.replaced()
+    assert view.recording.replaced()
 
 
 def test_a_file_in_which_nothing_is_written_yet_is_waited_for(

@@ -13,7 +13,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.info import Info, describe, render
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe as facts_of
 from tests.support.recordings import EACH, NOW, delivered, record, traffic
@@ -55,7 +55,7 @@ def test_it_is_laid_out_as_mcap_info_is(path: Path) -> None:
     write_small(path, {"seed": "7"})
     text = render(describe(Recording.open(path)))
     library, *lines = text.split("\n")
-    chunk = Recording.open(path).layout.chunks[0]
+    chunk = Recording.open(path).files[0].layout.chunks[0]
     kibi = chunk.packed / 1024
     assert library.startswith("library:   neurosnap ")
     assert lines == [
@@ -215,7 +215,7 @@ def test_an_index_of_a_channel_that_is_not_there_is_damage(
     records[at] = Opcode.CHUNK_INDEX, forged
     path.write_bytes(altered_bytes.resealed(records))
     recording = Recording.open(path)
-    assert recording.layout.sealed
+    assert recording.files[0].layout.sealed
     rule = rf"chunk 1: an index must be of a topic, got channel {channel}$"
     with pytest.raises(RecordingError, match=rule):
         describe(recording)

@@ -11,9 +11,9 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.index_scan import scan_index
 from neurosnap.recording.format.records import PLACES, PROFILE, RUN, Chunk
-from neurosnap.recording.read.reader import Recorded, Recording
+from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW, delivered, record, traffic
 
@@ -27,7 +27,7 @@ def path(tmp_path: Path) -> Path:
 
 def cut_short(path: Path) -> None:
     """Take the end off, summary and all, and leave every chunk."""
-    last = Recording.open(path).layout.chunks[-1]
+    last = Recording.open(path).files[0].layout.chunks[-1]
     os.truncate(path, last.offset + last.packed)
 
 
@@ -77,7 +77,7 @@ def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
         if whole:
             writer.finish({}, {})
     assert Recording.open(path).places == places
-    assert Recording.seen(path, scan_index(path).layout).places == places
+    assert Recording.open(path, verify=False).places == places
 
 
 @pytest.mark.parametrize("text", ["", "oak", "oak/\x1b", "oak/" + "1" * 11])
@@ -97,7 +97,7 @@ def test_a_recording_of_one_machine_says_nothing_of_places(path: Path) -> None:
     record(path, traffic(20))
     recording = Recording.open(path)
     assert recording.places == {}
-    assert PLACES not in recording.layout.metadata
+    assert PLACES not in recording.files[0].layout.metadata
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -134,7 +134,7 @@ def test_chunks_without_the_topic_are_not_unpacked(
         unpacked.append(chunk.number)
         return unpack(path, file, chunk)
 
-    monkeypatch.setattr("neurosnap.recording.format.chunk_index.unpack", note)
+    monkeypatch.setattr("neurosnap.recording.format.chunks.unpack", note)
     assert len(list(recording.messages({"observe"}))) == 5
     assert unpacked == [1, 3, 5, 7, 9]
     unpacked.clear()

@@ -19,7 +19,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import LIMIT
 from neurosnap.recording.read.info import describe, render
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.write import writer
 from tests.support.recordings import EACH, delivered, record, traffic
@@ -63,7 +63,7 @@ def test_cut_anywhere_it_gives_the_whole_chunks(
     known = [delivery.payload for delivery in DELIVERIES]
     header = len(MAGIC) + 9 + int.from_bytes(finished[9:17], "little")
     path.write_bytes(finished)
-    ends = [c.offset + c.packed for c in Recording.open(path).layout.chunks]
+    ends = [c.offset + c.packed for c in Recording.open(path).files[0].layout.chunks]
     offsets = {*range(header, len(finished), 41), header, len(finished) - 1}
     offsets |= {end + near for end in ends for near in (-1, 0, 1, 8, 9)}
     assert len(offsets) > 100
@@ -154,7 +154,7 @@ def test_a_flipped_bit_in_a_cut_recording_costs_one_chunk_at_most(
 def hurt(whole: bytes, path: Path, number: int) -> int:
     """Flip a bit in the middle of a chunk; return where its record starts."""
     path.write_bytes(whole)
-    chunk = Recording.open(path).layout.chunks[number - 1]
+    chunk = Recording.open(path).files[0].layout.chunks[number - 1]
     damaged = bytearray(whole)
     damaged[chunk.offset + chunk.packed // 2] ^= 1
     path.write_bytes(damaged)
@@ -294,7 +294,7 @@ def zstd_chunk(packed: bytes, claimed: int, compression: str = "zstd") -> Chunk:
 
 def test_a_chunk_that_claims_too_much_is_left_unread(tmp_path: Path) -> None:
     recording = crafted(tmp_path / "bomb", zstd_chunk(b"", LIMIT + 1))
-    assert recording.layout.chunks == []
+    assert recording.files[0].layout.chunks == []
     assert recording.cut is not None
 
 
@@ -334,7 +334,7 @@ def test_a_file_of_what_looks_like_chunks_is_given_up_on(tmp_path: Path) -> None
             head = (32 + 8 + rest).to_bytes(8, "little") + bytes(16)
             size = rest.to_bytes(8, "little")
             file.write(b"\x06" + head + size + b"\1\0\0\0" + bytes(4) + size)
-    assert Recording.open(path).layout.chunks == []
+    assert Recording.open(path).files[0].layout.chunks == []
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd", ""])

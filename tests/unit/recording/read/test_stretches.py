@@ -15,9 +15,8 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.format.records import Chunk
 from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.learned_at import snapshot_at
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.run_facts import options_of
-from neurosnap.recording.read.split_files import open_whole, part_paths
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.resume import find_resume_point, past_of, whole_ticks
@@ -57,7 +56,7 @@ def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
     recording = Recording.open(log)
     found = next(
         chunk
-        for chunk in recording.layout.chunks
+        for chunk in recording.files[0].layout.chunks
         for one in recording.messages(("observe",), start=chunk.start, end=chunk.end)
         if isinstance(one.message, wire.Observation) and one.message.tick == tick
     )
@@ -146,7 +145,7 @@ def test_the_last_tick_known_may_lie_before_the_damage(log: Path) -> None:
     spoil(log, 38)
     recording = Recording.open(log)
     *_, frame = recording.messages(("keyframe",))
-    chunks = recording.layout.chunks
+    chunks = recording.files[0].layout.chunks
     last = next(chunk for chunk in chunks if chunk.end >= frame.log_time)
     log.write_bytes(log.read_bytes()[: last.start_offset])
     tick, _ = snapshot_at(Recording.open(log))
@@ -248,7 +247,7 @@ def test_what_is_salvaged_is_all_there_is_and_says_what_is_missing(
     assert [m.delivery for m in again.messages()] == [
         m.delivery for m in bad.messages()
     ]
-    assert again.layout.sealed
+    assert again.files[0].layout.sealed
     assert not again.whole
     assert again.metadata["salvaged"] == "run.mcap"
     assert "messages are missing" in again.damage[0]
@@ -312,7 +311,7 @@ def test_a_file_without_its_key_frame_is_not_joined_to_the_one_before(
     split: Path,
 ) -> None:
     path = part_paths(split)[2]
-    chunk = Recording.open(path).layout.chunks[0]
+    chunk = Recording.open(path).files[0].layout.chunks[0]
     data = bytearray(path.read_bytes())
     data[chunk.offset + chunk.packed // 2] ^= 1
     path.write_bytes(data)
@@ -329,7 +328,7 @@ def test_files_of_a_run_are_salvaged_into_one(
     assert verify(good).complete
     true, found = (list(Recording.open(log).messages()) for log in (whole, good))
     assert len(true) == len(found)
-    assert options_of(open_whole(good)) == options_of(open_whole(whole))
+    assert options_of(Recording.open(good)) == options_of(Recording.open(whole))
 
 
 @pytest.mark.parametrize("number", [0, -1])

@@ -6,7 +6,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read import ticks as module
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.ticks import InOrder, Tick, ticks
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import delivered, record

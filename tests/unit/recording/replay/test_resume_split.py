@@ -7,8 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_path
+from neurosnap.recording.read.recording import Recording, part_path
 from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import SplitWriter
@@ -37,7 +36,7 @@ def test_a_run_goes_on_in_its_last_file(
         if number > 4:
             paths[number].unlink()
     data = paths[4].read_bytes()
-    chunks = Recording.open(paths[4]).layout.chunks
+    chunks = Recording.open(paths[4]).files[0].layout.chunks
     at = chunks[int(share * len(chunks))].offset
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[:at])
@@ -119,7 +118,7 @@ def test_what_is_restored_is_derived_from_the_last_key_frame_alone(
 def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -> None:
     """What a file lacks at its end, the next one is based on."""
     paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
-    layout = Recording.open(paths[2]).layout
+    layout = Recording.open(paths[2]).files[0].layout
     paths[2].write_bytes(paths[2].read_bytes()[: layout.chunks[-8].offset])
     _, past = find_resume_point(paths[0])
     assert (past.part, past.begins) == (2, 2 * EVERY)

@@ -14,7 +14,7 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write import recorder
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.recorder import run_recorder

@@ -10,11 +10,11 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.info import describe, render
-from neurosnap.recording.read.reader import Recorded, Recording
-from neurosnap.recording.read.split_files import (
+from neurosnap.recording.read.recording import (
+    Recording,
     first_path,
-    open_whole,
     part_path,
     part_paths,
 )
@@ -33,14 +33,14 @@ from tests.support.split_runs import EVERY, TICKS, content, options, overtaking,
 def test_every_file_is_a_run_by_itself(
     whole: Path, tmp_path: Path, seed: int | None
 ) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     if seed is not None:
         recorded = overtaking(recorded, seed)
     paths = write(whole, tmp_path / "log.mcap", recorded)
     assert list(paths) == list(range(TICKS // EVERY + 1))
     ends: dict[str, int] = {}
     for number, path in paths.items():
-        recording = Recording.open(path)
+        recording = Recording.open_file(path)
         assert recording.finished
         assert (recording.part, recording.begins) == (number, number * EVERY)
         assert recording.completeness() == recording.noted().completeness
@@ -57,12 +57,12 @@ def test_every_file_is_a_run_by_itself(
                 number * EVERY,
                 0 if last else EVERY,
             )
-    assert content(open_whole(paths[0]).messages()) == content(recorded)
+    assert content(Recording.open(paths[0]).messages()) == content(recorded)
 
 
 @pytest.mark.usefixtures("small")
 def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
-    old, places = Recording.open(whole), {"world": Place("oak", 4711)}
+    old, places = Recording.open_file(whole), {"world": Place("oak", 4711)}
     log = tmp_path / "log.mcap"
     with SplitWriter(log, old.metadata) as writer:
         writer.note_places(places)
@@ -71,23 +71,23 @@ def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
         writer.finish({}, old.noted().expected)
     paths = part_paths(log)
     assert len(paths) > 1
-    assert all(Recording.open(path).places == places for path in paths.values())
-    assert open_whole(log).places == places
+    assert all(Recording.open_file(path).places == places for path in paths.values())
+    assert Recording.open(log).places == places
     assert verify(log).same
 
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("seed", [0, 1])
 def test_all_files_are_the_run(whole: Path, tmp_path: Path, seed: int) -> None:
-    recorded = overtaking(Recording.open(whole).messages(), seed)
+    recorded = overtaking(Recording.open_file(whole).messages(), seed)
     paths = write(whole, tmp_path / "log.mcap", recorded)
     alone, verdict = verify(whole), verify(paths[0])
     assert (verdict.same, verdict.complete, verdict.start) == (True, True, 0)
     assert verdict.files == len(paths) > 1
     counts = ("ticks", "wirings", "waves", "states", "decisions")
     assert [getattr(verdict, n) for n in counts] == [getattr(alone, n) for n in counts]
-    assert open_whole(paths[0]).snapshot == Recording.open(whole).snapshot
-    said = render(describe(Recording.open(paths[1])))
+    assert Recording.open(paths[0]).snapshot == Recording.open_file(whole).snapshot
+    said = render(describe(Recording.open_file(paths[1])))
     assert f"files: {len(paths)}\n" in said
     assert "\tlog.mcap\n\tlog_0001.mcap\n" in said
 
@@ -96,7 +96,7 @@ def test_all_files_are_the_run(whole: Path, tmp_path: Path, seed: int) -> None:
 def test_what_is_tampered_with_is_found_in_its_file(
     whole: Path, tmp_path: Path
 ) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     for place, one in enumerate(recorded):
         if isinstance(one.message, wire.State) and one.message.tick == 25:
             message = msgspec.structs.replace(one.message, depth=one.message.depth + 1)
@@ -113,7 +113,7 @@ def test_what_is_tampered_with_is_found_in_its_file(
 def test_a_file_says_how_its_last_tick_was_decided(
     whole: Path, tmp_path: Path, seed: int | None
 ) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     decisions = {
         one.message.tick: one.message
         for one in recorded
@@ -124,15 +124,15 @@ def test_a_file_says_how_its_last_tick_was_decided(
     paths = write(whole, tmp_path / "log.mcap", recorded)
     *before, last = paths.values()
     for number, path in enumerate(before):
-        closing, tick = Recording.open(path).closing, (number + 1) * EVERY
+        closing, tick = Recording.open_file(path).closing, (number + 1) * EVERY
         assert closing is not None
         # That of the run's last tick is told to nobody; the key-frame has it.
         assert closing == decisions.get(tick, closing)
         assert closing.tick == tick
         # With the one that opens it, and the one that closes it.
         assert verify(path).decisions == EVERY + 1 or not number
-    assert Recording.open(last).closing is None
-    assert open_whole(paths[0]).closing is None
+    assert Recording.open_file(last).closing is None
+    assert Recording.open(paths[0]).closing is None
 
 
 def decided_otherwise(one: Recorded, tick: int) -> Recorded:
@@ -147,7 +147,7 @@ def decided_otherwise(one: Recorded, tick: int) -> Recorded:
 def test_a_wrong_last_decision_is_found_in_its_file(
     whole: Path, tmp_path: Path
 ) -> None:
-    recorded = Recording.open(whole).messages()
+    recorded = Recording.open_file(whole).messages()
     changed = [decided_otherwise(one, 30) for one in recorded]
     paths = write(whole, tmp_path / "log.mcap", changed)
     found = {number: verify(path) for number, path in paths.items() if number}
@@ -162,10 +162,10 @@ def test_a_closing_decision_that_is_none_is_refused(
     whole: Path, tmp_path: Path
 ) -> None:
     with Writer(tmp_path / "log.mcap") as writer:
-        writer.start(Recording.open(whole).metadata)
+        writer.start(Recording.open_file(whole).metadata)
         writer.finish({"decision": '{"tick": -1}'}, {})
     with pytest.raises(RecordingError, match=r"decision: must hold a decision, got "):
-        _ = Recording.open(tmp_path / "log.mcap").closing
+        _ = Recording.open_file(tmp_path / "log.mcap").closing
 
 
 # Which are kept, what they are called -------------------------------------------------
@@ -176,7 +176,7 @@ def test_the_newest_are_kept(
 ) -> None:
     monkeypatch.setattr(rotation, "split_of", lambda _: Split(1, keep=2))
     log = tmp_path / "log.mcap"
-    paths = write(whole, log, Recording.open(whole).messages())
+    paths = write(whole, log, Recording.open_file(whole).messages())
     assert list(paths) == [TICKS // EVERY - 1, TICKS // EVERY]
     verdict = verify(log)  # though the first is gone
     assert (verdict.same, verdict.complete) == (True, True)
@@ -186,7 +186,7 @@ def test_the_newest_are_kept(
 def test_a_file_that_is_missing_between_is_noticed(
     whole: Path, tmp_path: Path, small: None
 ) -> None:
-    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    paths = write(whole, tmp_path / "log.mcap", Recording.open_file(whole).messages())
     paths[3].unlink()
     verdict = verify(paths[0])
     assert not verdict.complete
@@ -199,9 +199,9 @@ def test_a_file_that_is_missing_between_is_noticed(
 
 @pytest.mark.usefixtures("small")
 def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     paths = write(whole, tmp_path / "log.mcap", recorded)
-    old, copy = Recording.open(paths[0]), tmp_path / "copy.mcap"
+    old, copy = Recording.open_file(paths[0]), tmp_path / "copy.mcap"
     with Writer(copy) as writer:
         writer.start(old.metadata)
         writer.note_share()
@@ -209,9 +209,9 @@ def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -
             writer.add(one.delivery, one.log_time)
         writer.note_gap("bytes 5 to 9 of another file: damaged")
         writer.finish(old.totals or {}, old.noted().expected)
-    assert open_whole(paths[0]).completeness().whole
+    assert Recording.open(paths[0]).completeness().whole
     copy.replace(paths[0])
-    completeness = open_whole(paths[0]).completeness()
+    completeness = Recording.open(paths[0]).completeness()
     assert (completeness.gaps, completeness.whole) == (1, False)
     assert not verify(paths[0]).complete
 
@@ -222,7 +222,7 @@ def test_a_file_in_the_way_is_not_overwritten(whole: Path, tmp_path: Path) -> No
     other = part_path(log, 3)
     other.write_bytes(b"another's")
     with pytest.raises(RecordingError, match=r"must not exist yet, got .*log_0003"):
-        SplitWriter(log, Recording.open(whole).metadata)
+        SplitWriter(log, Recording.open_file(whole).metadata)
     assert other.read_bytes() == b"another's"
     assert list(tmp_path.iterdir()) == [other]
 

@@ -7,8 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import open_whole, part_path, part_paths
+from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
@@ -31,10 +30,12 @@ from tests.support.split_runs import (
 def test_a_message_lost_at_the_end_of_a_file_is_missing_in_one(
     whole: Path, tmp_path: Path
 ) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     gone = recorded.pop(last_of(recorded, 20))
     paths = write(whole, tmp_path / "log.mcap", recorded)
-    missing = [Recording.open(path).completeness().missing for path in paths.values()]
+    missing = [
+        Recording.open_file(path).completeness().missing for path in paths.values()
+    ]
     assert [each for each in missing if each] == [{gone.message.sender: 1}]
     verdict = verify(paths[0])
     assert not verdict.complete
@@ -44,10 +45,10 @@ def test_a_message_lost_at_the_end_of_a_file_is_missing_in_one(
 def test_a_message_that_comes_again_in_a_later_file_is_left_out(
     whole: Path, tmp_path: Path
 ) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     again = recorded[last_of(recorded, 20)]
     paths = write(whole, tmp_path / "log.mcap", [*recorded[:-5], again, *recorded[-5:]])
-    recording = open_whole(paths[0])
+    recording = Recording.open(paths[0])
     assert recording.noted().completeness.duplicates == 1
     assert content(recording.messages()) == content(recorded)
 
@@ -56,7 +57,7 @@ def test_a_message_that_comes_again_in_a_later_file_is_left_out(
 def test_a_key_frame_that_comes_again_begins_no_file(
     whole: Path, tmp_path: Path
 ) -> None:
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     twice = [
         one
         for each in recorded
@@ -72,7 +73,7 @@ def test_a_file_does_not_wait_for_whoever_is_silent(
     whole: Path, tmp_path: Path
 ) -> None:
     """What comes long after the next file began is the next one's."""
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     late = recorded.pop(last_of(recorded, 20))
     who = late.message.sender
     later = [place for place, one in enumerate(recorded) if one.message.sender == who]
@@ -80,7 +81,9 @@ def test_a_file_does_not_wait_for_whoever_is_silent(
     order = [*recorded[:resumed], late, *recorded[resumed:]]
     # All between the key-frame and the late one takes longer than anybody waits.
     paths = write(whole, tmp_path / "log.mcap", order, step=LATE)
-    assert all(Recording.open(path).completeness().whole for path in paths.values())
+    assert all(
+        Recording.open_file(path).completeness().whole for path in paths.values()
+    )
     assert (verify(paths[0]).same, verify(paths[0]).complete) == (True, True)
 
 
@@ -97,9 +100,11 @@ def test_what_answers_nothing_is_on_disk_after_a_while(tmp_path: Path) -> None:
         for delivery in deliveries:
             writer.add(delivery, NOW)
         writer.flush(NOW + LATE)
-        assert list(Recording.open(log).messages()) == []
+        assert list(Recording.open_file(log).messages()) == []
         writer.flush(NOW + LATE + 1)
-        assert [one.delivery for one in Recording.open(log).messages()] == deliveries
+        assert [
+            one.delivery for one in Recording.open_file(log).messages()
+        ] == deliveries
 
 
 @pytest.mark.usefixtures("small")
@@ -108,7 +113,7 @@ def test_what_waits_is_written_when_a_recording_is_given_up(tmp_path: Path) -> N
     with SplitWriter(log, {}) as writer:
         for delivery in deliveries:
             writer.add(delivery, NOW)
-    recording = Recording.open(log)
+    recording = Recording.open_file(log)
     assert not recording.finished
     assert [one.delivery for one in recording.messages()] == deliveries
 
@@ -136,18 +141,18 @@ def test_what_is_lost_where_files_meet_is_missing_in_the_older(
     whole: Path, tmp_path: Path
 ) -> None:
     """Nobody who goes on from the newer one would find out."""
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     heard = upto(recorded, 3 * EVERY)
     lost = heard.pop(last_of(recorded, 2 * EVERY))
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, Recording.open(whole).metadata) as writer:
+    with SplitWriter(log, Recording.open_file(whole).metadata) as writer:
         for one in heard:
             writer.add(one.delivery, NOW)
         senders = {one.message.sender for one in heard}
         writer.finish({}, {who: writer.upcoming(who) for who in senders})
     assert list(part_paths(log)) == [0, 1, 2]
     missing = [
-        Recording.open(path).noted().completeness.missing
+        Recording.open_file(path).noted().completeness.missing
         for path in part_paths(log).values()
     ]
     assert missing == [{}, {lost.message.sender: 1}, {}]
@@ -160,7 +165,7 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
     whole: Path, tmp_path: Path
 ) -> None:
     """A sender is lost from before one key-frame until after the next."""
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     lost = recorded[last_of(recorded, 2 * EVERY)]
     who, until = lost.message.sender, len(upto(recorded, 3 * EVERY)) + 1
     heard = [
@@ -169,13 +174,13 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
         if place > until or one.message.sender != who or one.sequence < lost.sequence
     ]
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, Recording.open(whole).metadata) as writer:
+    with SplitWriter(log, Recording.open_file(whole).metadata) as writer:
         for one in heard:
             writer.add(one.delivery, NOW)
         senders = {one.message.sender for one in heard}
         writer.finish({}, {each: writer.upcoming(each) for each in senders})
     assert list(part_paths(log)) == [0, 1, 2, 3]
-    lacking = Recording.open(part_path(log, 2)).noted().completeness.missing
+    lacking = Recording.open_file(part_path(log, 2)).noted().completeness.missing
     assert lacking.keys() == {who}
     _, past = find_resume_point(log)
     assert (past.part, past.tick) == (2, 2 * EVERY)
@@ -183,7 +188,9 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
     assert past.counts[who] == lost.sequence + lacking[who]
     new = tmp_path / "new.mcap"
     made(new, options_workers(whole), past)
-    assert Recording.open(part_path(new, 2)).noted().completeness.missing == lacking
+    assert (
+        Recording.open_file(part_path(new, 2)).noted().completeness.missing == lacking
+    )
 
 
 def frame(tick: int) -> wire.KeyFrame:
@@ -216,7 +223,7 @@ def test_a_run_that_goes_on_where_a_file_begins_says_so_in_that_file(
     whole: Path, tmp_path: Path
 ) -> None:
     """The head alone is larger than a file should be."""
-    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    paths = write(whole, tmp_path / "log.mcap", Recording.open_file(whole).messages())
     _, past = find_resume_point(paths[0], 2 * EVERY)
     assert (past.tick, past.part) == (2 * EVERY, 2)
     new = tmp_path / "new.mcap"
@@ -231,7 +238,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
     whole: Path, tmp_path: Path
 ) -> None:
     """Its last report was on the way when all ended, and it never said another word."""
-    recorded = list(Recording.open(whole).messages())
+    recorded = list(Recording.open_file(whole).messages())
     lost = recorded[last_of(recorded, 20)]
     who = lost.message.sender
     heard = [
@@ -239,7 +246,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
         for one in recorded[: len(upto(recorded, 2 * EVERY)) + 1]
         if one.message.sender != who or one.sequence < lost.sequence
     ]
-    log, old = tmp_path / "log.mcap", Recording.open(whole)
+    log, old = tmp_path / "log.mcap", Recording.open_file(whole)
     with SplitWriter(log, old.metadata) as writer:
         for one in heard:
             writer.add(one.delivery, NOW)
@@ -249,14 +256,14 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
         balance = writer.finish({}, upcoming)
     assert begun == {0, 1, 2}
     assert balance.missing == dict.fromkeys(parts_there, 1)
-    assert not Recording.open(part_path(log, 1)).finished
+    assert not Recording.open_file(part_path(log, 1)).finished
     assert not verify(log).complete
     _, past = find_resume_point(log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
 def test_faults_go_where_their_sender_is(whole: Path, tmp_path: Path) -> None:
-    old = Recording.open(whole)
+    old = Recording.open_file(whole)
     recorded = list(old.messages())
     place = last_of(recorded, 20)
     who, sequence = recorded[place].message.sender, recorded[place].sequence
@@ -275,7 +282,7 @@ def test_faults_go_where_their_sender_is(whole: Path, tmp_path: Path) -> None:
     held = {
         number
         for number, path in paths.items()
-        if any(one.message == fault for one in Recording.open(path).messages())
+        if any(one.message == fault for one in Recording.open_file(path).messages())
     }
     assert held == {1}
     assert verify(paths[0]).same

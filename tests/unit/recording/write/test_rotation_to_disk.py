@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.reader import Recording
-from neurosnap.recording.read.split_files import part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
@@ -46,7 +45,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
 def test_recording_goes_on_while_the_disk_takes_a_file(
     whole: Path, tmp_path: Path, disk: Disk
 ) -> None:
-    old, log = Recording.open(whole), tmp_path / "log.mcap"
+    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
     recorded = list(old.messages())
     shares = upto(recorded, 2 * EVERY)
     with SplitWriter(log, old.metadata) as writer:
@@ -56,8 +55,8 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
         writer.flush(10**18 + len(shares))
         # Whoever is killed now has lost nothing: the file that is over has its end, and
         # so the run goes on from the next one.
-        assert Recording.open(log).finished
-        assert Recording.open(log).completeness().whole
+        assert Recording.open_file(log).finished
+        assert Recording.open_file(log).completeness().whole
         assert find_resume_point(log)[1].part == 1
         assert threading.get_ident() not in disk.threads
         disk.takes.set()
@@ -71,7 +70,7 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
 def test_a_file_that_the_disk_does_not_take_ends_the_recording(
     whole: Path, tmp_path: Path, disk: Disk
 ) -> None:
-    old, log = Recording.open(whole), tmp_path / "log.mcap"
+    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
     disk.error = OSError(errno.EIO, "no disk")
     with SplitWriter(log, old.metadata) as writer:
         for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
@@ -85,7 +84,7 @@ def test_files_are_deleted_once_a_newer_one_is_saved(
     whole: Path, tmp_path: Path, disk: Disk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rotation, "split_of", lambda _: Split(1, keep=1))
-    old, log = Recording.open(whole), tmp_path / "log.mcap"
+    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
     with SplitWriter(log, old.metadata) as writer:
         for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
             writer.add(one.delivery, 10**18 + count)

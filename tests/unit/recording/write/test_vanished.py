@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.rotation import SplitWriter
 from tests.support.recordings import NOW
 

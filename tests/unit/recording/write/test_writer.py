@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.reader import Recording
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW, delivered, record, sent_by, traffic
 
@@ -61,7 +61,7 @@ def test_any_mcap_reader_reads_it(path: Path) -> None:
 
 def test_every_topic_has_a_channel_even_without_messages(path: Path) -> None:
     record(path, [PULSE])
-    layout = Recording.open(path).layout
+    layout = Recording.open(path).files[0].layout
     topics = [channel.topic for channel in layout.channels.values()]
     assert topics == [f"/{topic}" for topic in wire.TOPICS]
 
@@ -325,8 +325,8 @@ def test_chunks_are_closed_when_full(path: Path, compression: str) -> None:
             writer.add(delivery, NOW)
         writer.finish({}, {})
     recording = Recording.open(path)
-    assert len(recording.layout.chunks) > 5
-    assert all(chunk.unpacked < 31_000 for chunk in recording.layout.chunks)
+    assert len(recording.files[0].layout.chunks) > 5
+    assert all(chunk.unpacked < 31_000 for chunk in recording.files[0].layout.chunks)
     assert [recorded.delivery for recorded in recording.messages()] == deliveries
 
 

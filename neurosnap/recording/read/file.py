@@ -1,27 +1,24 @@
-"""Reads a recording: its messages, its facts, and what is missing.
+"""One file of a recording: what was written of its run, its messages, what is missing.
 
-A recording is verified when it is opened. What is handed out is what was written: of a
-file that is damaged, all but what the damage took; `Recording.damage` says where that
-is, and `Recording.whole` that nothing is missing. One that was cut short (by a crash, a
-full disk, a lost machine) is read to its last whole chunk, and `Recording.cut` says so.
-
-To derive anything one must know where messages are missing: see
-`neurosnap.recording.read.stretches`.
+What is handed out is what was written: of a file that is damaged, all but what the
+damage took. A file may be looked at in part: some chunks, one behind the other, behind
+a place where messages are missing.
 """
 
+import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple, Self
 
 import msgspec
-from mcap.records import Attachment
+import numpy as np
+from mcap.records import Attachment, Channel
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
-from neurosnap.recording.format.completeness import Completeness, RunningNumbers
-from neurosnap.recording.format.full_scan import scan
-from neurosnap.recording.format.messages import EVER, raw_messages
+from neurosnap.recording.format.chunks import FACTS, ChunkIndex, index_chunk
+from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (
     CLOSING,
     PLACES,
@@ -37,7 +34,10 @@ from neurosnap.recording.format.records import (
     opened,
     parse,
 )
+from neurosnap.recording.format.scan import scan, scan_growth, scan_index
 
+EVER = 1 << 64
+"""Behind every time a recording can hold."""
 _UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 
@@ -70,42 +70,52 @@ class Noted(msgspec.Struct, frozen=True):
     """For each sender, how many messages it says it sent."""
 
 
-class Recording:
-    """One recording, open for reading; it holds no file open between reads."""
+class RecordingFile:
+    """One file of a recording, or some chunks of it; it is not held open between reads.
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    Args:
+        path: The file.
+        layout: What lies where in it.
+        begins: Of a piece of a file, the tick of the key-frame that it begins with, 0
+            for the start of the run, -1 if there is none; None for the whole file.
+        lost: Why messages are missing before a piece; empty if none are.
+
+    Raises:
+        RecordingError: It says nothing of its run, or is of another schema.
+    """
+
+    def __init__(
+        self, path: Path, layout: Layout, *, begins: int | None = None, lost: str = ""
+    ) -> None:
         self.path = path
         self.layout = layout
+        self.lost = lost
+        self._begins = begins
+        self._verify_run()
 
     @classmethod
-    def open(cls, path: Path | str) -> Self:
-        """Find out what is in a recording, and verify it as far as it goes.
-
-        Reads the file once: two seconds a gigabyte, once cached. One that is damaged
-        or has no end is unpacked besides, which takes as long as to read its messages.
-
-        Raises:
-            RecordingError: There is no such file, or it is no recording of ours, or of
-                a newer kind.
-        """
-        path = Path(path)
-        return cls.seen(path, scan(path))
-
-    @classmethod
-    def seen(cls, path: Path, layout: Layout) -> Self:
-        """Return a recording of which somebody found out what lies where.
+    def open(cls, path: Path, *, verify: bool = True) -> Self:
+        """Find out what is in a file.
 
         Args:
-            path: The recording.
-            layout: By `neurosnap.recording.format.full_scan` or
-                `neurosnap.recording.format.index_scan`.
+            path: The file.
+            verify: Whether to hold all of it against its checksums: that reads the file
+                once, two seconds a gigabyte. One that is damaged or has no end is
+                unpacked besides, which takes as long as to read its messages. Else
+                each chunk is verified when it is read.
 
         Raises:
-            RecordingError: It says nothing of its run, or is of another schema.
+            RecordingError: There is no such file, or it is no recording of ours.
         """
-        recording = cls(path, layout)
-        recording._verify_run()  # its own
-        return recording
+        return cls(path, scan(path) if verify else scan_index(path))
+
+    def grow(self) -> bool:
+        """Look at what the file has gained; return whether that is anything.
+
+        Raises:
+            RecordingError: The file cannot be read.
+        """
+        return scan_growth(self.path, self.layout)
 
     def _verify_run(self) -> None:
         """Refuse a recording that says nothing of its run, or is of another schema."""
@@ -140,22 +150,27 @@ class Recording:
 
     @property
     def begins(self) -> int:
-        """The tick of the key-frame that it begins with; 0: it begins with the run.
+        """The tick of the key-frame that it begins with; 0 if it begins with the run.
 
         Raises:
             RecordingError: What it says of that is no number.
         """
+        if self._begins is not None:
+            return self._begins
         return self._number("begins") if self.part else 0
 
     @property
     def share(self) -> dict[str, int] | None:
         """The number each sender's share of a later file begins with.
 
-        None where the file was cut before all were known.
+        None where the file was cut before all were known, or of a piece behind a place
+        where messages are missing.
 
         Raises:
             RecordingError: What it says of that is not what a writer writes.
         """
+        if self.lost:
+            return None
         noted = self._believed(SHARE)
         if not self.part:
             return {}
@@ -264,12 +279,17 @@ class Recording:
 
     @property
     def whole(self) -> bool:
-        """It has its end, no damage, and lacks no message.
+        """It has its end, no damage, and lacks no message; never of a piece.
 
         Raises:
             RecordingError: The totals are not what a writer writes.
         """
-        return self.finished and not self.damage and self.noted().completeness.whole
+        return (
+            self._begins is None
+            and self.finished
+            and not self.damage
+            and self.noted().completeness.whole
+        )
 
     @property
     def snapshot(self) -> bytes | None:
@@ -290,6 +310,30 @@ class Recording:
             rule = "must still be what was opened"
             raise damaged(self.path, attached.offset, rule, error) from error
         return attachment.data
+
+    @property
+    def gaps(self) -> int:
+        """At how many places its writer noted that messages are missing."""
+        return len(self.layout.gaps)
+
+    def noted(self) -> Noted:
+        """Return the balance as the writer noted it; empty if it did not get there.
+
+        Raises:
+            RecordingError: The totals are not what a writer writes.
+        """
+        if self.totals is None:
+            return Noted(Completeness(0), {})
+        try:
+            return Noted(
+                msgspec.json.decode(self.totals["completeness"], type=Completeness),
+                msgspec.json.decode(self.totals["expected"], type=dict[str, int]),
+            )
+        except (KeyError, *_UNREADABLE) as error:
+            rule = "must hold completeness and expected"
+            raise RecordingError(
+                f"{self.path}: {TOTALS}: {rule}, got {error}"
+            ) from error
 
     def messages(
         self,
@@ -318,78 +362,16 @@ class Recording:
             raise InvalidValueError("topics", rule, topic)
         return self._decoded(wanted, start, end)
 
-    def blank_sequences(self) -> RunningNumbers:
-        """Return the senders' running numbers before any message has come."""
-        share = self.share
-        return RunningNumbers(share or {}, anywhere=share is None)
-
-    def sequences(self) -> RunningNumbers:
-        """Read all messages and return every sender's running numbers.
-
-        Raises:
-            RecordingError: As `messages`.
-        """
-        sequences = self.blank_sequences()
-        for recorded in self.messages():
-            sequences.receive(recorded.message.sender, recorded.sequence)
-        return sequences
-
-    @property
-    def gaps(self) -> int:
-        """At how many places its writer noted that messages are missing."""
-        return len(self.layout.gaps)
-
-    def completeness(self) -> Completeness:
-        """Read all messages and return whether any is missing.
-
-        In a finished recording that includes what senders say they sent after the last
-        that was recorded, and counts what the writer left out.
-
-        Raises:
-            RecordingError: As `messages`, or the totals are not what a writer writes.
-        """
-        return self.balance(self.sequences())
-
-    def balance(self, sequences: RunningNumbers) -> Completeness:
-        """Return `completeness`, by running numbers that were read already.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
-        """
-        noted = self.noted()
-        balance = sequences.completeness(
-            noted.expected, foreign=noted.completeness.foreign
-        )
-        duplicates = balance.duplicates + noted.completeness.duplicates
-        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=self.gaps)
-
-    def noted(self) -> Noted:
-        """Return the balance as the writer noted it; empty if it did not get there.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
-        """
-        if self.totals is None:
-            return Noted(Completeness(0), {})
-        try:
-            return Noted(
-                msgspec.json.decode(self.totals["completeness"], type=Completeness),
-                msgspec.json.decode(self.totals["expected"], type=dict[str, int]),
-            )
-        except (KeyError, *_UNREADABLE) as error:
-            rule = "must hold completeness and expected"
-            raise RecordingError(
-                f"{self.path}: {TOTALS}: {rule}, got {error}"
-            ) from error
-
     def _decoded(
         self, topics: frozenset[str], start: int, end: int
     ) -> Iterator[Recorded]:
         decoders = {
             topic: msgspec.json.Decoder(wire.TOPICS[topic]).decode for topic in topics
         }
-        for chunk, raws in raw_messages(self.path, self.layout, topics, start, end):
-            for topic, sequence, log_time, sent, payload in raws:
+        for chunk, found, names in self._chunks_with(topics, start, end):
+            for topic, sequence, log_time, sent, payload in _chosen(found, names):
+                if not start <= log_time < end:
+                    continue
                 try:
                     message = decoders[topic](payload)
                 except _UNREADABLE as error:
@@ -400,6 +382,101 @@ class Recording:
                     raise self._wrong(chunk, topic, f"one for {message.key}")
                 yield Recorded(message, payload, sequence, sent, log_time)
 
+    def _chunks_with(
+        self, topics: frozenset[str], start: int, end: int
+    ) -> Iterator[tuple[Chunk, ChunkIndex, dict[int, str]]]:
+        """Yield the chunks that may hold messages asked for, and those channels."""
+        layout = self.layout
+        # For each channel its topic; None where it was not asked for.
+        wanted: dict[int, str | None] = {}
+        for channel in layout.channels.values():
+            wanted[channel.id] = self._topic(channel, topics)
+        skips = layout.indexed and bool(layout.channels)
+        with opened(self.path) as file:
+            for chunk in layout.chunks:
+                if skips and not (
+                    chunk.start < end
+                    and chunk.end >= start
+                    and any(wanted.get(channel) for channel in chunk.counts)
+                ):
+                    continue
+                found = index_chunk(self.path, file, chunk)
+                present = found.present()
+                self._register(chunk, found, present, wanted, topics)
+                names = {n: topic for n in present if (topic := wanted[n]) is not None}
+                if names:
+                    yield chunk, found, names
+
+    def _topic(self, channel: Channel, topics: frozenset[str]) -> str | None:
+        """Return the topic of a channel, or None where it was not asked for."""
+        topic = channel.topic.removeprefix("/")
+        if topic not in wire.TOPICS or channel.message_encoding != "json":
+            got = f"{channel.topic} in {channel.message_encoding}"
+            rule = "must be a topic in json"
+            raise RecordingError(f"{self.path}: channel: {rule}, got {got}")
+        return topic if topic in topics else None
+
+    def _register(
+        self,
+        chunk: Chunk,
+        found: ChunkIndex,
+        present: list[int],
+        wanted: dict[int, str | None],
+        topics: frozenset[str],
+    ) -> None:
+        """Add a chunk's channels to `wanted`; they hold for the chunks after it, too.
+
+        Args:
+            chunk: Of this file.
+            found: The messages of the chunk.
+            present: Their channels.
+            wanted: Of each channel that is known its topic, where it was asked for.
+            topics: What was asked for.
+
+        Raises:
+            RecordingError: A message is of a channel that is not registered before it.
+        """
+        for channel in found.registered.values():
+            topic = self._topic(channel, topics)
+            if channel.id in found.late and wanted.get(channel.id, "") != topic:
+                rule = "channel must be registered"
+                raise damaged_in(self.path, chunk, rule, channel.id)
+            wanted[channel.id] = topic
+        for number in present:
+            if number not in wanted:
+                rule = "channel must be registered"
+                raise damaged_in(self.path, chunk, rule, number)
+
     def _wrong(self, chunk: Chunk, topic: str, got: object) -> RecordingError:
         rule = f"/{topic} must hold its own messages"
         return damaged_in(self.path, chunk, rule, got)
+
+
+def _chosen(
+    found: ChunkIndex, names: dict[int, str]
+) -> Iterator[tuple[str, int, int, int, bytes]]:
+    """Yield topic, sequence, log time, time sent and payload of each message.
+
+    Those of the channels in `names`, in the order they were recorded. All that is read
+    passes here, half a million messages a second and more.
+    """
+    asked = np.zeros(1 << 16, np.bool_)
+    asked[list(names)] = True
+    chosen = np.flatnonzero(asked[found.channels])
+    channels = found.channels[chosen].tolist()
+    starts, stops = found.starts[chosen].tolist(), found.stops[chosen].tolist()
+    data, facts = found.data, FACTS.unpack_from
+    for channel, at, stop in zip(channels, starts, stops, strict=True):
+        sequence, log_time, sent = facts(data, at - FACTS.size)
+        yield names[channel], sequence, log_time, sent, data[at:stop]
+
+
+def identity(path: Path) -> tuple[int, int]:
+    """Return what tells a file from another of the same name.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    with opened(path) as file:
+        found = os.fstat(file.fileno())
+    return found.st_dev, found.st_ino

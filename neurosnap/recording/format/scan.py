@@ -1,4 +1,4 @@
-"""Index scan: the layout of a recording, without reading its messages.
+"""Finds out what lies where in a recording, and verifies it.
 
 A finished recording says it in its summary, which has a checksum of its own. In one
 that was cut short, still grows, or whose summary is damaged, the heads of its records
@@ -6,10 +6,15 @@ say it, and the walk from head to head goes on where it stopped once there is mo
 is no record is damage: the walk goes on behind it, from the next record that is surely
 one. Where there is none the file was cut, be the rest missing, torn or zeros.
 
-Chunks are not touched: each has a checksum of its own, and is verified when it is
-unpacked. `neurosnap.recording.format.full_scan` verifies all there is.
+`scan_index` does that, and touches no chunk: each has a checksum of its own, and is
+verified when it is unpacked. `scan` verifies all there is. In a finished file the data
+section and the summary have a checksum each: where both are right, all is. Where one is
+missing or wrong, every chunk is unpacked and held against its own checksum, and what
+does not match is damage. So of what is handed out here nothing can be wrong but
+metadata without a checksum of its own: see `Layout.doubts`.
 """
 
+import bisect
 import io
 import zlib
 from contextlib import suppress
@@ -21,6 +26,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 
 from neurosnap.errors import RecordingError
+from neurosnap.recording.format.chunks import channels_in, unpack
 from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
     CRC,
@@ -32,41 +38,37 @@ from neurosnap.recording.format.records import (
     MAGIC,
     MALFORMED,
     Attached,
+    Chunk,
     Cut,
     Damage,
     Layout,
     check_magic,
     damaged,
+    heads,
     library_of,
     opened,
     parse,
 )
 from neurosnap.recording.format.resync import HEAD_OF_CHUNK, chunk_at, find_record
 from neurosnap.recording.format.summary import read_summary, summary_place
-from neurosnap.recording.format.walk import heads
 
+_BLOCK = 1 << 20
+_ZEROS = 8  # bytes that no packed chunk ends with, if all of them are 0
 _TORN = 0, b""  # no record has this kind
 _FACTS = (Opcode.METADATA,)
 
 
-class IndexScan(msgspec.Struct):
-    """What was seen of a file so far."""
+def scan_index(path: Path) -> Layout:
+    """Find out what lies where; chunks and attachments as they are noted, not verified.
 
-    layout: Layout
-    """Chunks and attachments as they are noted, not verified."""
-    offset: int
-    """Where the first record starts that was not seen, in a file without its end."""
-
-
-def scan_index(path: Path) -> IndexScan:
-    """Look at a recording. Time: as its summary is long, or its records are many.
+    Time: as its summary is long, or its records are many.
 
     Raises:
         RecordingError: The file cannot be read, or is no recording of ours.
     """
     with opened(path) as file:
         layout = Layout(size=file.seek(0, io.SEEK_END))
-        offset = _read_start(path, file, layout)
+        layout.walked = _read_start(path, file, layout)
         if (place := summary_place(file, layout.size)) is not None:
             whole = _begun(layout)
             try:
@@ -74,24 +76,24 @@ def scan_index(path: Path) -> IndexScan:
             except RecordingError:
                 pass  # noted where the walk gets there
             else:
-                return IndexScan(whole, whole.size)
-        seen = IndexScan(layout, offset)
-        _go_on(path, file, seen)
-        return seen
+                whole.walked = whole.size
+                return whole
+        _go_on(path, file, layout)
+        return layout
 
 
-def scan_growth(path: Path, seen: IndexScan) -> bool:
-    """Look at what a file has gained; return whether that is anything.
+def scan_growth(path: Path, layout: Layout) -> bool:
+    """Add what a file has gained since it was scanned; return whether that is anything.
 
     Raises:
         RecordingError: The file cannot be read.
     """
     with opened(path) as file:
         size = file.seek(0, io.SEEK_END)
-        if size == seen.layout.size or seen.layout.cut is None:
+        if size == layout.size or layout.cut is None:
             return False
-        seen.layout.size = size
-        _go_on(path, file, seen)
+        layout.size = size
+        _go_on(path, file, layout)
         return True
 
 
@@ -133,57 +135,58 @@ def _header(file: BinaryIO, size: int) -> tuple[int, bytes]:
     return opcode, file.read(after - body)
 
 
-def _go_on(path: Path, file: BinaryIO, seen: IndexScan) -> None:
+def _go_on(path: Path, file: BinaryIO, layout: Layout) -> None:
     """Walk on from where the walk stopped, to the end or to where the file was cut."""
-    seen.layout.cut = None
+    layout.cut = None
     over = False
     while not over:
         try:
-            _take_records(path, file, seen)
+            _file_records(path, file, layout)
         except ValueError as error:
-            over = _leap(path, file, seen, f"at byte {seen.offset}: {error}")
+            over = _leap(path, file, layout, f"at byte {layout.walked}: {error}")
         else:
             over = True
 
 
-def _leap(path: Path, file: BinaryIO, seen: IndexScan, why: str) -> bool:
+def _leap(path: Path, file: BinaryIO, layout: Layout, why: str) -> bool:
     """Go on behind what is no record; return whether nothing is there."""
-    layout, at = seen.layout, seen.offset
+    at = layout.walked
     found = find_record(path, file, at + 1, layout.size)
     if found is None:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
     layout.damage.append(Damage(at, found, why, "unknown"))
-    seen.offset = found
+    layout.walked = found
     return False
 
 
-def _take_records(path: Path, file: BinaryIO, seen: IndexScan) -> None:
+def _file_records(path: Path, file: BinaryIO, layout: Layout) -> None:
     """File the records up to the end of the data, or of the file.
 
     Raises:
         ValueError: What follows is no record of ours.
     """
-    layout = seen.layout
-    for opcode, body, after in heads(file, seen.offset, layout.size):
+    for opcode, body, after in heads(file, layout.walked, layout.size):
         if opcode == Opcode.DATA_END and after - body == CRC.size:
             # Not passed: where what is behind it is torn, more may come.
-            _take_end(path, file, layout, seen.offset)
+            _file_end(path, file, layout, layout.walked)
             return
         try:
-            _take(file, layout, opcode, body, after - body)
+            _file_record(file, layout, opcode, body, after - body)
         except MALFORMED as error:
             raise ValueError(f"a record must be well-formed, got {error}") from error
-        seen.offset = after
-    layout.cut = Cut(len(layout.chunks), seen.offset, layout.size)
+        layout.walked = after
+    layout.cut = Cut(len(layout.chunks), layout.walked, layout.size)
 
 
-def _take(file: BinaryIO, layout: Layout, opcode: int, body: int, length: int) -> None:
+def _file_record(
+    file: BinaryIO, layout: Layout, opcode: int, body: int, length: int
+) -> None:
     """File the record whose body is next in the file."""
     at = body - HEAD.size
     match opcode:
         case Opcode.MESSAGE_INDEX:
-            _take_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
+            _file_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
         case Opcode.CHUNK:
             start = file.read(min(length, HEAD_OF_CHUNK))
             number = len(layout.chunks) + 1
@@ -191,12 +194,12 @@ def _take(file: BinaryIO, layout: Layout, opcode: int, body: int, length: int) -
         case Opcode.METADATA:
             take_facts(layout, at, file.read(length))
         case Opcode.ATTACHMENT:
-            _take_attachment(layout, at, file.read(length))
+            _file_attachment(layout, at, file.read(length))
         case _:
             raise ValueError(f"kind {opcode} of {length} bytes")
 
 
-def _take_index(layout: Layout, length: int, body: bytes) -> None:
+def _file_index(layout: Layout, length: int, body: bytes) -> None:
     channel, size = INDEX_HEAD.unpack(body)
     if size != length - INDEX_HEAD.size or size % INDEX_ENTRY:
         raise ValueError(f"a message index of {length} bytes that notes {size}")
@@ -204,7 +207,7 @@ def _take_index(layout: Layout, length: int, body: bytes) -> None:
     counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY
 
 
-def _take_attachment(layout: Layout, at: int, body: bytes) -> None:
+def _file_attachment(layout: Layout, at: int, body: bytes) -> None:
     """File an attachment, whose record has a checksum."""
     attachment: Attachment = parse(Attachment.read, body)
     (noted,) = CRC.unpack(body[-CRC.size :])
@@ -219,7 +222,7 @@ def _take_attachment(layout: Layout, at: int, body: bytes) -> None:
     )
 
 
-def _take_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
+def _file_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
     """Take over what is behind the data: the summary, whole, torn or damaged.
 
     Args:
@@ -267,3 +270,110 @@ def _footer(file: BinaryIO, start: int, size: int) -> int | None:
             if not opcode:
                 break
     return None
+
+
+def scan(path: Path) -> Layout:
+    """Find out what lies where, and verify it; what is damaged is left out and noted.
+
+    Reads the file once. One that is damaged or has no end is unpacked besides.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no recording of ours.
+    """
+    layout = scan_index(path)
+    with opened(path) as file:
+        noted, computed = _sums(file, layout)
+        layout.sure = noted is not None and noted != 0 and noted == computed
+        if not layout.sure:
+            _prove(path, file, layout)
+            if noted and noted != computed and not _explained(layout):
+                why = (
+                    f"the data must have checksum {noted:#010x}, got {computed:#010x}:"
+                    " all messages are whole, what is written of them may not be"
+                )
+                _note(layout, Damage(0, layout.data_end or 0, why, "nothing"))
+    return layout
+
+
+def _sums(file: BinaryIO, layout: Layout) -> tuple[int | None, int]:
+    """Return the checksum of the data as it is noted behind them, and as it is."""
+    if layout.data_end is None:
+        return None, 0
+    file.seek(0)
+    left, computed = layout.data_end, 0
+    while left > 0 and (block := file.read(min(_BLOCK, left))):
+        computed = zlib.crc32(block, computed)
+        left -= len(block)
+    record = file.read(HEAD.size + CRC.size)
+    if len(record) < HEAD.size + CRC.size:
+        return None, computed
+    opcode, length = HEAD.unpack_from(record)
+    if (opcode, length) != (Opcode.DATA_END, CRC.size):
+        why = "the data must end with a record that says so, got another"
+        end = layout.data_end
+        _note(layout, Damage(end, end + len(record), why, "nothing"))
+        return None, computed
+    return int.from_bytes(record[HEAD.size :], "little"), computed
+
+
+def _prove(path: Path, file: BinaryIO, layout: Layout) -> None:
+    """Leave out what does not match its own checksum."""
+    good: list[Chunk] = []
+    for chunk in layout.chunks:
+        try:
+            unpack(path, file, chunk)
+        except RecordingError as error:
+            why = str(error).removeprefix(f"{path}: at byte {chunk.offset}: ")
+            spoiled = Damage(chunk.start_offset, chunk.stop_offset, why, "chunk")
+            _note(layout, spoiled)
+        else:
+            good.append(chunk)
+    layout.chunks = good
+    for attached in list(layout.attachments.values()):
+        if not _is_attached(file, attached):
+            del layout.attachments[attached.name]
+            why = f"attachment {attached.name!r} must match its checksum, got another"
+            start, stop = attached.offset - HEAD.size, attached.offset + attached.length
+            _note(layout, Damage(start, stop, why, "nothing"))
+    if layout.data_end is None:
+        _cut_behind(file, layout)
+    if layout.damage and not layout.summarized:
+        layout.channels = channels_in(path, file, layout.chunks)
+
+
+def _cut_behind(file: BinaryIO, layout: Layout) -> None:
+    """Call it a cut where a file without an end has zeros from a chunk on.
+
+    The disk had noted how long the file is before it had what is in it.
+    """
+    last = layout.chunks[-1].offset if layout.chunks else 0
+    while layout.cut is not None and layout.damage:
+        damage = layout.damage[-1]
+        if damage.lost != "chunk" or damage.start < last:
+            break
+        file.seek(damage.stop - _ZEROS)
+        if any(file.read()):
+            break
+        layout.damage.pop()
+        layout.cut = Cut(len(layout.chunks), damage.start, layout.size)
+    if layout.cut is not None:
+        chunks = len(layout.chunks)
+        layout.cut = msgspec.structs.replace(layout.cut, chunks=chunks)
+
+
+def _is_attached(file: BinaryIO, attached: Attached) -> bool:
+    """Tell whether an attachment is where it is said to be, and what was written."""
+    file.seek(attached.offset)
+    body = file.read(attached.length)
+    noted = int.from_bytes(body[-CRC.size :], "little")
+    return len(body) == attached.length and zlib.crc32(body[: -CRC.size]) == noted
+
+
+def _note(layout: Layout, damage: Damage) -> None:
+    bisect.insort(layout.damage, damage, key=lambda one: one.start)
+
+
+def _explained(layout: Layout) -> bool:
+    """Tell whether some damage before the end of the data was found."""
+    end = layout.data_end or 0
+    return any(one.start < end for one in layout.damage)

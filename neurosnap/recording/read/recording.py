@@ -1,0 +1,407 @@
+"""A recording: the files of one run, in order, as one list of chunks.
+
+The first file keeps the name that was asked for; the others are called after it and
+numbered, ``run.mcap``, ``run_0001.mcap``, so that they are listed in order. Each begins
+with a key-frame and is a recording by itself. A run that was split, one that still
+grows and one that was damaged differ only in how the list of its chunks comes about.
+
+One that was cut short (by a crash, a full disk, a lost machine) is read to its last
+whole chunk, and `Recording.cut` says so; `Recording.damage` says what cannot be read,
+and `Recording.whole` that nothing is missing. To derive anything one must know where
+messages are missing: see `neurosnap.recording.read.stretches`.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import Self
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.errors import RecordingError
+from neurosnap.fabric.location import Place
+from neurosnap.recording.format.completeness import (
+    Completeness,
+    RunningNumbers,
+    added_up,
+)
+from neurosnap.recording.format.records import Chunk, Cut
+from neurosnap.recording.read.file import (
+    EVER,
+    Noted,
+    Recorded,
+    RecordingFile,
+    identity,
+)
+
+
+def part_path(log: Path, number: int) -> Path:
+    """Return the path of a file of the run that is recorded at `log`.
+
+    Example:
+        >>> part_path(Path("run.mcap"), 2).name
+        'run_0002.mcap'
+    """
+    return log if number == 0 else log.with_name(f"{log.stem}_{number:04d}{log.suffix}")
+
+
+def first_path(path: Path, number: int) -> Path:
+    """Return the path of the first file, by the path of another: see `part_path`."""
+    return path.with_name(f"{path.stem.removesuffix(f'_{number:04d}')}{path.suffix}")
+
+
+def part_paths(log: Path) -> dict[int, Path]:
+    """Return the files there are of the run that is recorded at `log`, by number."""
+    name = re.compile(rf"{re.escape(log.stem)}_(\d{{4,9}}){re.escape(log.suffix)}")
+    found = {0: log} if log.exists() else {}
+    if log.parent.is_dir():
+        for path in log.parent.iterdir():
+            if (match := name.fullmatch(path.name)) and int(match[1]):
+                found[int(match[1])] = path
+    return dict(sorted(found.items()))
+
+
+class Recording:
+    """The files of one run that are there, in order; none is held open between reads.
+
+    Args:
+        files: One or more.
+        unread: Why others cannot be read.
+        log: Where the run is recorded; None for the path of the first file.
+
+    Raises:
+        RecordingError: They are not of one run.
+    """
+
+    def __init__(
+        self,
+        files: Sequence[RecordingFile],
+        unread: Sequence[str] = (),
+        log: Path | None = None,
+    ) -> None:
+        self.files = tuple(files)
+        self.unread = tuple(unread)
+        self.path = files[0].path
+        self._log = self.path if log is None else log
+        # Before another file of that name may come.
+        self._identities = {file.path: identity(file.path) for file in files}
+        for file in files if len(files) > 1 else ():
+            options = file.metadata.get("options")
+            if file.part is None or options != self.metadata.get("options"):
+                rule = f"must be of the run of {self.path}"
+                raise RecordingError(f"{file.path}: {rule}, got another")
+        self._count()
+
+    @classmethod
+    def open(cls, log: Path | str, *, verify: bool = True) -> Self:
+        """Open what was recorded at `log`, be it one file or several.
+
+        Args:
+            log: The only file, or the first, for all there are; the first may have been
+                deleted. A later one stands for itself.
+            verify: As in `RecordingFile.open`.
+
+        Raises:
+            RecordingError: No file can be read, or is a recording of ours; or they are
+                not of one run.
+        """
+        log = Path(log)
+        paths = part_paths(log)
+        files: list[RecordingFile] = []
+        unread: list[RecordingError] = []
+        for path in paths.values():
+            try:
+                file = RecordingFile.open(path, verify=verify)
+            except RecordingError as error:
+                unread.append(error)
+                continue
+            if path == log and (file.part != 0 or len(paths) == 1):
+                return cls([file])
+            files.append(file)
+        if unread and not files:
+            raise unread[0]
+        if not files:
+            return cls.open_file(log)  # which says why not
+        return cls(files, tuple(map(str, unread)), log)
+
+    @classmethod
+    def open_file(cls, path: Path | str) -> Self:
+        """Open one file, whatever others there are of its run.
+
+        Raises:
+            RecordingError: As from `open`.
+        """
+        return cls([RecordingFile.open(Path(path))])
+
+    def _count(self) -> None:
+        self.chunks: list[tuple[RecordingFile, Chunk]] = [
+            (file, chunk) for file in self.files for chunk in file.layout.chunks
+        ]
+
+    @property
+    def _last(self) -> RecordingFile:
+        """The last file, which knows best how often the run was taken up again."""
+        return self.files[-1]
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What was written of the run at its start; empty if it was cut before that."""
+        return self._last.metadata
+
+    @property
+    def part(self) -> int | None:
+        """Which of the files of its run the first is, from 0; None if it is not split.
+
+        Raises:
+            RecordingError: What it says of that is no number.
+        """
+        return self.files[0].part
+
+    @property
+    def begins(self) -> int:
+        """The tick of the key-frame that it begins with; 0 if it begins with the run.
+
+        Raises:
+            RecordingError: What it says of that is no number.
+        """
+        return self.files[0].begins
+
+    @property
+    def share(self) -> dict[str, int] | None:
+        """The numbers that the first file begins with; see `RecordingFile.share`."""
+        return self.files[0].share
+
+    @property
+    def lost(self) -> str:
+        """Why messages are missing before it; empty if none are."""
+        return self.files[0].lost
+
+    @property
+    def places(self) -> dict[str, Place]:
+        """Where the parts are that said so; see `RecordingFile.places`."""
+        return self._last.places
+
+    @property
+    def swarm(self) -> str:
+        """The id of the swarm that was recorded."""
+        return self._last.swarm
+
+    @property
+    def totals(self) -> dict[str, str] | None:
+        """What was written at the end; None if the recording did not get there."""
+        return self._last.totals
+
+    @property
+    def closing(self) -> wire.Decision | None:
+        """The decision of the last tick where another file follows, else None."""
+        return self._last.closing
+
+    @property
+    def snapshot(self) -> bytes | None:
+        """The final snapshot; None if there was none, or it was not written."""
+        return self._last.snapshot
+
+    def demand_facts(self) -> None:
+        """Refuse a recording of whose run nothing is known for sure.
+
+        Raises:
+            RecordingError: It is damaged, and so may be what is written of its run.
+        """
+        for file in self.files:
+            file.demand_facts()
+
+    @property
+    def finished(self) -> bool:
+        """All files have their end."""
+        return self.cut is None
+
+    @property
+    def cut(self) -> Cut | None:
+        """Where the first file was cut that has no end; None if all have one."""
+        return next((file.cut for file in self.files if file.cut is not None), None)
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """What cannot be read or is known to be missing, a line each; empty if nothing.
+
+        That the last file was cut short is not in here, nor what was lost on the way to
+        it. A file that another one follows and that has no end lacks it.
+        """
+        lines = [*self.unread]
+        lines += chain.from_iterable(file.damage for file in self.files)
+        for before, after in pairwise(self.files):
+            if (cut := before.cut) is not None:
+                place = f"byte {cut.offset} of {cut.size}"
+                lines.append(f"{before.path}: cut short at {place}")
+            if after.part != (before.part or 0) + 1:
+                lines.append(f"{after.path}: the file before it is missing")
+        return tuple(lines)
+
+    @property
+    def spoiled(self) -> bool:
+        """Some bytes of its files cannot be read, however much they still grow."""
+        return any(file.damage for file in self.files)
+
+    @property
+    def cuts(self) -> list[str]:
+        """What in its files cannot be read, and where each ends before its end."""
+        lines = [*self.unread]
+        for file in self.files:
+            lines += file.damage
+            if (cut := file.cut) is not None:
+                place = f"at byte {cut.offset} of {cut.size}"
+                said = f"cut short after {cut.chunks} whole chunks, {place}"
+                lines.append(f"{file.path}: {said}")
+        return lines
+
+    @property
+    def gaps(self) -> int:
+        """At how many places its writers noted that messages are missing."""
+        return sum(file.gaps for file in self.files)
+
+    @property
+    def whole(self) -> bool:
+        """Its files have their end and no damage, and no message is missing.
+
+        Raises:
+            RecordingError: The totals are not what a writer writes.
+        """
+        return (
+            all(file.whole for file in self.files)
+            and not self.damage
+            and self.noted().completeness.whole
+        )
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        *,
+        start: int = 0,
+        end: int = EVER,
+    ) -> Iterator[Recorded]:
+        """Return the messages of all files; see `RecordingFile.messages`."""
+        several = [file.messages(topics, start=start, end=end) for file in self.files]
+        return chain.from_iterable(several)
+
+    def blank_sequences(self) -> RunningNumbers:
+        """Return the senders' running numbers before any message has come."""
+        share = self.share
+        return RunningNumbers(share or {}, anywhere=share is None)
+
+    def sequences(self) -> RunningNumbers:
+        """Read all messages and return every sender's running numbers.
+
+        Raises:
+            RecordingError: As `messages`.
+        """
+        sequences = self.blank_sequences()
+        for recorded in self.messages():
+            sequences.receive(recorded.message.sender, recorded.sequence)
+        return sequences
+
+    def completeness(self) -> Completeness:
+        """Read all messages and return whether any is missing.
+
+        In a finished recording that includes what senders say they sent after the last
+        that was recorded, and counts what the writer left out.
+
+        Raises:
+            RecordingError: As `messages`, or the totals are not what a writer writes.
+        """
+        return self.balance(self.sequences())
+
+    def balance(self, sequences: RunningNumbers) -> Completeness:
+        """Return `completeness`, by running numbers that were read already.
+
+        Raises:
+            RecordingError: The totals are not what a writer writes.
+        """
+        noted = self.noted()
+        balance = sequences.completeness(
+            noted.expected, foreign=noted.completeness.foreign
+        )
+        duplicates = balance.duplicates + noted.completeness.duplicates
+        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=self.gaps)
+
+    def noted(self) -> Noted:
+        """Return what the writers noted, added up; empty if they did not get there.
+
+        What one file ends before and the next begins after is missing.
+
+        Raises:
+            RecordingError: The totals are not what a writer writes.
+        """
+        noted = [file.noted() for file in self.files]
+        between = Completeness(0, dict(self._between(noted)))
+        balances = (each.completeness for each in noted)
+        return Noted(added_up([between, *balances]), noted[-1].expected)
+
+    def _between(self, noted: Sequence[Noted]) -> Iterator[tuple[str, int]]:
+        lost: dict[str, int] = {}
+        both = zip(pairwise(self.files), noted[:-1], strict=True)
+        for (before, after), ended in both:
+            if before.totals is None or after.share is None:
+                continue
+            for who, first in after.share.items():
+                gap = first - ended.expected.get(who, 0)
+                lost[who] = lost.get(who, 0) + max(0, gap)
+        yield from ((who, count) for who, count in lost.items() if count)
+
+    def grow(self) -> tuple[bool, bool]:
+        """Look at what the files have gained, and for new ones.
+
+        Returns:
+            Whether that is anything, and whether chunks have other numbers since: a
+            file is finished for a while yet after the next was begun.
+
+        Raises:
+            RecordingError: A file cannot be read.
+        """
+        dropped = self._drop_deleted()
+        before = [len(file.layout.chunks) for file in self.files]
+        # All of them, and not only up to the first that has grown.
+        gains = [file.grow() for file in self.files]
+        fresh = self._fresh() if self.part is not None else []
+        self.files += tuple(fresh)
+        self._identities |= {file.path: identity(file.path) for file in fresh}
+        grown = dropped or any(gains) or bool(fresh)
+        after = [len(file.layout.chunks) for file in self.files]
+        if grown:
+            self._count()
+        moved = before[:-1] != after[: len(before) - 1] or (
+            len(after) > len(before) and before[-1] != after[len(before) - 1]
+        )
+        return grown, dropped or moved
+
+    def _drop_deleted(self) -> bool:
+        """Leave out files that were deleted from the beginning; return whether any."""
+        there = tuple(file for file in self.files if file.path.exists())
+        if self.part is None or not there or len(there) == len(self.files):
+            return False
+        self.files = there
+        return True
+
+    def _fresh(self) -> list[RecordingFile]:
+        """Return the files that are new, as far as they have begun."""
+        known = {file.path for file in self.files}
+        fresh = []
+        for path in part_paths(self._log).values():
+            if path not in known:
+                try:
+                    fresh.append(RecordingFile.open(path, verify=False))
+                except RecordingError:
+                    break  # nothing is written in it yet: it is looked at again
+        return fresh
+
+    def replaced(self) -> bool:
+        """Return whether the first file there is now is none of those that were there.
+
+        Raises:
+            RecordingError: None is there.
+        """
+        paths = list(part_paths(self._log).values()) if self.part is not None else []
+        first = paths[0] if paths else self.files[0].path
+        known = {file.path: self._identities[file.path] for file in self.files}
+        return identity(first) != known.get(first)
