@@ -1,6 +1,7 @@
 # Two commands do everything: `make run` shows it working, `make test` proves it.
 # `make quick` is for every save: the tests that need no processes, sockets or browser,
-# with fewer examples of every property than `make test` draws.
+# with fewer examples of every property than `make test` draws. `make test-all` adds what
+# is slow or draws widely, and is what a change must pass before it lands.
 PYTHON ?= python3
 BIN := .venv/bin
 LOG := logs/path-$(shell date +%Y%m%d-%H%M%S).mcap
@@ -13,14 +14,22 @@ PYTEST := $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --numpr
 # A test starts hundreds of interpreters: none is to compile everything anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test quick check bench docs clean
+.PHONY: run test test-all test-rest quick check bench docs clean
 
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
 	$(BIN)/neurosnap replay $(LOG) --verify
 
 test: .venv/compiled
-	$(PYTEST) $(WORKERS)
+	$(PYTEST) $(WORKERS) -m "not exhaustive"
+
+test-all: test test-rest
+
+# What `make test` leaves out: the tests that are slow, draw widely, or need large
+# packages, and every property with more examples.
+test-rest: .venv/compiled
+	$(PYTEST) $(WORKERS) -m exhaustive
+	$(PYTEST) $(WORKERS) --hypothesis-profile=wide -m "not exhaustive" tests/property
 
 quick: .venv/compiled
 	$(PYTEST) $(shell nproc) -m "not slow and not zenoh" \

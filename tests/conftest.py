@@ -16,22 +16,21 @@ from typing import Any
 
 import pytest
 import pytest_asyncio
-from hypothesis import settings
 
-from tests.support.hypothesis_settings import QUICK
+from tests.support import hypothesis_settings
 
-pytest_plugins = ["tests.support.no_skips", "pytester"]
+pytest_plugins = [
+    "tests.support.no_skips",
+    "tests.support.processor_time",
+    "pytester",
+]
 
-settings.register_profile("ci", derandomize=True, deadline=None)
-settings.register_profile("dev", deadline=None)
-settings.register_profile("quick", deadline=None, max_examples=QUICK)
+hypothesis_settings.register()
 # Ray reads them when it is imported, and so do the commands that tests start. Without
 # the first it takes the machine's own address for 127.0.0.1; with the second it reports
 # nothing to anybody.
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-
-settings.load_profile("ci" if os.environ.get("CI") else "dev")
 
 
 def pytest_collection_finish() -> None:

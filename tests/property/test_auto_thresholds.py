@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -14,6 +14,7 @@ from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.search import answered
 from neurosnap.sensorium import Sensorium
+from tests.support.hypothesis_settings import examples
 from tests.support.snapshots import learned_edges
 from tests.support.strategies import as_set
 
@@ -136,7 +137,7 @@ def has_cycle(edges: set[tuple[int, int]]) -> bool:
     return False
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(noisy_walks(), st.integers(1, 1400))
 def test_it_is_what_its_observations_say(walk: tuple[Bits, Bits], cut: int) -> None:
     bits, known = walk
@@ -166,7 +167,7 @@ def test_it_is_what_its_observations_say(walk: tuple[Bits, Bits], cut: int) -> N
     assert fitted.to_bytes() == snapshot.to_bytes()
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(noisy_walks(most=8))
 def test_whatever_is_tolerated_the_order_is_one(walk: tuple[Bits, Bits]) -> None:
     bits, _ = walk

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.learning.update_kernels_lazy import CALM, DENSE, FREE
 from tests.support.eager_learning import EagerCounts
+from tests.support.hypothesis_settings import examples
 
 Bits = NDArray[np.uint8]
 
@@ -82,7 +83,6 @@ def both(
     return EmpiricalSnapshot(sensors, threshold), EagerCounts(sensors, threshold)
 
 
-@settings(deadline=None)
 @given(sources(), st.data())
 def test_codes_are_the_same_after_every_observation(
     rows: Bits, data: st.DataObject
@@ -94,7 +94,6 @@ def test_codes_are_the_same_after_every_observation(
     eager.assert_same(lazy)
 
 
-@settings(deadline=None)
 @given(sources(), st.data())
 def test_it_can_be_read_saved_and_interrupted_at_any_time(
     rows: Bits, data: st.DataObject
@@ -122,7 +121,7 @@ def test_it_can_be_read_saved_and_interrupted_at_any_time(
     eager.assert_same(lazy)
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(sources(), st.booleans(), st.integers(0, 150))
 def test_an_unknown_reading_finds_all_counted(
     rows: Bits, auto: bool, more: int

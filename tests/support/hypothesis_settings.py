@@ -1,15 +1,34 @@
-"""How many examples a property is tried with: all of them, or few for `make quick`."""
+"""How many examples a property is tried with, by profile.
+
+``quick`` is for `make quick`, ``test`` for `make test`, ``wide`` for `make test-all`.
+In CI each draws the same examples every time.
+"""
+
+import os
 
 from hypothesis import settings
 
-QUICK = 15
-"""What the profile `quick` draws, of every property."""
+PROFILES = {"quick": 10, "test": 25, "wide": 100}
+"""The examples that each profile draws of every property."""
 
 
-def examples(most: int) -> settings:
-    """Return the settings of a property that draws fewer or more than is usual.
+def register() -> None:
+    """Register the profiles, and load the one of `make test`."""
+    for name, most in PROFILES.items():
+        fixed = bool(os.environ.get("CI"))
+        settings.register_profile(
+            name, deadline=None, max_examples=most, derandomize=fixed
+        )
+    settings.load_profile("test")
+
+
+def examples(wide: int) -> settings:
+    """Return the settings of a property that draws more or fewer than others.
 
     Plain settings in a module would overrule the profile.
+
+    Args:
+        wide: How many the profile ``wide`` draws; the others as much fewer as usual.
     """
-    usual = settings().max_examples
-    return settings(max_examples=min(most, usual) if usual == QUICK else most)
+    share = settings().max_examples / PROFILES["wide"]
+    return settings(max_examples=max(1, round(wide * share)))
