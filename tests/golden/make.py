@@ -1,9 +1,15 @@
-"""Make the golden recording of the schema in force, once: then it stays as it is.
+"""Makes what is stored here, where it is to change: ``python -m tests.golden.make``.
 
-It is written as ``recording.mcap``, its meaning beside it as JSON. A change of the
-schema replaces the pair.
+The recording is ``recording.mcap``, its meaning beside it as JSON; a change of the
+schema replaces the pair. Of every kind of run, `meanings` holds what it comes
+to, and `messages` what the coordinator says in it. What differs is replaced and named:
+look at it with ``git diff`` before it is committed. `runs` holds recordings of them.
 """
 
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +18,8 @@ import msgspec
 from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
+from tests.golden.meaning import meaning_of, message_lines
+from tests.golden.scenarios import SCENARIOS, made
 
 FOLDER = Path(__file__).parent
 BEGIN = 1_700_000_000_000_000_000
@@ -88,7 +96,7 @@ def meaning(recording: Recording) -> dict[str, Any]:
 
 
 def make(folder: Path = FOLDER) -> Path:
-    """Write the pair for the schema in force; refuse to replace one."""
+    """Write the pair for the schema in force."""
     path = folder / "recording.mcap"
     with Writer(path) as writer:
         writer.start({"seed": "7", "world": "Golden-v0", "sensors": '["a","b","c"]'})
@@ -104,5 +112,32 @@ def make(folder: Path = FOLDER) -> Path:
     return path
 
 
+def stored(what: str, name: str) -> Path:
+    """Return where `meanings` or `messages` of a scenario are stored."""
+    return FOLDER / what / f"{name}.txt"
+
+
+def make_scenarios() -> None:
+    """Make all scenarios; store what they come to, and name what is new."""
+    shutil.rmtree(FOLDER / "runs", ignore_errors=True)
+    for scenario in SCENARIOS:
+        with tempfile.TemporaryDirectory() as folder:
+            lives = made(scenario, Path(folder) / f"{scenario.name}.mcap")
+            if scenario.stored:
+                shutil.copytree(folder, FOLDER / "runs", dirs_exist_ok=True)
+        if not scenario.like:
+            _store(stored("meanings", scenario.name), meaning_of(scenario, lives))
+        _store(stored("messages", scenario.name), message_lines(lives))
+
+
+def _store(path: Path, lines: Iterable[str]) -> None:
+    text = "\n".join(lines) + "\n"
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        sys.stdout.write(f"{path.parent.name}/{path.name} is new\n")
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
 if __name__ == "__main__":
     make()
+    make_scenarios()
