@@ -33,7 +33,7 @@ test-rest: .venv/compiled
 
 quick: .venv/compiled
 	$(PYTEST) $(shell nproc) -m "not slow and not zenoh" \
-		--hypothesis-profile=quick tests/unit tests/property
+		--hypothesis-profile=quick tests/unit tests/property tests/golden
 
 check: .venv/installed-dev
 	tools/check

@@ -18,7 +18,7 @@ from tests.golden.drive import Driven, Step
 from tests.golden.scenarios import Scenario
 
 Edges = set[tuple[int, int]]
-_LONG = 250
+_LONG = 150
 
 
 def lines(messages: Iterable[wire.Message], sensors: int) -> list[str]:
@@ -58,7 +58,8 @@ class _Telling:
                     if asked:
                         self._said.append(f"asked {len(asked)} {_short(asked)}")
                     self._said.append(_decided(message))
-                    yield _clipped(f"{message.tick}: " + "; ".join(self._said))
+                    said = "; ".join(map(_clipped, self._said))
+                    yield f"{message.tick}: {said}"
                     tick, self._said, self._asked = message.tick, [], []
                 case wire.Wiring() | wire.WorkerWiring():
                     self._wire(message)
@@ -124,9 +125,9 @@ class _Telling:
         return [f"wired {' '.join(changed)}"] if changed else []
 
 
-def _clipped(line: str) -> str:
-    """Return a line, of which the end counts but need not be read."""
-    return line if len(line) <= _LONG else f"{line[:_LONG]} ... {_short(line)}"
+def _clipped(said: str) -> str:
+    """Return what is said, of which the end counts but need not be read."""
+    return said if len(said) <= _LONG else f"{said[:_LONG]} ... {_short(said)}"
 
 
 def _decided(decision: wire.Decision) -> str:

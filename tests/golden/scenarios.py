@@ -17,7 +17,7 @@ from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
 from neurosnap.sources.protocol import Source
 from tests.golden.drive import Driven, Lost, drive, record
-from tests.support.lamp import lamp_options
+from tests.support.lamp import LIMITED, lamp_options
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
 
@@ -243,11 +243,23 @@ SCENARIOS = (
         stored=True,
     ),
     _world(
+        "retiring",
+        msgspec.structs.replace(
+            lamp_options(ticks=205, cells="inline", explore=1.0, threshold=0.05),
+            imagine=0,
+            target=("lit",),
+        ),
+    ),
+    _world(
+        "growing-cut-off",
+        lamp_options(LIMITED, ticks=60, cells="inline", threshold=0.05),
+    ),
+    _world(
         "scripted-births",
         lamp_options(grow=0, births=_BIRTHS, ticks=50, cells="worker"),
     ),
 )
-"""What is run; `growing` retires sensors, too."""
+"""What is run."""
 
 
 def made(scenario: Scenario, log: Path) -> list[Driven]:

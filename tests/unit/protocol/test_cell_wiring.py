@@ -63,6 +63,22 @@ def test_a_gap_in_the_wirings_is_a_fault_and_silences_it() -> None:
     assert cell.receive([state_wave(2, 1)]) == []
 
 
+def test_a_change_of_a_wiring_that_was_replaced_is_a_fault() -> None:
+    cell = wired(4)
+    assert cell.receive([wire.Wiring(1, 2, 1, add=(6,))]) == []
+    assert cell.receive([wire.Wiring(1, 3, 1, add=(8,))]) == [
+        wire.Fault("cell/1", "wiring: must build on epoch 2, got 1")
+    ]
+
+
+def test_a_wiring_that_comes_again_changes_nothing() -> None:
+    cell = wired(4)
+    change = wire.Wiring(1, 2, 1, add=(6,), drop=(4,))
+    for wiring in (change, change, wire.Wiring(1, 1, 0, add=(4,))):
+        assert cell.receive([wiring]) == []
+    assert [p.target for p in sent(cell.receive([start(1, OWN)]))] == [6]
+
+
 def test_a_whole_wiring_ends_the_silence() -> None:
     cell = wired(4)
     cell.receive([wire.Wiring(1, 3, 2, add=(6,)), start(1, OWN)])

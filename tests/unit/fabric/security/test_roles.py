@@ -111,6 +111,44 @@ def test_every_topic_has_a_key_here() -> None:
     assert KEYS.keys() == wire.TOPICS.keys()
 
 
+def test_who_may_say_and_hear_what_is_what_was_decided() -> None:
+    """Written down by hand, so that a slip in the table is one here."""
+    said = {role: " ".join(sorted(RIGHTS[role].publishes)) for role in SPEAKERS}
+    assert said == {
+        "coordinator": "anomaly band decide fault keyframe learn leave loom reach"
+        " recall remind state wave wiring",
+        "world": "fault image leave observe",
+        "recorder": "fault",
+        "cell": "excite fault inhibit leave recalled settle",
+        "worker": "band burst fault learned leave recalled tally",
+        "watcher": "",
+        "sensor": READING,
+    }
+    heard = {role: " ".join(sorted(RIGHTS[role].reads)) for role in SPEAKERS}
+    everything = " ".join(sorted(KEYS))
+    assert heard == {
+        "coordinator": "fault learned leave observe recalled settle tally",
+        "world": f"decide {READING} state",
+        "recorder": everything,
+        "cell": "excite inhibit observe recall remind wave wiring",
+        "worker": "band burst learn loom observe recall remind wave",
+        "watcher": everything,
+        "sensor": "",
+    }
+    flags = "announces", "passes", "watches", "briefs", "asks", "told"
+    may = {role: [f for f in flags if getattr(RIGHTS[role], f)] for role in ROLES}
+    assert may == {
+        "hub": ["passes"],
+        "coordinator": ["announces", "watches", "briefs"],
+        "world": ["announces"],
+        "recorder": ["announces", "watches"],
+        "cell": ["announces"],
+        "worker": ["announces"],
+        "watcher": ["watches", "asks"],
+        "sensor": ["told"],
+    }
+
+
 def test_every_role_has_its_rights() -> None:
     assert tuple(RIGHTS) == ROLES
 

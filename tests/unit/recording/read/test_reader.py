@@ -49,6 +49,23 @@ def test_payloads_come_back_byte_for_byte(path: Path) -> None:
     assert read.payload == spaced
 
 
+def test_what_is_asked_up_to_the_first_message_of_a_chunk_has_that_alone(
+    path: Path,
+) -> None:
+    """Recorded at times 100 to 109, five in a chunk; the second begins at 105."""
+    with Writer(path) as writer:
+        writer.start({})
+        for time, delivery in enumerate(traffic(10), 100):
+            writer.add(delivery, time)
+            if time == 104:
+                writer.flush()
+        writer.finish({}, {})
+    recording = Recording.open(path)
+    for start, end in ((0, 105), (0, 106), (104, 106), (105, 106), (105, 105)):
+        found = [one.log_time for one in recording.messages(start=start, end=end)]
+        assert found == list(range(max(start, 100), end))
+
+
 def test_a_finished_recording_says_so(path: Path) -> None:
     completeness = record(path, traffic(100), every=30)
     recording = Recording.open(path)

@@ -133,3 +133,39 @@ async def test_only_what_is_written_counts(tmp_path: Path) -> None:
         assert listener.totals() == {"ticks": str(state.tick)}
         assert listener.expected() == {"world": 5, "cell/0": 1}
     assert [one.message for one in Recording.open(log).messages()] == [state, leave]
+
+
+async def test_the_journal_is_cut_at_the_last_key_frame_but_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last may lack something on the disk: then a run goes on from the one before.
+
+    Nothing is cut before there are two; rows up to the older of them go.
+    """
+    cuts: list[int] = []
+    monkeypatch.setattr(recorder, "_FLUSH", 0.0)
+    monkeypatch.setattr(recorder, "cut_journal", lambda _, tick: cuts.append(tick))
+    hub, stop, ready = MemoryHub(), asyncio.Event(), asyncio.Event()
+    with SplitWriter(tmp_path / "log.mcap", {}) as writer:
+        async with hub.fabric("recorder") as fabric, hub.fabric("x") as other:
+            recording = asyncio.create_task(
+                recorder.run_recorder(
+                    *(writer, fabric, stop),
+                    parts=("coordinator",),
+                    grace=0.0,
+                    journal=tmp_path,
+                    on_ready=ready.set,
+                )
+            )
+            await ready.wait()
+            other.publish(wire.KeyFrame(10, b""))
+            for _ in range(20):  # turns of the loop, in which it flushes
+                await asyncio.sleep(0)
+            assert cuts == []
+            for tick, cut in ((20, 10), (20, 10), (30, 20)):
+                other.publish(wire.KeyFrame(tick, b""))
+                while cuts[-1:] != [cut]:  # noqa: ASYNC110 - a thread does it
+                    await asyncio.sleep(0)
+            stop.set()
+            await recording
+    assert cuts == [10, 20]
