@@ -1,19 +1,14 @@
-"""A run goes on from where nothing can be missing, and says from where it did."""
+"""A run says from where it went on."""
 
-from collections import Counter
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.run_facts import resumed_at
 from neurosnap.recording.read.split_files import open_whole
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.run import describe
 from tests.golden.drive import drive, record
 from tests.golden.scenarios import rows
 from tests.support.scripted_sources import Scripted
@@ -27,39 +22,6 @@ OPTIONS = RunOptions(
     keyframe_every=EVERY,
 )
 ROWS = rows(TICKS, 3)
-
-
-def test_a_key_frame_counts_only_if_all_were_heard_behind_it(tmp_path: Path) -> None:
-    """A cell reports twice on the last wave before a key-frame; the second is lost.
-
-    And so is all that it says later: no gap in its numbers shows that.
-    """
-    published = drive(OPTIONS, Scripted(ROWS), 1).published
-    frames = [m for m in published if isinstance(m, wire.KeyFrame)]
-    for frame, later in pairwise(frames[1:]):
-        last = [
-            place
-            for place, m in enumerate(published)
-            if isinstance(m, wire.CellReport) and (m.wave, m.part) == (frame.waves, 1)
-        ]
-        if last:
-            break
-    else:
-        raise AssertionError("no cell reports twice: draw another order")
-    lost, log = last[0], tmp_path / "log.mcap"
-    who, numbers = published[lost].sender, Counter[str]()
-    with Writer(log) as writer:
-        writer.start({**describe(OPTIONS), "swarm": "test"})
-        for place, message in enumerate(published):
-            number, sender = numbers[message.sender], message.sender
-            numbers[sender] += 1
-            if not (sender == who and place >= lost):
-                payload = wire.encode(message)
-                writer.add(wire.Delivery(message.key, number, place, payload), place)
-            if message == later:
-                break
-    _, past = find_resume_point(log)
-    assert past.tick == frame.tick - 1
 
 
 def test_a_run_that_got_no_further_says_once_where_it_went_on(tmp_path: Path) -> None:
