@@ -71,11 +71,7 @@ def copy_tree() -> None:
 
 
 def passes(tests: list[str]) -> bool:
-    """Tell whether tests pass in the copy.
-
-    Raises:
-        RuntimeError: There are no such tests.
-    """
+    """Tell whether tests are there, and pass in the copy."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
     environment = {
         **os.environ,
@@ -89,14 +85,11 @@ def passes(tests: list[str]) -> bool:
             cwd=TREE,
             env=environment,
             capture_output=True,
-            text=True,
             check=False,
             timeout=_LONGEST,
         )
     except subprocess.TimeoutExpired:  # it waits for ever: that is noticed, too
         return False
-    if done.returncode in (4, 5):
-        raise RuntimeError(f"{' '.join(tests)}: no such tests\n{done.stdout[-2000:]}")
     return done.returncode == 0
 
 
@@ -121,7 +114,7 @@ def main(words: list[str]) -> int:
     copy_tree()
     tests = sorted({test for row in rows for test in row.tests})
     if not passes(tests):
-        print("the tests must pass before anything is planted")
+        print(f"must be there, and pass before anything is planted: {tests}")
         return 1
     bad = 0
     for number, row in enumerate(rows, 1):

@@ -138,7 +138,7 @@ async def test_only_what_is_written_counts(tmp_path: Path) -> None:
 async def test_the_journal_is_cut_at_the_last_key_frame_but_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The last may lack something on the disk: then a run goes on from the one before."""
+    """The last may lack something: then a run goes on from the one before."""
     cuts: list[int] = []
     monkeypatch.setattr(recorder, "_FLUSH", 0.0)
     monkeypatch.setattr(recorder, "cut_journal", lambda _, tick: cuts.append(tick))
