@@ -139,5 +139,6 @@ def _store(path: Path, lines: Iterable[str]) -> None:
 
 
 if __name__ == "__main__":
+    (FOLDER / "recording.mcap").unlink()
     make()
     make_scenarios()
