@@ -28,10 +28,16 @@ class World:
         past: For a run that is resumed: the source is brought to where it was, unless
             it is live: then it says itself whether what it shows next follows an action
             of the run.
+        known: With a live source and a `past`: which of its readings were known then;
+            None if all were.
     """
 
     def __init__(
-        self, source: Source, body: Body, past: ResumePoint | None = None
+        self,
+        source: Source,
+        body: Body,
+        past: ResumePoint | None = None,
+        known: NDArray[np.bool_] | None = None,
     ) -> None:
         self._source = source
         if past is not None:
@@ -43,17 +49,17 @@ class World:
         self._answered = -1  # the tick of the last decision taken up
         self._state: NDArray[np.bool_] | None = None
         self._recorded = 0  # the tick of that state
-        self._known: NDArray[np.bool_] | None = None  # of the last own readings
+        self._known = known  # of the last own readings
         self._began = past is not None
         if past is not None:
             self._go_on(past)
 
     def _go_on(self, past: ResumePoint) -> None:
         if not self._source.live:
-            self._source.first()
+            seen = self._source.first()
             for action in past.actions:
-                self._source.step(action)
-        self._known = self._source.known
+                seen = self._source.step(action)
+            self._known = None if seen is None else seen.known
         self._tick, self._answered = past.tick, past.tick - 1
         self._state = unpack(past.state, self._literals)
         self._recorded = past.tick
@@ -112,25 +118,24 @@ class World:
                 start of that, and the run would wait for one.
         """
         source = self._source
-        bits = source.step(decision.action) if self._began else source.first()
-        if bits is None:
+        seen = source.step(decision.action) if self._began else source.first()
+        if seen is None:
             return None
-        if source.known is not None and not source.known.any():
+        if seen.known is not None and not seen.known.any():
             name = f"source: known readings at tick {self._tick + 1}"
             raise InvalidValueError(name, "must be 1 at least", 0)
         self._began = True
         self._tick += 1
-        step = (-1 if source.begins else decision.action, self._state)
-        known = self._senses.known(source.known, *step, self._known)
-        self._known = source.known
-        if source.known is not None:
-            bits = bits & source.known
+        step = (-1 if seen.begins else decision.action, self._state)
+        known = self._senses.known(seen.known, *step, self._known)
+        self._known = seen.known
+        bits = seen.bits if seen.known is None else seen.bits & seen.known
         return wire.Observation(
             tick=self._tick,
             bits=pack(self._senses.observe(bits, *step)),
-            begins=source.begins,
+            begins=seen.begins,
             known=b"" if known is None else pack(known),
-            cut=source.cut and self._tick > 1,
+            cut=seen.cut and self._tick > 1,
             # What is grown comes from all that was read.
-            paused=source.paused and not self._body.room,
+            paused=seen.paused and not self._body.room,
         )

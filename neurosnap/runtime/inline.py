@@ -43,6 +43,7 @@ from neurosnap.runtime.parts.world_process import (
 from neurosnap.sources.open import open_source
 
 if TYPE_CHECKING:
+    from neurosnap.sources.live.latest_readings import Bits
     from neurosnap.sources.protocol import Source
 
 T = TypeVar("T")
@@ -121,13 +122,14 @@ class _Inline:
     ) -> None:
         self.core = coordinator_process.coordinator_for(options, past)
         self.source: Source
+        self._known: Bits | None = None
         if way_in is None:
             seed, arguments = options.seed, options.arguments
             renders = options.frames > 0
             self.source = open_source(options.source, seed, arguments, None, renders)
         else:
             kept = open_kept(options, way_in)
-            kept.go_on(0 if past is None else past.tick)
+            self._known = kept.go_on(0 if past is None else past.tick)
             self.source = kept
         self.health: Standing | None = None
         self._on_health = on_health
@@ -219,6 +221,7 @@ class _Inline:
                 fabric,
                 self._leave,
                 past=self._past,
+                known=self._known,
                 frames=self._options.frames,
             )
 

@@ -2,10 +2,8 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.sources.protocol import Observed
 from neurosnap.sources.tables.csv_file import CsvFile
 from neurosnap.sources.tables.csv_rows import CsvRows, Row
 from neurosnap.sources.tables.meaning import Wanted
@@ -39,13 +37,9 @@ class CsvSource:
         self.length: int | None = sum(1 for _ in _told(rows))
         if self.length == 0:
             raise InvalidValueError(path, "must have rows below its header", 0)
-        self.begins: bool = False
-        self.cut: bool = False
-        self.paused: bool = False
-        self.known: NDArray[np.bool_] | None = None
         self._left = 0
 
-    def first(self) -> NDArray[np.bool_]:
+    def first(self) -> Observed:
         """Go to the top of the file and return the first reading.
 
         Raises:
@@ -56,10 +50,9 @@ class CsvSource:
             raise self._changed()
         self._rows = _told(rows)
         self._left = self.length or 0
-        self.begins = True
-        return self._next(self._rows)
+        return self._next(self._rows, begins=True)
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
+    def step(self, action: int) -> Observed | None:
         """Return the next reading, or None below the last; `action` is ignored.
 
         Raises:
@@ -68,7 +61,6 @@ class CsvSource:
         """
         if self._rows is None:
             raise NeurosnapError(f"{self._path}: step needs a call of first before")
-        self.begins = False
         # Not until the file ends: rows that were added meanwhile are nobody's.
         return self._next(self._rows) if self._left else None
 
@@ -76,13 +68,12 @@ class CsvSource:
         """Close the file."""
         self._rows = None
 
-    def _next(self, rows: Iterator[Row]) -> NDArray[np.bool_]:
+    def _next(self, rows: Iterator[Row], *, begins: bool = False) -> Observed:
         row = next(rows, None)
         if row is None:
             raise self._changed()
         self._left -= 1
-        self.known = row.known
-        return row.bits
+        return Observed(row.bits, row.known, begins)
 
     def _changed(self) -> InvalidValueError:
         rule = f"must keep its {self.length} rows while in use"

@@ -10,14 +10,14 @@ from importlib.metadata import entry_points
 from typing import Any
 
 import gymnasium
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.environment import describe
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.open_live import Argument as Argument
+from neurosnap.sources.protocol import Observed
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""
@@ -49,7 +49,6 @@ class GymnasiumSource:
             such render mode.
     """
 
-    known: NDArray[np.bool_] | None = None
     live: bool = False
 
     def __init__(
@@ -76,21 +75,17 @@ class GymnasiumSource:
         self.exclusive: bool = self._said.exclusive
         self.discrete: bool = self._said.discrete
         self.length: int | None = None
-        self.begins: bool = False
-        self.cut: bool = False
-        self.paused: bool = False
 
-    def first(self) -> NDArray[np.bool_]:
+    def first(self) -> Observed:
         """Reset the environment with the seed and return the first observation.
 
         Raises:
             InvalidValueError: The observation is not in the observation space.
         """
         observation, info = self._env.reset(seed=self._seed)
-        self.begins, self.cut = info["begins"], info["cut"]
-        return self._checked(observation)
+        return self._observed(observation, info)
 
-    def step(self, action: int) -> NDArray[np.bool_]:
+    def step(self, action: int) -> Observed:
         """Take `action` and return what follows; after an episode's end, begin another.
 
         Raises:
@@ -99,8 +94,7 @@ class GymnasiumSource:
         """
         chosen = self._said.step(action)
         observation, *_, info = self._env.step(chosen)
-        self.begins, self.cut = info["begins"], info["cut"]
-        return self._checked(observation)
+        return self._observed(observation, info)
 
     def render(self) -> Any:  # noqa: ANN401 - the environment knows
         """Return what the environment draws of itself, once it was reset."""
@@ -110,12 +104,13 @@ class GymnasiumSource:
         """Close the environment."""
         self._env.close()
 
-    def _checked(self, observation: ArrayLike) -> NDArray[np.bool_]:
-        """Return a copy, since an environment may use its buffer again."""
+    def _observed(self, observation: ArrayLike, info: Mapping[str, Any]) -> Observed:
+        """Check an observation and copy it: an environment may use its buffer again."""
         try:
-            return self._sensorium.observation(observation).copy()
+            bits = self._sensorium.observation(observation).copy()
         except InvalidValueError as error:
             raise within(self._name, error) from error
+        return Observed(bits, begins=info["begins"], cut=info["cut"])
 
 
 def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, Any]:

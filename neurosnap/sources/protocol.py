@@ -2,12 +2,38 @@
 
 from typing import Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 
+class Observed(msgspec.Struct, frozen=True, eq=False):
+    """One observation: what the sensors read, and what it follows from.
+
+    It holds for good: no later step changes it, and any thread may read it.
+    """
+
+    bits: NDArray[np.bool_]
+    """``(N,)``, what the sensors read."""
+    known: NDArray[np.bool_] | None = None
+    """``(N,)``, which readings are known, one at least; what the others are means
+    nothing. None if all are known."""
+    begins: bool = False
+    """It begins a trajectory: it follows no action."""
+    cut: bool = False
+    """It begins one, and the trajectory before, if there was one, had not come to its
+    own end: a limit on time cut it off, or the source was not listened to for a
+    while."""
+    paused: bool = False
+    """Nothing is to be learned from it: learning is paused."""
+
+
 class Source(Protocol):
-    """A sequence of observations, which actions may influence."""
+    """A sequence of observations, which actions may influence.
+
+    One thread at a time calls `first` and `step`. Only `close` of a live source may be
+    called meanwhile, by any thread.
+    """
 
     sensors: tuple[str, ...]
     """The sensors' names, in the order of the observations."""
@@ -20,29 +46,19 @@ class Source(Protocol):
     discrete: bool
     """It shows the states of a world in which these are discrete."""
     length: int | None
-    """Observations it has in all, the first included; None: no end is known."""
-    begins: bool
-    """The last observation begins a trajectory: it follows no action."""
-    cut: bool
-    """It does, and the trajectory before, if there was one, had not come to its own
-    end: a limit on time cut it off, or nobody listened for a while."""
-    paused: bool
-    """Nothing is to be learned from the last observation: somebody said so."""
-    known: NDArray[np.bool_] | None
-    """``(N,)``, which readings of the last observation are known, one at least; what
-    the others are means nothing. None: all are known."""
+    """Observations it has in all, the first included; None if no end is known."""
     live: bool
     """It observes what goes on by itself: it takes its time, and never starts over. In
     a run that is resumed its first call is a `step`."""
 
-    def first(self) -> NDArray[np.bool_] | None:
-        """Start, or start over, and return the first observation: ``(N,)``.
+    def first(self) -> Observed | None:
+        """Start, or start over, and return the first observation.
 
-        None: it is over already. A live source may make its caller wait.
+        None if it is over already. A live source may make its caller wait.
         """
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
-        """Return the observation that follows a choice; None: it is over, for good.
+    def step(self, action: int) -> Observed | None:
+        """Return the observation that follows a choice; None if it is over, for good.
 
         Choices count from 0: where actions exclude each other, a choice is an action;
         otherwise its bits say which are taken. A live source may make its caller wait.
@@ -51,6 +67,6 @@ class Source(Protocol):
     def close(self) -> None:
         """Give up what it holds; may be called twice.
 
-        With a live source it may be called from any thread: whoever waits in `first` or
-        `step` gets None.
+        With a live source it may be called from any thread: a caller that waits in
+        `first` or `step` gets None.
         """

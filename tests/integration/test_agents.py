@@ -8,7 +8,6 @@ import gymnasium
 import msgspec
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
@@ -24,7 +23,7 @@ from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
 from neurosnap.sources.gymnasium_source import import_worlds
 from neurosnap.sources.open import Argument, open_source
-from neurosnap.sources.protocol import Source
+from neurosnap.sources.protocol import Observed, Source
 from tests.support import run_options
 
 SEED = 5
@@ -138,23 +137,22 @@ class Foggy:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._chance = np.random.default_rng(SEED)
-        self.known: NDArray[np.bool_] | None = None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._source, name)
 
-    def first(self) -> NDArray[np.bool_] | None:
+    def first(self) -> Observed | None:
         return self._seen(self._source.first())
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
+    def step(self, action: int) -> Observed | None:
         return self._seen(self._source.step(action))
 
-    def _seen(self, bits: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-        if bits is None:
+    def _seen(self, seen: Observed | None) -> Observed | None:
+        if seen is None:
             return None
-        self.known = self._chance.random(len(bits)) < 0.7
-        self.known[0] = True
-        return bits ^ ~self.known
+        known = self._chance.random(len(seen.bits)) < 0.7
+        known[0] = True
+        return Observed(seen.bits ^ ~known, known, seen.begins, seen.cut)
 
 
 @pytest.mark.parametrize("snapshot", ["empirical", "discounted"])
@@ -173,15 +171,15 @@ def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
     swarm_run(options, tmp_path / "log")
     source = Foggy(open_source(PATH, SEED, options.arguments))
     alone = Agent(options.body, options.new_policy(), options.new_snapshot())
-    bits, states, decisions = source.first(), [], []
+    seen, states, decisions = source.first(), [], []
     for _ in range(options.ticks):
-        assert bits is not None
+        assert seen is not None
         # Whatever an unknown reading is said to be: here it is what it should be.
-        assert source.known is not None
-        right = bits ^ ~source.known
-        decisions.append(alone.act(right, source.begins, source.known))
+        assert seen.known is not None
+        right = seen.bits ^ ~seen.known
+        decisions.append(alone.act(right, seen.begins, seen.known))
         states.append(pack(alone.state))
-        bits = source.step(decisions[-1].action)
+        seen = source.step(decisions[-1].action)
     assert of_recording(tmp_path / "log") == (states, decisions[:-1])
     verdict = verify(tmp_path / "log")
     assert (verdict.same, verdict.complete) == (True, True), verdict.difference

@@ -80,10 +80,10 @@ def decisions_alone(options: RunOptions) -> list[wire.Decision]:
         options.body, options.policy_with(memory), options.new_snapshot(), memory
     )
     source = open_source(options.source, options.seed)
-    found, bits = list[wire.Decision](), source.first()
-    while bits is not None and len(found) < options.ticks:
-        found.append(agent.act(bits, source.begins))
-        bits = source.step(found[-1].action)
+    found, seen = list[wire.Decision](), source.first()
+    while seen is not None and len(found) < options.ticks:
+        found.append(agent.act(seen.bits, seen.begins))
+        seen = source.step(found[-1].action)
     source.close()
     return found
 

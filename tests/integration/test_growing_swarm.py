@@ -51,12 +51,12 @@ def by_one_agent(options: RunOptions) -> list[wire.Decision]:
     agent = Agent(
         options.body, options.policy_with(memory), options.new_snapshot(), memory
     )
-    found, bits = list[wire.Decision](), source.first()
-    while bits is not None and len(found) < options.ticks:
-        if source.cut:
+    found, seen = list[wire.Decision](), source.first()
+    while seen is not None and len(found) < options.ticks:
+        if seen.cut:
             agent.set_down()
-        found.append(agent.act(bits, source.begins))
-        bits = source.step(found[-1].action)
+        found.append(agent.act(seen.bits, seen.begins))
+        seen = source.step(found[-1].action)
     source.close()
     return found
 

@@ -94,8 +94,8 @@ class ThreadedFirst:
         self._thread = threading.Thread(target=self._run)
 
     def _run(self) -> None:
-        bits = self._source.first()
-        self._bits = [] if bits is None else bits.tolist()
+        seen = self._source.first()
+        self._bits = [] if seen is None else seen.bits.tolist()
 
     def __enter__(self) -> Self:
         self._thread.start()

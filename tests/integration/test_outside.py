@@ -40,6 +40,7 @@ from neurosnap.sources.live.zenoh_source import ZenohFeeder
 from neurosnap.sources.open_live import open_live
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
+from tests.support.sources import readings
 
 pytestmark = pytest.mark.slow
 
@@ -56,11 +57,11 @@ from neurosnap.sources.open_live import open_live, settle
 
 def show(arguments):
     source = open_live("-", arguments)
-    bits = source.first()
-    while bits is not None:
-        known = None if source.known is None else source.known.tolist()
-        print(json.dumps([bits.tolist(), known]), flush=True)
-        bits = source.step(-1)
+    seen = source.first()
+    while seen is not None:
+        known = None if seen.known is None else seen.known.tolist()
+        print(json.dumps([seen.bits.tolist(), known]), flush=True)
+        seen = source.step(-1)
     source.close()
     print("over", source.statistics().refused, flush=True)
 
@@ -192,15 +193,13 @@ class Ticks(threading.Thread):
         self._ticks: list[list[bool | None]] = []
 
     def run(self) -> None:
-        bits = self._source.first()
-        while bits is not None:
-            known = self._source.known
-            sure = [True] * len(bits) if known is None else known.tolist()
-            tick = [b if k else None for b, k in zip(bits.tolist(), sure, strict=True)]
+        seen = self._source.first()
+        while seen is not None:
+            tick = readings(seen)
             with self._more:
                 self._ticks.append(tick)
                 self._more.notify_all()
-            bits = self._source.step(-1)
+            seen = self._source.step(-1)
 
     def wait(self, tick: list[bool | None]) -> list[list[bool | None]]:
         with self._more:

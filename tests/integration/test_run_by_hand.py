@@ -243,8 +243,9 @@ async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -
     snapshot, honest = options.new_snapshot(), []
     expected, graphs = [], []
     opened = open_source(readings, SEED)
-    bits: NDArray[np.bool_] | None = opened.first()
-    while bits is not None:
+    seen = opened.first()
+    while seen is not None:
+        bits = seen.bits
         honest.append(snapshot.observe(bits).tolist())
         edges = snapshot.poc_graph().hasse().copy()
         for cell, target in extra.items():
@@ -252,7 +253,7 @@ async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -
         graphs.append(edges)
         above = reach(edges, complete(bits))
         expected.append((above & ~above.reshape(-1, 2)[:, ::-1].reshape(-1)).tolist())
-        bits = opened.step(-1)
+        seen = opened.step(-1)
     opened.close()
     assert states_in(heard) == expected
     differ = sum(one != other for one, other in zip(expected, honest, strict=True))

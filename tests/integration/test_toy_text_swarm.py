@@ -45,18 +45,18 @@ def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> Non
     options = lake_run(tmp_path / "log")
     source = open_source(options.source, options.seed)
     agent = Agent(options.body, options.new_policy(), options.new_snapshot())
-    bits, own = source.first(), len(source.sensors)
+    seen, own = source.first(), len(source.sensors)
     decisions = []
-    assert bits is not None
+    assert seen is not None
     for one in observed(tmp_path / "log"):
         sensed = unpack(one.bits, len(options.body.sensors))
-        np.testing.assert_array_equal(sensed[:own], bits)
-        assert one.begins == source.begins
+        np.testing.assert_array_equal(sensed[:own], seen.bits)
+        assert one.begins == seen.begins
         assert sensed[own:].any() != one.begins
-        decisions.append(agent.act(bits, source.begins))
+        decisions.append(agent.act(seen.bits, seen.begins))
         after = source.step(decisions[-1].action)
         assert after is not None
-        bits = after
+        seen = after
     messages = (one.message for one in Recording.open(tmp_path / "log").messages())
     decided = [one for one in messages if isinstance(one, wire.Decision)]
     assert decided[1:] == decisions[:-1]  # nobody would answer the last one

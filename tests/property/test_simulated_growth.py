@@ -70,10 +70,10 @@ def by_one_agent(seed: int) -> list[wire.Decision]:
     """Return what an agent decides that has everything in one process."""
     agent = Agent(new_body(), Walker(3, seed), new_snapshot(seed), new_memory())
     source = open_source(NAME, 3)
-    found, bits = list[wire.Decision](), source.first()
-    while bits is not None and len(found) < TICKS:
-        found.append(agent.act(bits, source.begins))
-        bits = source.step(found[-1].action)
+    found, seen = list[wire.Decision](), source.first()
+    while seen is not None and len(found) < TICKS:
+        found.append(agent.act(seen.bits, seen.begins))
+        seen = source.step(found[-1].action)
     source.close()
     return found
 

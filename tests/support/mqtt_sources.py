@@ -5,7 +5,6 @@ from collections.abc import Callable
 from contextlib import closing
 
 import msgspec
-import numpy as np
 
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.mqtt_source import mqtt_source
@@ -16,6 +15,7 @@ from neurosnap.sources.mqtt.options import (
     MqttSensor,
     MqttTick,
 )
+from tests.support.sources import readings
 
 AT_ONCE = MqttTick(min_interval=0)
 PREFIX = "neurosnap/house"
@@ -34,13 +34,9 @@ def source_of(table: MqttOptions) -> "closing[LiveSource]":
 
 def reading(source: LiveSource) -> dict[str, bool | None]:
     """The next tick, by name."""
-    bits = source.step(0)
-    assert bits is not None
-    known = np.ones(len(bits), np.bool_) if source.known is None else source.known
-    return {
-        name: bool(bit) if sure else None
-        for name, bit, sure in zip(source.sensors, bits, known, strict=True)
-    }
+    seen = source.step(0)
+    assert seen is not None
+    return dict(zip(source.sensors, readings(seen), strict=True))
 
 
 async def until(

@@ -4,9 +4,9 @@ import threading
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from neurosnap.errors import NeurosnapError
+from neurosnap.sources.protocol import Observed
 
 
 class Scripted:
@@ -28,31 +28,28 @@ class Scripted:
     ) -> None:
         self.sensors: tuple[str, ...] = tuple(f"s{k}" for k in range(len(rows[0])))
         self.actions: tuple[str, ...] = tuple(actions)
-        self.begins = self.cut = self.paused = False
-        self.known: NDArray[np.bool_] | None = None
         self.taken: list[int] = []
         self.closed = 0
         self._rows = rows
         self._next = 0
 
-    def first(self) -> NDArray[np.bool_] | None:
-        self._next, self.begins = 0, True
-        return self._show()
+    def first(self) -> Observed | None:
+        self._next = 0
+        return self._show(begins=True)
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
+    def step(self, action: int) -> Observed | None:
         self.taken.append(action)
-        self.begins = False
         return self._show()
 
-    def _show(self) -> NDArray[np.bool_] | None:
+    def _show(self, *, begins: bool = False, cut: bool = False) -> Observed | None:
         if self._next == len(self._rows):
             return None
         row = self._rows[self._next]
         self._next += 1
         known = np.array([on is not None for on in row])
-        self.known = None if known.all() else known
         # What is unknown means nothing, so it may be anything.
-        return np.array([on is not False for on in row])
+        bits = np.array([on is not False for on in row])
+        return Observed(bits, None if known.all() else known, begins, cut)
 
     def close(self) -> None:
         self.closed += 1
@@ -75,20 +72,19 @@ class Live(Scripted):
         """Let so many ticks come."""
         self._due.release(ticks)
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
+    def step(self, action: int) -> Observed | None:
+        self.taken.append(action)
         fresh = not self._next  # nobody has listened before
-        shown = super().step(action)
-        self.begins = self.cut = fresh
-        return shown
+        return self._show(begins=fresh, cut=fresh)
 
     def close(self) -> None:
         super().close()
         self._due.release(1000)
 
-    def _show(self) -> NDArray[np.bool_] | None:
+    def _show(self, *, begins: bool = False, cut: bool = False) -> Observed | None:
         self.waits.set()
         self._due.acquire()
         self.waits.clear()
         if self.fails:
             raise NeurosnapError("sensors: must answer, got nothing")
-        return None if self.closed else super()._show()
+        return None if self.closed else super()._show(begins=begins, cut=cut)

@@ -7,7 +7,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from neurosnap.sources.protocol import Source
+from neurosnap.sources.protocol import Observed, Source
 
 README = """\
 door,motion
@@ -27,16 +27,22 @@ def opened() -> list[Path]:
     return [Path(file.path) for file in psutil.Process().open_files()]
 
 
+def readings(seen: Observed) -> list[bool | None]:
+    """Return what was read; None if it is unknown."""
+    known = np.ones(len(seen.bits), np.bool_) if seen.known is None else seen.known
+    return [bool(b) if k else None for b, k in zip(seen.bits, known, strict=True)]
+
+
 def first(source: Source) -> NDArray[np.bool_]:
-    bits = source.first()
-    assert bits is not None
-    return bits
+    seen = source.first()
+    assert seen is not None
+    return seen.bits
 
 
 def everything(source: Source, actions: Iterator[int] | None = None) -> list[list[int]]:
     seen = [first(source).astype(int).tolist()]
-    while (bits := source.step(0 if actions is None else next(actions))) is not None:
-        seen.append(bits.astype(int).tolist())
+    while (after := source.step(0 if actions is None else next(actions))) is not None:
+        seen.append(after.bits.astype(int).tolist())
     return seen
 
 
@@ -44,7 +50,7 @@ def walked(source: Source, steps: int = 100) -> NDArray[np.bool_]:
     rng = np.random.default_rng(0)
     seen = [first(source)]
     for _ in range(steps):
-        bits = source.step(int(rng.integers(len(source.actions))))
-        assert bits is not None
-        seen.append(bits)
+        after = source.step(int(rng.integers(len(source.actions))))
+        assert after is not None
+        seen.append(after.bits)
     return np.array(seen)

@@ -134,7 +134,7 @@ def test_what_the_readings_were_made_by_is_learned_from_them() -> None:
     assert reading is not None
     for _ in range(360):
         assert reading is not None
-        memory.observe(reading)
+        memory.observe(reading.bits)
         reading = source.step(0)
     source.close()
     graph = memory.poc_graph()

@@ -52,17 +52,17 @@ def truth(options: RunOptions) -> Truth:
     state = snapshot.state
     for tick in range(1, options.ticks + 1):
         found.said["decide"].append(_decided(decision))
-        bits = source.first() if tick == 1 else source.step(decision.action)
-        if bits is None:
+        seen = source.first() if tick == 1 else source.step(decision.action)
+        if seen is None:
             break
-        taken = -1 if source.begins else decision.action
-        read = bits if source.known is None else bits & source.known
+        taken = -1 if seen.begins else decision.action
+        read = seen.bits if seen.known is None else seen.bits & seen.known
         observed = senses.observe(read, taken, state)
-        known = senses.known(source.known, taken, state, before)
-        before = source.known
+        known = senses.known(seen.known, taken, state, before)
+        before = seen.known
         mask = b"" if known is None else pack(known)
-        found.said["observe"].append((tick, pack(observed), mask, source.begins))
-        step = decision.action, source.begins, state
+        found.said["observe"].append((tick, pack(observed), mask, seen.begins))
+        step = decision.action, seen.begins, state
         believed = snapshot.poc_graph()
         surprise = memory.observe(*step, believed, observed, known, snapshot)
         state = snapshot.observe(observed, known)

@@ -3,11 +3,10 @@
 import random
 
 import numpy as np
-from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sources.open import open_source
-from neurosnap.sources.protocol import Source
+from neurosnap.sources.protocol import Observed, Source
 
 _SHARES = (0.0, 0.0, 0.1, 0.4)  # of the readings that are unknown
 
@@ -28,11 +27,6 @@ class Partial:
         seed: Draws which.
     """
 
-    known: NDArray[np.bool_] | None = None
-    begins: bool = False
-    cut: bool = False
-    paused: bool = False
-
     def __init__(self, source: Source, share: float, seed: int) -> None:
         self._source = source
         self._share = share
@@ -46,12 +40,12 @@ class Partial:
         self.length = source.length
         self.live = source.live
 
-    def first(self) -> NDArray[np.bool_] | None:
+    def first(self) -> Observed | None:
         """Start over."""
         self._chance = random.Random(self._seed)
         return self._partly(self._source.first())
 
-    def step(self, action: int) -> NDArray[np.bool_] | None:
+    def step(self, action: int) -> Observed | None:
         """Go on."""
         return self._partly(self._source.step(action))
 
@@ -59,12 +53,12 @@ class Partial:
         """Close the source."""
         self._source.close()
 
-    def _partly(self, bits: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-        self.begins, self.cut = self._source.begins, self._source.cut
-        if bits is None:
+    def _partly(self, seen: Observed | None) -> Observed | None:
+        if seen is None:
             return None
-        draws = [self._chance.random() >= self._share for _ in bits]
+        draws = [self._chance.random() >= self._share for _ in seen.bits]
         draws[self._chance.randrange(len(draws))] = True
         known = np.array(draws)
-        self.known = None if known.all() else known
-        return np.where(known, bits, True)  # what is unknown means nothing
+        bits = np.where(known, seen.bits, True)  # what is unknown means nothing
+        hidden = None if known.all() else known
+        return Observed(bits, hidden, seen.begins, seen.cut)

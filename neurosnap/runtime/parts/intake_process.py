@@ -156,16 +156,16 @@ class _Counter:
         source = self._source
         try:
             if isinstance(question, remote_source.Recall):
-                source.go_on(question.tick)
-                return remote_source.Answer(b"", _packed(source.known), False)
+                known = source.go_on(question.tick)
+                return remote_source.Answer(b"", _packed(known), False)
             action = question.action
-            bits = source.step(action) if source.given else source.first()
+            seen = source.step(action) if source.given else source.first()
         except NeurosnapError as error:
             return remote_source.Failed(str(error))
-        if bits is None:
+        if seen is None:
             return remote_source.Over()
-        known = _packed(source.known)
-        return remote_source.Answer(pack(bits), known, source.begins, source.paused)
+        bits, told = pack(seen.bits), _packed(seen.known)
+        return remote_source.Answer(bits, told, seen.begins, seen.paused)
 
     async def wait_closed(self) -> None:
         """Wait until the world has heard that the source is closed, but not long."""

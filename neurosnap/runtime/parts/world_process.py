@@ -18,6 +18,7 @@ from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import decoded, take_part
 from neurosnap.sources.camera import Camera
 from neurosnap.sources.live.journal import Journal
+from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub
@@ -33,6 +34,7 @@ async def run_world(
     stop: asyncio.Event,
     *,
     past: ResumePoint | None = None,
+    known: Bits | None = None,
     frames: int = 0,
 ) -> None:
     """Be the world until the source is over or `stop` is set.
@@ -51,9 +53,10 @@ async def run_world(
         fabric: Entered by the caller.
         stop: Ends it.
         past: For a run that is resumed.
+        known: As for `World`.
         frames: Ticks from one image to the next; 0: there are none.
     """
-    world = World(source, body, past)
+    world = World(source, body, past, known)
     camera = Camera(source, frames) if frames else None
     over = asyncio.Event()
     decisions: asyncio.Queue[wire.Decision] = asyncio.Queue()
@@ -135,10 +138,12 @@ class WorldJob(msgspec.Struct, frozen=True):
             )
         else:
             source = kept
+        known = None
         try:
             if kept is not None:
                 # In a thread: it asks another process, which may be coming back.
-                await asyncio.to_thread(kept.go_on, 0 if past is None else past.tick)
+                tick = 0 if past is None else past.tick
+                known = await asyncio.to_thread(kept.go_on, tick)
             async with (
                 connection.fabric(swift=True) as fabric,
                 synced(source, options.sync),
@@ -149,6 +154,7 @@ class WorldJob(msgspec.Struct, frozen=True):
                     fabric,
                     part.stop,
                     past=past,
+                    known=known,
                     frames=options.frames,
                 )
                 await take_part(fabric, work)

@@ -22,7 +22,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from neurosnap.sources.live.latest_readings import Bits, LatestReadings
 from neurosnap.sources.live.rejected import Refusals
 from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
+from neurosnap.sources.protocol import Observed
 
 WAITING = 1024
 """Whole readings that may wait for their tick."""
@@ -41,23 +42,6 @@ WAITING = 1024
 _logger = logging.getLogger(__name__)
 
 _LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
-
-
-class Shown(NamedTuple):
-    """The readings of one tick."""
-
-    bits: Bits
-    known: Bits
-    begins: bool
-    """It follows no action, since nobody listened before it."""
-    paused: bool = False
-    """Nothing is to be learned from it."""
-
-    def is_same(self, seen: tuple[Bits, Bits], paused: bool) -> bool:
-        """Tell whether `seen`, readings and which are known, is no change."""
-        bits, known = seen
-        same = np.array_equal(self.bits, bits) and np.array_equal(self.known, known)
-        return same and self.paused == paused
 
 
 class Feeder(Protocol):
@@ -116,10 +100,6 @@ class LiveSource:
         self.sensors: tuple[str, ...] = latest.sensors
         self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)
-        self.begins: bool = False
-        self.cut: bool = False
-        self.paused: bool = False
-        self.known: Bits | None = None
         self.journal = journal
         self.resumed = journal is not None and journal.last > 0
         """It goes on with a run that had its first tick before."""
@@ -136,8 +116,8 @@ class LiveSource:
         self._most = most
         self._rows = 0 if journal is None else journal.last  # rows there are, in all
         self._fresh = True  # nobody has listened before the next row
-        self._waiting: deque[Shown] = deque()
-        self._shown: Shown | None = None  # the last row, be it given or waiting
+        self._waiting: deque[Observed] = deque()
+        self._shown: Observed | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `let_go`
         self._away = False
         self._pauses = False  # what comes from now on
@@ -152,7 +132,7 @@ class LiveSource:
         self._ticks = self._taken = self._coalesced = self._dropped = 0
         self._missing = 0
 
-    def first(self) -> Bits | None:
+    def first(self) -> Observed | None:
         """Start the feeder, unless it is on its way, and wait for the first tick.
 
         Returns:
@@ -168,7 +148,7 @@ class LiveSource:
                     self._shown = None
         return self._tick()
 
-    def step(self, action: int) -> Bits | None:
+    def step(self, action: int) -> Observed | None:
         """Let `action` be carried out, and wait for the next tick.
 
         It may be the first call, where a run goes on that had its first tick before.
@@ -177,8 +157,8 @@ class LiveSource:
             action: The choice; not looked at where there are no actions.
 
         Returns:
-            The readings, ``(N,)``, and in `known` which of them are; None: the source
-            is closed, or its feeder has come to an end.
+            The readings; None if the source is closed, or its feeder has come to an
+            end.
 
         Raises:
             NeurosnapError: What the feeder failed of.
@@ -188,17 +168,21 @@ class LiveSource:
         self.resumed |= not self._started
         return self._tick()
 
-    def go_on(self, tick: int) -> None:
-        """Let the row after `tick` be given next; `known` is as it was at `tick`.
+    def go_on(self, tick: int) -> Bits | None:
+        """Let the row after `tick` be given next.
 
         With a journal this comes before anything is asked; without one it does nothing.
+
+        Returns:
+            Which readings were known at `tick`, ``(N,)``; None if all were, or its row
+            is no longer there.
 
         Raises:
             NeurosnapError: The journal cannot be read.
         """
         with self._condition:
             if self.journal is None:
-                return
+                return None
             before, rows, missing = self.journal.after(tick)
             if missing:
                 self._missing += missing
@@ -211,9 +195,7 @@ class LiveSource:
             self._rows = self.journal.last
             self.given = tick
             self.resumed |= tick > 0
-            self.known = None
-            if shown is not None and not shown.known.all():
-                self.known = shown.known
+            return None if shown is None else shown.known
 
     def let_go(self) -> None:
         """Let whoever waits for a row get None; from any thread."""
@@ -248,9 +230,7 @@ class LiveSource:
         seen = self._latest.observation(now)
         patience = self._patience(seen, now)
         self._sensitive = True
-        shown = self._shown
-        is_same = shown is not None and shown.is_same(seen, self._pauses)
-        if is_same or self.is_full or len(self._waiting) >= WAITING:
+        if not self._is_change(seen) or self.is_full or len(self._waiting) >= WAITING:
             return None
         if patience == 0:
             try:
@@ -451,7 +431,7 @@ class LiveSource:
                 missing=self._missing,
             )
 
-    def _tick(self) -> Bits | None:
+    def _tick(self) -> Observed | None:
         if not self._started:
             self._start()
         with self._condition:
@@ -462,10 +442,7 @@ class LiveSource:
             self._ticks += 1
             self.given += 1
             self._condition.notify_all()  # there is room for one more
-        self.begins = self.cut = shown.begins  # what is live has no ends
-        self.paused = shown.paused
-        self.known = None if shown.known.all() else shown.known
-        return shown.bits
+        return shown
 
     def _is_new_action(self) -> bool:
         """Tell whether an action is to be carried out, and note that it is.
@@ -477,21 +454,31 @@ class LiveSource:
         with self._condition:
             return self.journal.act(self.given)
 
-    def _row(self, bits: Bits, known: Bits) -> Shown:
+    def _is_change(self, seen: tuple[Bits, Bits]) -> bool:
+        """Tell whether `seen`, readings and which are known, differs from the last."""
+        shown, (bits, known) = self._shown, seen
+        if shown is None or shown.paused != self._pauses:
+            return True
+        same = (
+            known.all() if shown.known is None else np.array_equal(shown.known, known)
+        )
+        return not (same and np.array_equal(shown.bits, bits))
+
+    def _row(self, bits: Bits, known: Bits) -> Observed:
         """Return the next row, once it is written down."""
         if self.journal is not None:
             packed = pack(bits), pack(known)
             self.journal.row(*packed, begins=self._fresh, paused=self._pauses)
-        self._shown = Shown(bits, known, self._fresh, self._pauses)
+        self._shown = _observed(bits, known, self._fresh, self._pauses)
         self._fresh = False
         self._rows += 1
         return self._shown
 
-    def _read(self, row: Row) -> Shown:
+    def _read(self, row: Row) -> Observed:
         """Return a row that was written down."""
         count = len(self.sensors)
         bits, known = unpack(row.bits, count), unpack(row.known, count)
-        return Shown(bits, known, row.begins, row.paused)
+        return _observed(bits, known, row.begins, row.paused)
 
     def _start(self) -> None:
         with self._condition:
@@ -503,8 +490,8 @@ class LiveSource:
             if self._feeder is not None and not self._closed:
                 self._feeder.start(self)
 
-    def _next(self) -> Shown | None:
-        """Wait for what is to be shown next; None: nothing any more."""
+    def _next(self) -> Observed | None:
+        """Wait for what is to be shown next; None if nothing is any more."""
         turn = self._turn
         while not self._closed and turn == self._turn:
             if self._waiting:
@@ -530,8 +517,7 @@ class LiveSource:
 
     def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
         """Return the seconds until `seen` is due; None: it makes no tick due."""
-        shown = self._shown
-        changed = shown is None or not shown.is_same(seen, self._pauses)
+        changed = self._is_change(seen)
         self._sensitive = True
         if not seen[1].any():
             return None
@@ -546,3 +532,8 @@ class LiveSource:
         if at is None:
             return now
         return self._stamps.on_our_clock(at, now, self._wall())
+
+
+def _observed(bits: Bits, known: Bits, begins: bool, paused: bool) -> Observed:
+    """Return a row as it is given out: what is live has no ends, so it was cut off."""
+    return Observed(bits, None if known.all() else known, begins, begins, paused)

@@ -17,6 +17,7 @@ from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal_frames import HEAD, frame, is_right
 from neurosnap.sources.live.latest_readings import Bits
+from neurosnap.sources.protocol import Observed
 
 _PATIENCE = 20.0  # seconds until somebody answers: it may have died, and be coming back
 _AGAIN = 0.02  # seconds between two tries
@@ -82,26 +83,29 @@ class RemoteSource:
         self.sensors = sensors
         self.orders: tuple[int, ...] = (0,) * len(sensors)
         self.actions = actions
-        self.begins: bool = False
-        self.cut: bool = False
-        self.paused: bool = False
-        self.known: Bits | None = None
         self._address = address
         self._socket: socket.socket | None = None
         self._asking = threading.Lock()  # held by whoever waits for an answer
         self._closed = False
 
-    def go_on(self, tick: int) -> None:
-        """Let the row after `tick` be the next; `known` is as it was at `tick`.
+    def go_on(self, tick: int) -> Bits | None:
+        """Let the row after `tick` be the next, before anything is asked.
 
-        It comes before anything is asked.
+        Returns:
+            Which readings were known at `tick`, ``(N,)``; None if all were.
 
         Raises:
             NeurosnapError: As `step`.
         """
-        self._take(self._ask(Recall(tick)))
+        match self._ask(Recall(tick)):
+            case Failed(what=what):
+                raise NeurosnapError(what)
+            case Answer(known=known) if known:
+                return unpack(known, len(self.sensors))
+            case _:
+                return None
 
-    def first(self) -> Bits | None:
+    def first(self) -> Observed | None:
         """Return the first row.
 
         Returns:
@@ -112,20 +116,29 @@ class RemoteSource:
         """
         return self.step(-1)
 
-    def step(self, action: int) -> Bits | None:
+    def step(self, action: int) -> Observed | None:
         """Return the next row, once there is one.
 
         Args:
             action: The choice, to be carried out before.
 
         Returns:
-            The readings, ``(N,)``; None: the source is closed, or over.
+            The readings; None if the source is closed, or over.
 
         Raises:
             PartDiedError: Nobody is there any more to take readings in.
             NeurosnapError: What the source failed of.
         """
-        return self._take(self._ask(Ask(action)))
+        match self._ask(Ask(action)):
+            case Over():
+                return None
+            case Failed(what=what):
+                raise NeurosnapError(what)
+            case Answer(bits=bits, known=known, begins=begins, paused=paused):
+                count = len(self.sensors)
+                known_ = unpack(known, count) if known else None
+                # What is live has no ends: what begins cut off what was before.
+                return Observed(unpack(bits, count), known_, begins, begins, paused)
 
     def close(self) -> None:
         """Let go whoever waits; from any thread, also twice."""
@@ -136,19 +149,6 @@ class RemoteSource:
         with self._asking:
             if self._socket is not None:
                 self._socket.close()
-
-    def _take(self, reply: Reply) -> Bits | None:
-        match reply:
-            case Over():
-                return None
-            case Failed(what=what):
-                raise NeurosnapError(what)
-            case Answer(bits=bits, known=known, begins=begins, paused=paused):
-                self.paused = paused
-                count = len(self.sensors)
-                self.known = unpack(known, count) if known else None
-                self.begins = self.cut = begins  # what is live has no ends
-                return unpack(bits, count) if bits else None
 
     def _ask(self, question: Question) -> Reply:
         with self._asking:

@@ -72,22 +72,22 @@ def test_what_was_taken_up_again_goes_on_to_the_same_bytes() -> None:
         "neurosnap/FrozenLake-v0", 2, agent="planner", grow=20, imagine=50, target=()
     )
     source = open_source(options.source, options.seed)
-    agent, bits = agent_of(options, options.new_memory()), source.first()
+    agent, seen = agent_of(options, options.new_memory()), source.first()
     twin, taken_up = agent, 0
     for tick in range(1, 241):
-        assert bits is not None
+        assert seen is not None
         if tick % 60 == 0:
             memory = options.new_memory()
             memory.restore(agent._memory.to_bytes())
             twin = agent_of(options, memory, agent.snapshot.to_bytes())
             twin._decision = agent.decision
             taken_up += 1
-        decision = agent.act(bits, source.begins)
+        decision = agent.act(seen.bits, seen.begins)
         if taken_up:
-            assert twin.act(bits, source.begins) == decision
+            assert twin.act(seen.bits, seen.begins) == decision
             assert twin._memory.to_bytes() == agent._memory.to_bytes()
             assert twin.snapshot.to_bytes() == agent.snapshot.to_bytes()
-        bits = source.step(decision.action)
+        seen = source.step(decision.action)
     source.close()
     assert taken_up == 4
     assert len(agent.body.grown) > 5

@@ -23,9 +23,9 @@ class TestCsv:
     def test_observations_are_bool(self, readings: Path) -> None:
         source = open_source(str(readings), seed=0)
         assert first(source).dtype == np.bool_
-        bits = source.step(0)
-        assert bits is not None
-        assert bits.dtype == np.bool_
+        seen = source.step(0)
+        assert seen is not None
+        assert seen.bits.dtype == np.bool_
 
     def test_actions_and_seeds_change_nothing(self, readings: Path) -> None:
         plain = everything(open_source(str(readings), seed=0))
@@ -34,11 +34,8 @@ class TestCsv:
     def test_only_the_first_row_begins_a_trajectory(self, readings: Path) -> None:
         source = open_source(str(readings), seed=0)
         for _ in range(2):
-            source.first()
-            begins = [source.begins]
-            while source.step(0) is not None:
-                begins.append(source.begins)
-            assert begins == [True, False, False]
+            several = iter([source.first(), *(source.step(0) for _ in range(2))])
+            assert [one.begins for one in several if one] == [True, False, False]
 
     def test_first_starts_over(self, readings: Path) -> None:
         source = open_source(str(readings), seed=0)

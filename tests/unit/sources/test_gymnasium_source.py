@@ -3,7 +3,7 @@
 import contextlib
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import EntryPoint
 from typing import Any
 
@@ -16,9 +16,16 @@ from neurosnap.agent.continuing import Continuing
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources import gymnasium_source as source_module
 from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Source
 from tests.support.sources import first, walked
 
 IDS = [f"neurosnap/{name}-v0" for name in ("Path", "Cycle", "Grid", "RandomFields")]
+
+
+def beginnings(source: Source, actions: Sequence[int]) -> list[tuple[bool, bool]]:
+    """Return which observations begin a trajectory, and cut one off."""
+    several = [source.first(), *map(source.step, actions)]
+    return [(one.begins, one.cut) for one in several if one is not None]
 
 
 class TestWorlds:
@@ -50,10 +57,10 @@ class TestWorlds:
         source.first()
         steps = [source.step(0) for _ in range(20)]
         assert steps[-1] is not None
-        assert not steps[-1].any()  # at the last place, nothing is above
+        assert not steps[-1].bits.any()  # at the last place, nothing is above
         back = source.step(1)
         assert back is not None
-        assert back.nonzero()[0].tolist() == [19]
+        assert back.bits.nonzero()[0].tolist() == [19]
 
     def test_observations_are_the_callers_to_keep(self) -> None:
         source = open_source("neurosnap/Cycle-v0", seed=0)
@@ -260,12 +267,8 @@ class TestOtherEnvironments:
     ) -> None:
         with custom(ends=ends) as name:
             source = open_source(name, seed=0)
-        source.first()
-        begins = [source.begins]
-        for action in (0, 1, 1, 0):
-            assert source.step(action) is not None
-            begins.append(source.begins)
         # What comes with an end is given out, and then a beginning.
+        begins = [begun for begun, _ in beginnings(source, (0, 1, 1, 0))]
         assert begins == [True, False, True, False, True]
         # An ended episode is not stepped on: every other action is ignored.
         assert Custom.made[0].actions == [0, 1]
@@ -282,23 +285,17 @@ class TestOtherEnvironments:
         with custom(limit=3) as name:
             source = open_source(name, seed=0)
         for steps in (9, 6):
-            source.first()
-            begins, cut = [source.begins], [source.cut]
-            for _ in range(steps):
-                source.step(0)
-                begins.append(source.begins)
-                cut.append(source.cut)
+            begins, cut = zip(*beginnings(source, [0] * steps), strict=True)
             assert [tick for tick, one in enumerate(begins) if one] == list(
                 range(0, steps + 1, 4)
             )
             # The first episode cut nothing off.
-            assert cut == [False, *begins[1:]]
+            assert cut == (False, *begins[1:])
 
     def test_an_episode_that_ended_was_not_cut_off(self) -> None:
         with custom(ends=(True, False)) as name:
             source = open_source(name, seed=0)
-        source.first()
-        said = [(source.step(0), source.begins, source.cut)[1:] for _ in range(4)]
+        _, *said = beginnings(source, [0] * 4)
         assert said == [(False, False), (True, False)] * 2
 
     def test_episodes_are_a_function_of_seed_and_actions(self) -> None:
@@ -326,12 +323,8 @@ class TestOtherEnvironments:
             source = open_source("Custom-v0", seed=0)
         finally:
             del gymnasium.registry["Custom-v0"]
-        source.first()
-        begins = []
-        for _ in range(4):
-            source.step(0)
-            begins.append(source.begins)
-        assert begins == [False, True, False, True]
+        begins = [begun for begun, _ in beginnings(source, [0] * 4)]
+        assert begins == [True, False, True, False, True]
 
     def test_a_buffer_used_again_does_not_change_what_was_given(self) -> None:
         with custom() as name:

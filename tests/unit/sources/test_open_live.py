@@ -88,8 +88,8 @@ def test_settling_reads_the_first_line_where_nobody_named_the_sensors(
     assert source.sensors == ("a,b", "c")
     assert first is not None
     assert second is not None
-    assert first.tolist() == [True, False]
-    assert second.tolist() == [False, False]
+    assert first.bits.tolist() == [True, False]
+    assert second.bits.tolist() == [False, False]
 
 
 def test_a_swarms_own_keys_need_a_hub() -> None:

@@ -137,9 +137,9 @@ def test_what_is_exported_with_only_readings_is_a_source(
     export(known, "csv", tmp_path / "out.csv", only_readings=True)
     source = CsvSource(str(tmp_path / "out.csv"))
     assert source.sensors == NAMES
-    shown = [source.first().tolist()]
+    shown = [source.first().bits.tolist()]
     while (reading := source.step(-1)) is not None:
-        shown.append(reading.tolist())
+        shown.append(reading.bits.tolist())
     source.close()
     assert shown == rows(unknown=False)
 

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, ShapeError
-from neurosnap.sources.live.latest_readings import Bits, LatestReadings
+from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
+from neurosnap.sources.protocol import Observed
 from tests.support.fake_time import FakeTime, Told
 
 NAMES = ["door", "motion"]
@@ -36,9 +37,9 @@ def source_of(
     )
 
 
-def shown(source: LiveSource, bits: Sequence[bool] | np.ndarray) -> Shown:
-    known = np.ones(len(bits), bool) if source.known is None else source.known
-    return tuple(map(bool, bits)), tuple(map(bool, known))
+def shown(seen: Observed) -> Shown:
+    known = np.ones(len(seen.bits), bool) if seen.known is None else seen.known
+    return tuple(seen.bits.tolist()), tuple(known.tolist())
 
 
 def run(
@@ -49,11 +50,11 @@ def run(
         time.at(when, lambda s=sensor, o=on: source.put(NAMES[s], o))  # type: ignore[misc]
     time.at(END, source.close)
     ticks: list[tuple[float, Shown]] = []
-    bits = source.first()
-    while bits is not None:
-        ticks.append((time.now, shown(source, bits)))
+    seen = source.first()
+    while seen is not None:
+        ticks.append((time.now, shown(seen)))
         time.pass_until(time.now + busy[len(ticks) % len(busy)])
-        bits = source.step(-1)
+        seen = source.step(-1)
     return ticks
 
 
@@ -154,9 +155,9 @@ def test_whole_readings_have_a_tick_each_and_the_board_shows_after_them() -> Non
     source.give([False, True])
     source.put("door", True)
     source.end()
-    ticks = [shown(source, bits) for bits in [source.first()] if bits is not None]
-    while (bits := source.step(-1)) is not None:
-        ticks.append(shown(source, bits))
+    ticks = [shown(seen) for seen in [source.first()] if seen is not None]
+    while (seen := source.step(-1)) is not None:
+        ticks.append(shown(seen))
     assert ticks == [
         ((True, False), (True, False)),
         ((True, False), (True, False)),
@@ -187,7 +188,7 @@ def test_what_comes_while_nobody_looks_is_bounded_and_the_rest_is_counted() -> N
     source.end()
     first = source.first()
     assert first is not None
-    assert first.tolist() == [True, True]
+    assert first.bits.tolist() == [True, True]
     rest = [source.step(-1) for _ in range(WAITING + 1)]
     # Of the seven that had to go the latest shows the last.
     assert [bits is None for bits in rest] == [False] * WAITING + [True]
@@ -224,7 +225,7 @@ def test_what_came_before_a_failure_is_shown_before_it() -> None:
     source.give([False, True])
     source.fail(FabricError("hub: gone"))
     ticks = [source.first(), source.step(-1)]
-    assert [None if bits is None else bits.tolist() for bits in ticks] == [
+    assert [None if seen is None else seen.bits.tolist() for seen in ticks] == [
         [True, False],
         [False, True],
     ]
@@ -239,17 +240,17 @@ def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
     assert source.first() is not None
     source.put("door", False)
     source.end()
-    bits = source.step(-1)
-    assert bits is not None
-    assert shown(source, bits) == ((False, False), (True, False))
+    seen = source.step(-1)
+    assert seen is not None
+    assert shown(seen) == ((False, False), (True, False))
     assert source.step(-1) is None
     assert time.now == 0.0
 
 
 def test_only_the_first_tick_begins_and_so_does_one_that_goes_on() -> None:
-    def begins(bits: Bits | None) -> bool:
-        assert bits is not None
-        return source.begins
+    def begins(seen: Observed | None) -> bool:
+        assert seen is not None
+        return seen.begins
 
     source = source_of(FakeTime(), Clocked(1.0))
     source.put("door", True)
@@ -269,7 +270,7 @@ def test_starting_over_shows_the_board_again() -> None:
     once, twice = source.first(), source.first()
     assert once is not None
     assert twice is not None
-    assert np.array_equal(once, twice)
+    assert np.array_equal(once.bits, twice.bits)
 
 
 def test_actions_are_carried_out_before_their_consequence() -> None:
@@ -294,9 +295,9 @@ def test_stamps_are_times_since_the_epoch() -> None:
     source.put("door", False, at=EPOCH + 494.0)
     source.put("motion", True, at=EPOCH + 480.0)
     time.at(600.0, source.close)
-    bits = source.first()
-    assert bits is not None
-    assert shown(source, bits) == ((True, False), (True, False))
+    seen = source.first()
+    assert seen is not None
+    assert shown(seen) == ((True, False), (True, False))
     assert source.statistics().late == 1
     assert source.step(-1) is None  # at 505 nothing is known any more
     assert time.now == 600.0
@@ -317,9 +318,9 @@ def test_a_wall_clock_that_is_put_right_is_followed() -> None:
     assert source.statistics().ahead == 0
     time.pass_until(9.5)
     source.put("motion", True)
-    bits = source.step(-1)
-    assert bits is not None
-    assert shown(source, bits) == ((False, True), (False, True))
+    seen = source.step(-1)
+    assert seen is not None
+    assert shown(seen) == ((False, True), (False, True))
 
 
 def test_a_sensor_that_appears_under_way_is_named_once(
@@ -375,10 +376,10 @@ class Steps(threading.Thread):
 
     def run(self) -> None:
         try:
-            bits = self.source.first()
-            while bits is not None:
-                self.ticks.append(shown(self.source, bits))
-                bits = self.source.step(-1)
+            seen = self.source.first()
+            while seen is not None:
+                self.ticks.append(shown(seen))
+                seen = self.source.step(-1)
         except FabricError as error:
             self.error = error
 

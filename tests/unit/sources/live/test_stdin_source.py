@@ -16,6 +16,7 @@ from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
 from tests.support.fake_time import Told
+from tests.support.sources import readings
 
 NAMES = ["door", "motion"]
 
@@ -63,11 +64,10 @@ def source_on(pipe: Pipe, head: bytes | None = None) -> LiveSource:
 def rest_of(source: LiveSource, *, begun: bool = False) -> list[list[bool | None]]:
     """Return all ticks to the end; None is what is not known."""
     ticks = []
-    bits = source.step(-1) if begun else source.first()
-    while bits is not None:
-        known = [True] * len(bits) if source.known is None else source.known
-        ticks.append([bool(b) if k else None for b, k in zip(bits, known, strict=True)])
-        bits = source.step(-1)
+    seen = source.step(-1) if begun else source.first()
+    while seen is not None:
+        ticks.append(readings(seen))
+        seen = source.step(-1)
     return ticks
 
 

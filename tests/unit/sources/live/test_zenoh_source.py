@@ -12,6 +12,7 @@ from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked
 from neurosnap.sources.live.zenoh_source import ZenohFeeder, hand_over
+from tests.support.sources import readings
 
 NAMES = ["door", "kitchen/motion"]
 
@@ -30,10 +31,9 @@ def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], LiveSource]:
     source.put("door", False)
     for key, payload in messages:
         hand_over(source, key, zenoh.ZBytes(payload))
-    bits = source.first()
-    assert bits is not None
-    known = [True, True] if source.known is None else source.known
-    return [bool(b) if k else None for b, k in zip(bits, known, strict=True)], source
+    seen = source.first()
+    assert seen is not None
+    return readings(seen), source
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_objects_under_the_key_of_all() -> None:
     assert shown == [False, True]
     following = source.step(-1)
     assert following is not None
-    assert following.tolist() == [True, False]
+    assert following.bits.tolist() == [True, False]
 
 
 @pytest.mark.parametrize(
