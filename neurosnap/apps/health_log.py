@@ -8,8 +8,7 @@ from neurosnap.health.alarm import Alarm, Progress, told
 from neurosnap.health.follower import Follower
 from neurosnap.recording.read.observed import Observed, observations
 from neurosnap.recording.read.recording import Recording
-from neurosnap.sources.tables.readings import Readings
-from neurosnap.sources.tables.spans import seconds_of
+from neurosnap.sources.tables.readings import Readings, seconds_of
 
 
 class Raised(msgspec.Struct, frozen=True):

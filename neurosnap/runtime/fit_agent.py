@@ -6,8 +6,8 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.open import Argument, open_source
-from neurosnap.sources.protocol import Source
+from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Argument, Source
 
 
 def body_of(

@@ -25,7 +25,7 @@ from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.run import Outcome
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.sources.live.journal import Journal, journal_of, read_journal, remove
-from neurosnap.sources.open_live import ZENOH, is_live
+from neurosnap.sources.open import ZENOH, is_live
 
 _GRACE = 10.0  # seconds the intake may take to end
 _AGAIN = 0.1  # seconds before it is started again

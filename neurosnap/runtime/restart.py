@@ -33,7 +33,7 @@ from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Restarts, Supervision
 from neurosnap.runtime.run import Outcome, run
-from neurosnap.sources.open_live import is_live
+from neurosnap.sources.open import is_live
 
 
 class Restart(msgspec.Struct, frozen=True):

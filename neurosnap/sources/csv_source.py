@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
-from neurosnap.sources.tables.csv_file import CsvFile
-from neurosnap.sources.tables.csv_rows import CsvRows, Row
-from neurosnap.sources.tables.meaning import Wanted
+from neurosnap.sources.tables.csv_file import CsvFile, CsvRows, Row
 
 
 class CsvSource:

@@ -16,8 +16,7 @@ from neurosnap.agent.continuing import Continuing
 from neurosnap.agent.environment import describe
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.open_live import Argument as Argument
-from neurosnap.sources.protocol import Observed
+from neurosnap.sources.protocol import Argument, Observed
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""

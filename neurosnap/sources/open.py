@@ -1,22 +1,42 @@
-"""Opens a source by its name: Gymnasium, a CSV file, or live sensors.
+"""Opens a source by its name; a new kind of source is added here.
+
+A name is the path of a CSV file, the id of a Gymnasium environment, or that of a live
+source: ``-`` is standard input, ``zenoh:`` the keys of the swarm itself, ``mqtt:`` a
+broker's topics.
 
 After k steps a source returns a function of its name, the seed and the actions only;
 live sources cannot: they cannot be brought back to where they were. `open_source`
 checks whatever can be checked first: a file with a bad row 900 is refused before
 anything is started, not at tick 900.
+
+Opening a live source starts nothing: a run opens it twice, once to learn the sensors'
+names, once to be the world.
 """
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated, TypeAlias
 
-from neurosnap.errors import InvalidValueError
+import msgspec
+
+from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sensorium import visible
-from neurosnap.sources.csv_source import CsvSource
-from neurosnap.sources.gymnasium_source import GymnasiumSource
-from neurosnap.sources.live.zenoh_source import Hub
-from neurosnap.sources.open_live import Argument as Argument
-from neurosnap.sources.open_live import is_live, open_live
-from neurosnap.sources.protocol import Source
+from neurosnap.sources.live.journal import Journal
+from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.live_source import Feeder, LiveSource
+from neurosnap.sources.live.statistics import Statistics
+from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
+from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
+from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
+from neurosnap.sources.mqtt.options import MqttOptions
+from neurosnap.sources.protocol import Argument, Source
+from neurosnap.system.distribution import must_have
+
+STDIN = "-"
+ZENOH = "zenoh:"
+MQTT = "mqtt:"
+
+Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 
 
 def open_source(
@@ -30,11 +50,11 @@ def open_source(
 
     Args:
         name: The path of a CSV file (it ends with ``.csv``, or the file exists), or the
-            id of a Gymnasium environment, ``module:Id`` to import a module first; or
-            one that is outside, as `neurosnap.sources.open_live` has it.
+            id of a Gymnasium environment, ``module:Id`` to import a module first; or a
+            live one, as `open_live` has it.
         seed: For the environment's reset, from 0 up; a file does not use it.
         arguments: The environment's own; a file takes none.
-        hub: The swarm's, for whoever is about to be its world.
+        hub: The swarm's, for the part that is about to be its world.
         renders: Whether images of it are wanted; the observations are the same.
 
     Raises:
@@ -42,7 +62,24 @@ def open_source(
             it is not fit for use, or draws no images; for a file the text names the row
             and the column.
     """
-    opened = _opened(name, seed, arguments, hub, renders)
+    if seed < 0:
+        raise InvalidValueError("seed", "must be 0 or more", seed)
+    arguments = {} if arguments is None else arguments
+    opened: Source
+    if is_live(name):
+        opened = open_live(name, arguments, hub)
+    elif name.lower().endswith(".csv") or _is_file(name):
+        from neurosnap.sources.csv_source import CsvSource
+
+        if arguments:
+            rule = "must not be given for a file"
+            raise InvalidValueError("arguments", rule, dict(arguments))
+        opened = CsvSource(name)
+    else:
+        # Here, not above: every part asks `is_live`, and Gymnasium is large.
+        from neurosnap.sources.gymnasium_source import GymnasiumSource
+
+        opened = GymnasiumSource(name, seed, arguments, renders)
     # Not refused by `Sensorium`: there may be recordings with such names.
     for called in (*opened.sensors, *opened.actions):
         if visible(called) != called:
@@ -52,28 +89,169 @@ def open_source(
     return opened
 
 
-def _opened(
-    name: str,
-    seed: int,
-    arguments: Mapping[str, Argument] | None,
-    hub: Hub | None,
-    renders: bool,
-) -> Source:
-    if seed < 0:
-        raise InvalidValueError("seed", "must be 0 or more", seed)
-    arguments = {} if arguments is None else arguments
-    if is_live(name):
-        return open_live(name, arguments, hub)
-    if name.lower().endswith(".csv") or _is_file(name):
-        if arguments:
-            rule = "must not be given for a file"
-            raise InvalidValueError("arguments", rule, dict(arguments))
-        return CsvSource(name)
-    return GymnasiumSource(name, seed, arguments, renders)
-
-
 def _is_file(name: str) -> bool:
     try:
         return Path(name).is_file()
     except OSError:  # too long for a path, for one
         return False
+
+
+def is_live(name: str) -> bool:
+    """Tell whether `name` is that of a source that `open_live` opens."""
+    return name in (STDIN, ZENOH, MQTT)
+
+
+def open_live(
+    name: str,
+    arguments: Mapping[str, Argument] | None = None,
+    hub: Hub | None = None,
+    *,
+    journal: Journal | None = None,
+    most: int | None = None,
+) -> LiveSource:
+    """Return the live source called `name`; nothing is started before its first tick.
+
+    Args:
+        name: ``-``, ``zenoh:`` or ``mqtt:``.
+        arguments: As `LiveArguments` has them; `sensors` must be among them. For
+            ``mqtt:`` one alone, `options`: `MqttOptions` as JSON, as a file of ours
+            has it in its table `[source]`.
+        hub: The swarm's; None for a look only: ``zenoh:`` cannot be started.
+        journal: As for `LiveSource`.
+        most: As for `LiveSource`.
+
+    Raises:
+        InvalidValueError: There is no such source, or an argument is wrong.
+
+    Example:
+        >>> source = open_live("-", {"sensors": "door,motion", "stale_after": 60})
+        >>> source.sensors, source.live
+        (('door', 'motion'), True)
+        >>> source.close()
+    """
+    if not is_live(name):
+        rule = f"must be {STDIN}, {ZENOH} or {MQTT}"
+        raise InvalidValueError("source", rule, name)
+    arguments = {} if arguments is None else arguments
+    if name == MQTT:
+        try:
+            from neurosnap.sources.mqtt.mqtt_source import mqtt_source
+        except ImportError as error:  # an extra
+            rule = must_have(error.name or "aiomqtt", "mqtt")
+            raise InvalidValueError("source", rule, MQTT) from error
+        return mqtt_source(mqtt_options(arguments), journal=journal, most=most)
+    given = _converted(arguments)
+    if not given.sensors:
+        rule = "must be named for such a source (--set sensors=a,b,c)"
+        raise InvalidValueError("sensors", rule, given.sensors)
+    latest = LatestReadings(given.names(), stale_after=given.stale_after)
+    feeder: Feeder
+    if name == STDIN:
+        feeder = StdinFeeder(head=given.head.encode() if given.head else None)
+    else:
+        feeder = _NoFeeder() if hub is None else ZenohFeeder(hub)
+    schedule = given.schedule()
+    return LiveSource(latest, schedule, feeder=feeder, journal=journal, most=most)
+
+
+class LiveArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What standard input or a swarm's own keys are opened with."""
+
+    sensors: str = ""
+    """The names, in order, commas between them, or as a JSON list."""
+    stale_after: Seconds | None = None
+    """Seconds after which a reading is believed no more; None if it always is."""
+    interval: Seconds | None = None
+    """Seconds between two ticks; None: a tick as soon as something changed."""
+    min_interval: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Without `interval`: seconds between two ticks at least."""
+    max_interval: Seconds | None = None
+    """Without `interval`: seconds between two ticks at most."""
+    head: str = ""
+    """The first line of standard input, where it was read to learn the names."""
+
+    def names(self) -> tuple[str, ...]:
+        """Return the sensors' names.
+
+        Raises:
+            InvalidValueError: It is no list of texts.
+        """
+        if not self.sensors.startswith("["):
+            return tuple(name.strip() for name in self.sensors.split(","))
+        try:
+            return msgspec.json.decode(self.sensors, type=tuple[str, ...])
+        except msgspec.MsgspecError as error:
+            rule = f"must be names with commas between them, or a JSON list ({error})"
+            raise InvalidValueError("sensors", rule, self.sensors) from error
+
+    def schedule(self) -> TickSchedule:
+        """Return when a tick is due.
+
+        Raises:
+            InvalidValueError: The intervals do not go together.
+        """
+        return new_schedule(self.interval, self.min_interval, self.max_interval)
+
+
+def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
+    """Return the arguments with the sensors' names in them, once and for all.
+
+    Standard input can be read once only, so the command that starts a run calls this
+    first, and every part opens the source with what it returns.
+
+    Args:
+        name: As for `open_live`.
+        arguments: As for `open_live`. Without `sensors` the first line of standard
+            input says them; this waits for it.
+
+    Raises:
+        InvalidValueError: The first line names no sensors, or an argument is wrong.
+    """
+    if name != STDIN or _converted(arguments).sensors:
+        return dict(arguments)
+    line = first_line()
+    names = msgspec.json.encode(names_in(line)).decode()
+    return {**arguments, "sensors": names, "head": line.decode()}
+
+
+def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:
+    """Return the options that the arguments of an ``mqtt:`` source hold.
+
+    Raises:
+        InvalidValueError: They hold none, or wrong ones.
+    """
+    try:
+        return msgspec.json.decode(str(arguments["options"]), type=MqttOptions)
+    except (KeyError, msgspec.MsgspecError) as error:
+        rule = "must hold the options of an MQTT source: name a file that describes one"
+        raise InvalidValueError("arguments", rule, str(error)) from error
+
+
+def lost_by(name: str, said: Statistics) -> int:
+    """Return how much of what a live source was given is lost: it had no tick.
+
+    What standard input says is meant for the run, so a line that is no reading is lost.
+    On a broker and on a hub others may say what they like.
+    """
+    refused = said.refused if name == STDIN else 0
+    return said.dropped + said.missing + refused
+
+
+class _NoFeeder:
+    """Feeds a source that is only looked at."""
+
+    def start(self, source: LiveSource) -> None:
+        """Say that there is no hub to listen to."""
+        rule = "must be a swarm's with a hub, cells in processes"
+        source.fail(NeurosnapError(f"source: {rule}, got {ZENOH!r}"))
+
+    def stop(self) -> None:
+        """Nothing was started."""
+
+
+def _converted(arguments: Mapping[str, Argument]) -> LiveArguments:
+    try:
+        return msgspec.convert(dict(arguments), LiveArguments)
+    except msgspec.ValidationError as error:
+        rule = f"must be ones such a source takes ({error})"
+        raise InvalidValueError("arguments", rule, dict(arguments)) from error

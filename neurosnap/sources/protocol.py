@@ -1,10 +1,13 @@
 """The protocol of a source of observations."""
 
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+Argument: TypeAlias = bool | int | float | str
+"""What may be given to a source by name."""
 
 
 class Observed(msgspec.Struct, frozen=True, eq=False):

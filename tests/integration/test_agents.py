@@ -22,8 +22,8 @@ from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
 from neurosnap.sources.gymnasium_source import import_worlds
-from neurosnap.sources.open import Argument, open_source
-from neurosnap.sources.protocol import Observed, Source
+from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Argument, Observed, Source
 from tests.support import run_options
 
 SEED = 5

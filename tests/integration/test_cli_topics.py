@@ -15,7 +15,7 @@ pytest.importorskip("aiomqtt")
 from neurosnap.apps.config.load import look
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.open_live import open_live
+from neurosnap.sources.open import open_live
 from tests.support.command_line import call
 from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
 from tests.support.mqtt_sources import until

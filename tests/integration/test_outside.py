@@ -37,7 +37,7 @@ from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder
-from neurosnap.sources.open_live import open_live
+from neurosnap.sources.open import open_live
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.sources import readings
@@ -53,7 +53,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
 
 SHOW_TICKS = """
 import json, multiprocessing
-from neurosnap.sources.open_live import open_live, settle
+from neurosnap.sources.open import open_live, settle
 
 def show(arguments):
     source = open_live("-", arguments)

@@ -18,7 +18,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import Argument
+from neurosnap.sources.protocol import Argument
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
 

@@ -6,7 +6,8 @@ from neurosnap.agent.growth.birth import Birth
 from neurosnap.agent.policy import AgentKind
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.open import open_source
+from neurosnap.sources.protocol import Argument
 
 
 def options_for(

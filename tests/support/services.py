@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
 from neurosnap.apps.viewer.members import members
@@ -19,9 +19,12 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.open import open_source
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
+
+if TYPE_CHECKING:
+    from neurosnap.sources.protocol import Argument
 
 PATH = "neurosnap/Path-v0"
 SWARM = "demo"

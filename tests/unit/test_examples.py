@@ -13,8 +13,7 @@ from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.sources.mqtt.payload import Payload, Reader
-from neurosnap.sources.open import open_source
-from neurosnap.sources.open_live import mqtt_options
+from neurosnap.sources.open import mqtt_options, open_source
 from tests.support.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -10,6 +10,7 @@ import random
 from collections.abc import Callable
 from itertools import combinations, product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -22,11 +23,14 @@ from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import describe
-from neurosnap.sources.open import Argument, open_source
+from neurosnap.sources.open import open_source
 from tools.simulate.check import WrongError, check
 from tools.simulate.disk import Disk
 from tools.simulate.swarm import Life
 from tools.simulate.weather import Tally, Weather, random_weather
+
+if TYPE_CHECKING:
+    from neurosnap.sources.protocol import Argument
 
 # Files are cut small here on purpose, and nobody is to hear of it.
 logging.getLogger("neurosnap").addHandler(logging.NullHandler())

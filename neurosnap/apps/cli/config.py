@@ -11,7 +11,7 @@ import typer
 from neurosnap.apps.cli.options import FLAG, run_options
 from neurosnap.apps.cli.shared import Json, app, errors, print_json, say, was_given
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.open import Argument
+from neurosnap.sources.protocol import Argument
 
 if TYPE_CHECKING:
     from neurosnap.apps.config.prepare import Prepared

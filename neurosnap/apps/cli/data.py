@@ -11,7 +11,7 @@ from neurosnap.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.sources.tables.meaning import Wanted
+    from neurosnap.sources.meaning import Wanted
     from neurosnap.sources.tables.readings import Readings
 
 Data = Annotated[
@@ -61,7 +61,7 @@ def wanted(
     Raises:
         InvalidValueError: What is said of a sensor with numbers is not of that form.
     """
-    from neurosnap.sources.tables.meaning import Wanted, parse_comparison
+    from neurosnap.sources.meaning import Wanted, parse_comparison
 
     return Wanted(tuple(sensors or ()), tuple(map(parse_comparison, when or ())), time)
 

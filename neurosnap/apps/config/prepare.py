@@ -39,8 +39,8 @@ from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.preflight import check_sensors
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.sources.camera import try_camera
-from neurosnap.sources.open import Argument, open_source
-from neurosnap.sources.open_live import ZENOH, is_live, settle
+from neurosnap.sources.open import ZENOH, is_live, open_source, settle
+from neurosnap.sources.protocol import Argument
 
 _logger = logging.getLogger(__name__)
 

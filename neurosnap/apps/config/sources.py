@@ -11,8 +11,8 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from neurosnap.sources.mqtt.options import MqttOptions
-from neurosnap.sources.open import Argument
-from neurosnap.sources.open_live import MQTT, STDIN, ZENOH, LiveArguments, Seconds
+from neurosnap.sources.open import MQTT, STDIN, ZENOH, LiveArguments, Seconds
+from neurosnap.sources.protocol import Argument
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
 Opening: TypeAlias = tuple[str, dict[str, Argument]]

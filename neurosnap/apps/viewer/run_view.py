@@ -39,7 +39,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack
-from neurosnap.sources.open_live import STDIN
+from neurosnap.sources.open import STDIN
 
 _READINGS = 15_000
 """Readings of sensors in the ticks that are read at once, about."""

@@ -18,7 +18,7 @@ from neurosnap.runtime.parts.coordinator_loop import run_coordinator
 from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.parts.participant import take_part
 from neurosnap.runtime.parts.run_description import RunDescription
-from neurosnap.sources.open_live import is_live
+from neurosnap.sources.open import is_live
 
 _LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
 _LOOK = 0.1  # seconds between two looks at who is there

@@ -27,7 +27,7 @@ from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.journal_frames import HEAD, frame, is_right
 from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.open_live import open_live
+from neurosnap.sources.open import open_live
 
 INTAKE = "intake"
 """What the part is called."""

@@ -25,7 +25,7 @@ from neurosnap.protocol.observations import readings
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
-from neurosnap.sources.open_live import MQTT, mqtt_options
+from neurosnap.sources.open import MQTT, mqtt_options
 
 if TYPE_CHECKING:
     import numpy as np

@@ -22,8 +22,7 @@ from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub
-from neurosnap.sources.open import open_source
-from neurosnap.sources.open_live import lost_by, open_live
+from neurosnap.sources.open import lost_by, open_live, open_source
 from neurosnap.sources.protocol import Source
 
 

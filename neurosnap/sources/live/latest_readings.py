@@ -2,7 +2,7 @@
 
 No clock and no threads: every time is an argument, in seconds on one clock that never
 goes back. It holds one reading a sensor, however many come, and one a topic of a sensor
-that combines topics (`neurosnap.sources.live.combined_topics`).
+that combines topics (`CombinedTopics`).
 
 What is known at a time `now`:
 
@@ -23,14 +23,13 @@ What is known at a time `now`:
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.combined_topics import Combine, CombinedTopics
 
 TOLERANCE = 1.0
 """Seconds that clocks may differ by without a word."""
@@ -38,6 +37,17 @@ TOLERANCE = 1.0
 Bits: TypeAlias = NDArray[np.bool_]
 Spans: TypeAlias = float | Sequence[float | None] | None
 """Seconds, one for all sensors or one a sensor; None: no such bound."""
+
+
+Combine: TypeAlias = Literal["any", "all", "last"]
+"""How several topics are one sensor. Of those that are known, `any`: on where one is
+on, off where all are off; `all`: off where one is off, on where all are on; `last`:
+the latest message of them all counts."""
+
+REMEMBERED = 4096
+"""Topics of a sensor whose readings are remembered."""
+
+_NEVER = float("-inf")
 
 
 class LatestReadings:
@@ -199,3 +209,53 @@ def _spans(name: str, given: Spans, count: int) -> NDArray[np.float64]:
     if wrong.any():
         raise InvalidValueError(name, "must be above 0", float(spans[wrong][0]))
     return spans
+
+
+class CombinedTopics:
+    """The latest reading of each topic of a sensor; every operation is O(1).
+
+    Each goes stale by itself. Topics come from outside, without end: only the latest
+    `REMEMBERED` of a sensor count.
+
+    Times never go back from call to call, so the entries of a table, in the order they
+    were put, are in the order of their times as well.
+    """
+
+    def __init__(self) -> None:
+        self._until: dict[bool, dict[str, float]] = {False: {}, True: {}}
+
+    def put(self, topic: str, on: bool | None, until: float) -> None:
+        """Take in a reading, which replaces the topic's last one.
+
+        Args:
+            topic: Whose.
+            on: What it says; None: nothing is known of the topic any more.
+            until: When it goes stale; never before any given earlier.
+        """
+        for said in self._until.values():
+            said.pop(topic, None)
+        if on is None:
+            return
+        self._until[on][topic] = until
+        if sum(map(len, self._until.values())) > REMEMBERED:
+            oldest = min(filter(None, self._until.values()), key=_first)
+            del oldest[next(iter(oldest))]
+
+    def last_until(self, on: bool) -> float:
+        """Return until when one of the topics says `on`, if nothing more comes."""
+        said = self._until[on]
+        return said[next(reversed(said))] if said else _NEVER
+
+    def first_until(self, on: bool) -> float:
+        """Return until when all topics that say `on` still do."""
+        said = self._until[on]
+        return _first(said) if said else _NEVER
+
+    def clear(self) -> None:
+        """Forget all topics."""
+        for said in self._until.values():
+            said.clear()
+
+
+def _first(said: dict[str, float]) -> float:
+    return said[next(iter(said))]

@@ -28,11 +28,9 @@ import numpy as np
 
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sensorium import pack, unpack
-from neurosnap.sources.live.clock import ClockMapping
 from neurosnap.sources.live.journal import Journal, Row
-from neurosnap.sources.live.latest_readings import Bits, LatestReadings
-from neurosnap.sources.live.rejected import Refusals
-from neurosnap.sources.live.statistics import Statistics
+from neurosnap.sources.live.latest_readings import TOLERANCE, Bits, LatestReadings
+from neurosnap.sources.live.statistics import Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
 from neurosnap.sources.protocol import Observed
 
@@ -537,3 +535,26 @@ class LiveSource:
 def _observed(bits: Bits, known: Bits, begins: bool, paused: bool) -> Observed:
     """Return a row as it is given out: what is live has no ends, so it was cut off."""
     return Observed(bits, None if known.all() else known, begins, begins, paused)
+
+
+class ClockMapping:
+    """Converts stamps; equal ones stay equal, and in order they stay in order.
+
+    The difference of the two clocks is kept until it is clearly another one, because
+    somebody put the wall clock right: taken anew for each stamp it would jitter, and so
+    put equal ones in some order.
+
+    Args:
+        now: The clock that never goes back.
+        wall: Seconds since the epoch, at the same moment.
+    """
+
+    def __init__(self, now: float, wall: float) -> None:
+        self._offset = now - wall
+
+    def on_our_clock(self, at: float, now: float, wall: float) -> float:
+        """Return what our clock showed at `at`, in seconds since the epoch."""
+        offset = now - wall
+        if abs(offset - self._offset) > TOLERANCE:
+            self._offset = offset
+        return at + self._offset

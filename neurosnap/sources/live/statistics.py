@@ -1,4 +1,10 @@
-"""Counters of a live source: received, used, rejected, lost."""
+"""What a live source counts: received, used, rejected, lost.
+
+Rejected input is counted, and named in the log without flooding it.
+"""
+
+import logging
+from collections.abc import Callable
 
 import msgspec
 
@@ -36,3 +42,62 @@ class Statistics(msgspec.Struct, frozen=True):
             "ticks skipped": self.skipped,
         }
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
+
+EVERY = 1.0
+"""Seconds between two lines about bad input."""
+
+_NAMED = 100  # unknown sensors that are named; names come from outside, without end
+
+_logger = logging.getLogger(__name__)
+
+
+class Refusals:
+    """Counts what is refused; logs a line a second at most. To be used under a lock.
+
+    Args:
+        clock: Seconds that never go back.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.count = 0
+        self._clock = clock
+        self._next = float("-inf")
+        self._untold = 0
+        self._strangers: set[str] = set()
+
+    def refuse(self, text: str) -> None:
+        """Count one, and tell of it unless the last line is too recent.
+
+        Args:
+            text: What it was, as ``name: rule, got value``.
+        """
+        self.count += 1
+        now = self._clock()
+        if now < self._next:
+            self._untold += 1
+            return
+        self.flush()
+        self._next = now + EVERY
+        _logger.warning("%s", text)
+
+    def refuse_sensor(self, name: str) -> None:
+        """Count a reading of an unknown sensor, and name each such sensor once.
+
+        No more than 100 are named.
+        """
+        self.count += 1
+        if name in self._strangers or len(self._strangers) == _NAMED:
+            return
+        self._strangers.add(name)
+        _logger.warning(
+            "sensor: must be one the run began with, got %.100r"
+            " (name it among the sensors and start again)",
+            name,
+        )
+
+    def flush(self) -> None:
+        """Tell how many were not told of since the last line, if any."""
+        if self._untold:
+            _logger.warning("%d more were refused and are not shown", self._untold)
+            self._untold = 0

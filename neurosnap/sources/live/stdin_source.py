@@ -10,11 +10,17 @@ ends it in order.
 import os
 import select
 import threading
+from collections.abc import Iterator
 
 from neurosnap.errors import FabricError, InvalidValueError, within
-from neurosnap.sources.live.hand_in import hand_in
-from neurosnap.sources.live.json_reading import LIMIT, Names, Single, read, too_long
-from neurosnap.sources.live.line_splitter import Lines
+from neurosnap.sources.live.json_reading import (
+    LIMIT,
+    Names,
+    Single,
+    hand_in,
+    read,
+    too_long,
+)
 from neurosnap.sources.live.live_source import LiveSource
 
 STANDARD_INPUT = 0
@@ -155,3 +161,43 @@ def _place(line: bytes | bytearray) -> str:
     """Return where a first line stands, with blank ones before it."""
     number = 1 + line.count(b"\n")
     return f"{_NAME}:{number}"
+
+
+class Lines:
+    """Numbers the lines of a stream that arrives in pieces of any size.
+
+    Args:
+        limit: Bytes of a line at most; a longer one is not kept.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._number = 0
+        self._begun: bytes | None = b""
+        """What there is of the next line; None: it is too long already."""
+
+    def feed(self, piece: bytes) -> Iterator[tuple[int, bytes | None]]:
+        """Yield the number and the text of every line that `piece` ends.
+
+        The text comes without its line feed; None: the line was too long.
+        """
+        *ended, rest = piece.split(b"\n")
+        for part in ended:
+            yield self._end(part)
+        self._add(rest)
+
+    def finish(self) -> Iterator[tuple[int, bytes | None]]:
+        """Yield what follows the last line feed, if anything does."""
+        if self._begun != b"":
+            yield self._end(b"")
+
+    def _add(self, part: bytes) -> None:
+        if self._begun is not None:
+            whole = len(self._begun) + len(part) <= self._limit
+            self._begun = self._begun + part if whole else None
+
+    def _end(self, part: bytes) -> tuple[int, bytes | None]:
+        self._add(part)
+        line, self._begun = self._begun, b""
+        self._number += 1
+        return self._number, line

@@ -35,8 +35,7 @@ from neurosnap.fabric.security.endpoint import check_endpoint
 from neurosnap.fabric.security.roles import READING
 from neurosnap.fabric.zenoh.discovery import id_of
 from neurosnap.fabric.zenoh.session import connecting
-from neurosnap.sources.live.hand_in import hand_in
-from neurosnap.sources.live.json_reading import LIMIT, read_on, too_long
+from neurosnap.sources.live.json_reading import LIMIT, hand_in, read_on, too_long
 from neurosnap.sources.live.live_source import LiveSource
 
 _PATIENCE = 10.0  # seconds the hub may take to answer

@@ -11,6 +11,11 @@ same rule as ever, and a sensor with `seen_within` is unknown until it can be he
 again, since silence says nothing then.
 """
 
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import aiomqtt
+
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_readings import LatestReadings
@@ -21,7 +26,6 @@ from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, Reader
 from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics
-from neurosnap.sources.mqtt.routes import Routes
 
 
 def mqtt_source(
@@ -162,3 +166,38 @@ class MqttFeeder:
     def _fail(self, error: Exception) -> None:
         if self._source is not None:
             self._source.fail(error)
+
+
+REMEMBERED = 4096
+"""Topics whose sensors are remembered."""
+
+
+class Routes:
+    """The filters that topics match, by their place.
+
+    Args:
+        filters: Topic filters, one a sensor; some may be the same.
+    """
+
+    def __init__(self, filters: Sequence[str]) -> None:
+        self._wildcards = [aiomqtt.Wildcard(each) for each in filters]
+        self.of: Callable[[str], tuple[int, ...]] = lru_cache(REMEMBERED)(self._match)
+        """Return the places of the filters that a topic matches, ascending. O(1) for a
+        topic that is remembered, O(filters) otherwise."""
+
+    def _match(self, topic: str) -> tuple[int, ...]:
+        known = aiomqtt.Topic(topic)
+        return tuple(
+            place
+            for place, wildcard in enumerate(self._wildcards)
+            if known.matches(wildcard) and not _hidden(topic, wildcard.value)
+        )
+
+
+def _hidden(topic: str, wildcard: str) -> bool:
+    """Whether it is one of the broker's own topics, which no leading wildcard means.
+
+    The standard says so (4.7.2) and brokers heed it, but one that another filter
+    subscribed to comes all the same, and the library's matcher would let it pass.
+    """
+    return topic.startswith("$") and wildcard.startswith(("+", "#"))

@@ -14,9 +14,9 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.combined_topics import Combine
+from neurosnap.sources.live.latest_readings import Combine
 from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
-from neurosnap.sources.words import OFF, ON
+from neurosnap.sources.meaning import OFF, ON
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]

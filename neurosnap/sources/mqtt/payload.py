@@ -11,9 +11,9 @@ from typing import Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.live.combined_topics import REMEMBERED
+from neurosnap.sources.live.latest_readings import REMEMBERED
+from neurosnap.sources.meaning import UNKNOWN
 from neurosnap.sources.mqtt.options import MqttSensor
-from neurosnap.sources.words import UNKNOWN
 
 LARGEST = 64 * 1024
 """Bytes of a payload that are looked at; one that is longer is refused unread."""

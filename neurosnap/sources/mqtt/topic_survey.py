@@ -2,8 +2,8 @@
 
 Pure: payloads in, sensors out. A place is a topic whose whole payload is a word or a
 number, or a field of a JSON payload. It looks like a sensor where all that it said are
-words of one kind, on or off: those of `neurosnap.sources.words`, a pair of `PAIRS`, or
-true and false in JSON. A number in a field is one only if it was both 0 and 1, and
+words of one kind, on or off: those of `neurosnap.sources.meaning`, a pair of `PAIRS`,
+or true and false in JSON. A number in a field is one only if it was both 0 and 1, and
 nothing else: 1 may be a count.
 
 Left out are commands, what bridges and discovery say of themselves, what a run of ours
@@ -18,9 +18,9 @@ from typing import Any, get_args
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.meaning import OFF, ON, UNKNOWN
 from neurosnap.sources.mqtt.options import DeviceClass, MqttSensor
 from neurosnap.sources.mqtt.payload import Payload
-from neurosnap.sources.words import OFF, ON, UNKNOWN
 
 PAIRS = (
     ("active", "inactive"),

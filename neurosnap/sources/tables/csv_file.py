@@ -1,15 +1,24 @@
-"""A CSV file, line by line: cells between commas, semicolons or tabs, in UTF-8.
+"""Reads CSV files of readings: a column a sensor, a row a tick.
 
-A file is read as it is gone through, and never held in memory. A cell may be in quotes,
-but may not go over several lines: no name and no reading does.
+Cells stand between commas, semicolons or tabs, in UTF-8. They are 0 and 1, false and
+true, off and on, or say that nothing is known. Rows of nothing but 0 and 1 are read
+without a look at each cell. A file is read as it is gone through, and never held in
+memory. A cell may be in quotes, but may not go over several lines: no name and no
+reading does.
 """
 
 import csv
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
-from neurosnap.errors import InvalidValueError, ShapeError
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError, ShapeError, within
+from neurosnap.sensorium import Sensorium
+from neurosnap.sources.meaning import WORDS, Reader, Wanted
+from neurosnap.system.csv_text import as_written
 
 OnProgress: TypeAlias = Callable[[int, int], object]
 """Told how much is read, and of how much."""
@@ -111,3 +120,136 @@ def _lines(
     except OSError as error:
         rule = f"must be a file that can be read ({error.strerror})"
         raise InvalidValueError("source", rule, path) from error
+
+
+_BITS = frozenset({"0", "1"})
+_ZERO, _ONE = ord("0"), ord("1")
+
+
+class Row(NamedTuple):
+    """One row."""
+
+    time: str
+    """What its column of time says; nothing, if there is none."""
+    bits: NDArray[np.bool_]
+    """``(N,)``."""
+    known: NDArray[np.bool_] | None
+    """``(N,)``; None: all are."""
+
+
+class CsvRows:
+    """The readings in a CSV file.
+
+    A first column that is called ``time``, or has no name, holds no sensor. An
+    apostrophe that keeps a spreadsheet from running a name as a formula is left out
+    (`neurosnap.system.csv_text`).
+
+    Args:
+        file: The file.
+        wanted: Which sensors to read.
+
+    Attributes:
+        sensors: Their names.
+        timed: Whether a column holds the time.
+
+    Raises:
+        InvalidValueError: The header breaks a rule.
+    """
+
+    def __init__(self, file: CsvFile, wanted: Wanted) -> None:
+        self._file, self._wanted = file, wanted
+        header, where = file.header, f"{file.path}:1"
+        self._skipped = _skipped(header, wanted, where)
+        self.timed = self._skipped is not None and header[self._skipped] != ""
+        self._names = [
+            (place, as_written(name))
+            for place, name in enumerate(header)
+            if place != self._skipped
+        ]
+        names = [name for _, name in self._names]
+        if not names or _BITS.issuperset(names):
+            # Readings without a header would lose their first row unnoticed.
+            raise InvalidValueError(where, "must be a header of sensor names", header)
+        wanted.check(names, where)
+        readers = [reader.name for _, reader in self._readers()]
+        try:
+            self.sensors = Sensorium(readers).names
+        except InvalidValueError as error:
+            raise within(where, error) from error
+
+    def rows(self, on_progress: OnProgress | None = None) -> Iterator[Row]:
+        """Yield the rows below the header.
+
+        Raises:
+            InvalidValueError: While iterating: a row breaks a rule.
+        """
+        readers = self._readers()
+        words = all(reader.comparison is None for _, reader in readers)
+        all_of_them = words and len(readers) == len(self._names)
+        for line, data in self._file.lines(on_progress):
+            row = self._plain(data) if all_of_them else None
+            yield row or self._row(line, self._file.cells(line, data), readers)
+
+    def _readers(self) -> list[tuple[int, Reader]]:
+        """Return what reads which column."""
+        return [
+            (place, reader)
+            for place, name in self._names
+            for reader in self._wanted.readers(name)
+        ]
+
+    def _plain(self, data: bytes) -> Row | None:
+        """Return a row in which all cells are 0 or 1; None: it is not that plain."""
+        delimiter = self._file.delimiter.encode()
+        time = b""
+        if self._skipped == 0:
+            time, _, data = data.partition(delimiter)
+        elif self._skipped is not None:
+            return None
+        if len(data) != 2 * len(self._names) - 1 or b'"' in time:
+            return None
+        letters = np.frombuffer(data, np.uint8)
+        bits = letters[::2] == _ONE
+        if not (bits | (letters[::2] == _ZERO)).all():
+            return None
+        if not (letters[1::2] == delimiter[0]).all() or not time.isascii():
+            return None
+        return Row(time.decode().strip(), bits, None)
+
+    def _row(
+        self, line: int, cells: list[str], readers: list[tuple[int, Reader]]
+    ) -> Row:
+        values: list[bool | None] = []
+        for place, reader in readers:
+            cell = cells[place]
+            if reader.comparison is None and cell in WORDS:
+                values.append(WORDS[cell])
+                continue
+            try:
+                values.append(reader.read(cell))
+            except ValueError as error:
+                where = f"{self._file.path}:{line}: {self._file.header[place]}"
+                raise InvalidValueError(where, str(error), cell) from None
+        time = cells[self._skipped] if self.timed and self._skipped is not None else ""
+        bits = np.array([value is True for value in values], np.bool_)
+        if None not in values:
+            return Row(time, bits, None)
+        return Row(time, bits, np.array([value is not None for value in values]))
+
+
+def _skipped(header: list[str], wanted: Wanted, where: str) -> int | None:
+    """Return which column holds no sensor.
+
+    Raises:
+        InvalidValueError: The one that was named is not there.
+    """
+    if wanted.time is not None:
+        if wanted.time not in header:
+            raise InvalidValueError(where, "must have this column", wanted.time)
+        return header.index(wanted.time)
+    # Pandas writes a first column without a name: numbers of rows.
+    return (
+        0
+        if (header[0] in ("time", "") and len(header) > 1) or header == ["time"]
+        else None
+    )

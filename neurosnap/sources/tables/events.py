@@ -2,14 +2,28 @@
 
 What happens at the same time is one tick, unless a sensor changes twice. Between its
 events a sensor reads what it read last. Events that change nothing are no ticks.
+
+Events come from two kinds of text:
+
+- A log is a CSV file with time, sensor and value. The header says which column is
+  which, in any order; Home Assistant's own history export calls them ``last_changed``,
+  ``entity_id`` and ``state``.
+- The intervals of a home, as published for research: when each sensor was on, and how
+  long. A line has the start in seconds since 1970, the seconds that the sensor was on,
+  and its number: ``1203898814 163 24``. Before and after that it is off.
 """
 
 from array import array
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.meaning import Reader, Wanted
+from neurosnap.sources.tables.csv_file import CsvFile, OnProgress
 from neurosnap.sources.tables.readings import Readings, utc
 
 _UNKNOWN = -1
@@ -70,3 +84,142 @@ class Events:
         if changed:
             tick()
         return Readings(growing.columns(), moments)
+
+
+_ROLES = {
+    "time": ("time", "timestamp", "last_changed", "last_updated"),
+    "sensor": ("sensor", "entity_id"),
+    "value": ("value", "state"),
+}
+_MILLISECONDS = 1e11
+"""Numbers from here on count these: in seconds it would be the year 5138."""
+
+
+def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | None:
+    """Return which columns hold time, sensor and value; None: it is no log.
+
+    Args:
+        header: The names of the columns.
+        time: The name of the column with the time, if it was told.
+    """
+    names = [name.casefold() for name in header]
+    found = []
+    for role, words in _ROLES.items():
+        if role == "time" and time is not None:
+            words = (time.casefold(),)
+        places = [names.index(word) for word in words if word in names]
+        if not places:
+            return None
+        found.append(places[0])
+    when, who, what = found
+    return when, who, what
+
+
+def read_event_log(
+    file: CsvFile,
+    places: tuple[int, int, int],
+    wanted: Wanted,
+    on_progress: OnProgress | None = None,
+) -> Readings:
+    """Return the readings of a log.
+
+    Args:
+        file: The log.
+        places: As `roles` returns them.
+        wanted: Which sensors to read.
+        on_progress: Told how many bytes are read.
+
+    Raises:
+        InvalidValueError: A line breaks a rule.
+    """
+    events = Events()
+    readers: dict[str, list[Reader]] = {}
+    when, who, what = places
+    for line, data in file.lines(on_progress):
+        cells = file.cells(line, data)
+        name = cells[who]
+        if name not in readers:
+            readers[name] = wanted.readers(name)
+        if not readers[name]:
+            continue
+        time = seconds(cells[when], f"{file.path}:{line}: {file.header[when]}")
+        for reader in readers[name]:
+            try:
+                value = reader.read(cells[what])
+            except ValueError as error:
+                where = f"{file.path}:{line}: {name}"
+                raise InvalidValueError(where, str(error), cells[what]) from None
+            events.add(time, reader.name, value)
+    wanted.check(list(readers), file.path)
+    return events.readings()
+
+
+def seconds(text: str, where: str) -> float:
+    """Return a moment in seconds since 1970; without a zone it is one of UTC."""
+    try:
+        number = float(text)
+    except ValueError:
+        pass
+    else:
+        return number / 1000 if abs(number) >= _MILLISECONDS else number
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
+        raise InvalidValueError(where, rule, text) from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def read_home_intervals(path: str, wanted: Wanted) -> Readings:
+    """Return the readings of a home; its sensors are called ``s`` and their number.
+
+    Args:
+        path: Where the file is.
+        wanted: Which sensors to read.
+
+    Raises:
+        InvalidValueError: It cannot be read, or a line breaks a rule.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise InvalidValueError(
+            path, "must be UTF-8 text", error.object[:40]
+        ) from error
+    except OSError as error:
+        rule = f"must be a file that can be read ({error.strerror})"
+        raise InvalidValueError("source", rule, path) from error
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            start, seconds, sensor = line.split()
+            begin, end = float(start), float(start) + float(seconds)
+            name = f"s{int(sensor)}"
+        except ValueError:
+            rule = "must be a start and a duration in seconds, and the sensor's number"
+            raise InvalidValueError(f"{path}:{number}", rule, line) from None
+        if not begin <= end < float("inf"):
+            rule = "must not end before it starts"
+            raise InvalidValueError(f"{path}:{number}", rule, line)
+        spans.setdefault(name, []).append((begin, end))
+    wanted.check(list(spans), path)
+    events = Events(initial=False)
+    for name, own in spans.items():
+        if wanted.takes(name):
+            for begin, end in _merged(own):
+                events.add(begin, name, value=True)
+                events.add(end, name, value=False)
+    return events.readings()
+
+
+def _merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return spans in order, those that overlap as one."""
+    merged: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if merged and begin < merged[-1][1]:
+            merged[-1] = merged[-1][0], max(end, merged[-1][1])
+        else:
+            merged.append((begin, end))
+    return merged

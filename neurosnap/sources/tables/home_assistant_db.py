@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.meaning import Reader, Wanted, plain_unit
 from neurosnap.sources.tables.csv_file import OnProgress
 from neurosnap.sources.tables.events import Events
-from neurosnap.sources.tables.meaning import Reader, Wanted, plain_unit
 from neurosnap.sources.tables.readings import Readings
 
 MAGIC = b"SQLite format 3\x00"

@@ -5,12 +5,10 @@ from pathlib import Path
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.tables import home_assistant_db, parquet_rows
-from neurosnap.sources.tables.csv_file import CsvFile, OnProgress
-from neurosnap.sources.tables.csv_rows import CsvRows
-from neurosnap.sources.tables.event_log import read_event_log, roles
-from neurosnap.sources.tables.home_intervals import read_home_intervals
-from neurosnap.sources.tables.meaning import Wanted
+from neurosnap.sources.tables.csv_file import CsvFile, CsvRows, OnProgress
+from neurosnap.sources.tables.events import read_event_log, read_home_intervals, roles
 from neurosnap.sources.tables.readings import Readings
 
 _INTERVALS = ".sensors"

@@ -9,10 +9,9 @@ import numpy as np
 from neurosnap.errors import InvalidValueError, MissingExtraError, within
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.meaning import Reader, Wanted
 from neurosnap.sources.tables.csv_file import OnProgress
-from neurosnap.sources.tables.event_log import roles, seconds
-from neurosnap.sources.tables.events import Events
-from neurosnap.sources.tables.meaning import Reader, Wanted
+from neurosnap.sources.tables.events import Events, roles, seconds
 from neurosnap.sources.tables.readings import Readings
 from neurosnap.system.distribution import must_have
 

@@ -1,9 +1,13 @@
-"""Readings that are there as a whole, and when they were."""
+"""Readings of a whole file, the moment of each, and when each sensor was on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import Columns
 
 
@@ -33,3 +37,57 @@ def utc(seconds: float) -> str:
         '2008-02-25 00:20:14Z'
     """
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}Z"
+
+
+Spans = NDArray[np.float64]
+"""``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
+
+
+def spans_of(readings: Readings) -> list[Spans]:
+    """Return when each sensor was on; while its reading is unknown, it was not.
+
+    A sensor that is on at the end was on until then. O(sensors × ticks).
+
+    Raises:
+        InvalidValueError: They do not say when they were, or not in order.
+    """
+    times = seconds_of(readings)
+    ticks = readings.columns.ticks
+    bits = np.unpackbits(
+        readings.columns.on.view(np.uint8), axis=1, bitorder="little", count=ticks
+    )
+    made = []
+    for row in bits:
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], row, [0]]).astype(np.int8)))
+        made.append(times[np.minimum(edges, ticks - 1)].reshape(-1, 2))
+    return made
+
+
+def seconds_of(readings: Readings) -> NDArray[np.float64]:
+    """Return when each reading was, seconds since 1970.
+
+    Raises:
+        InvalidValueError: They do not say when they were, or not in order.
+    """
+    if readings.times is None:
+        raise InvalidValueError("data", "must say when each reading was", "no times")
+    made = np.array([_second(text) for text in readings.times])
+    back = np.flatnonzero(np.diff(made) < 0)
+    if len(back):
+        text = readings.times[int(back[0]) + 1]
+        raise InvalidValueError("time", "must not be before the one above it", text)
+    return made
+
+
+def _second(text: str) -> float:
+    """Return seconds since 1970; a time without a zone is in UTC."""
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        moment = datetime.fromisoformat(text.strip())
+    except ValueError as error:
+        rule = "must be a date and a time, or seconds since 1970"
+        raise InvalidValueError("time", rule, text) from error
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
+from neurosnap.sources.meaning import RULE
 from neurosnap.sources.open import open_source
-from neurosnap.sources.tables.meaning import RULE
 from tests.support.sources import README, everything, first, opened, written
 
 

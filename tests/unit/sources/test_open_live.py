@@ -6,7 +6,8 @@ import sys
 import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sources.open_live import Argument, is_live, open_live, settle
+from neurosnap.sources.open import is_live, open_live, settle
+from neurosnap.sources.protocol import Argument
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.mqtt.options import MqttBroker
-from neurosnap.sources.open_live import mqtt_options
+from neurosnap.sources.open import mqtt_options
 
 FILE = """
 [source]

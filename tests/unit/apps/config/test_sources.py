@@ -9,7 +9,7 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import FOREVER, prepare
 from neurosnap.apps.config.problems import ConfigError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.sources.open_live import mqtt_options, open_live
+from neurosnap.sources.open import mqtt_options, open_live
 
 MQTT = """
 [source]

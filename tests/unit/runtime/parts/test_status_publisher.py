@@ -19,7 +19,7 @@ from neurosnap.runtime.parts.status_publisher import (
     publish_status,
 )
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
-from neurosnap.sources.open_live import MQTT
+from neurosnap.sources.open import MQTT
 from tests.support.patience import PATIENCE
 
 pytest.importorskip("aiomqtt")

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.sources.live.clock import ClockMapping
 from neurosnap.sources.live.latest_readings import TOLERANCE
+from neurosnap.sources.live.live_source import ClockMapping
 
 EPOCH = 1_690_000_000.0
 

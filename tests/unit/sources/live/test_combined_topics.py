@@ -8,8 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import ShapeError
-from neurosnap.sources.live.combined_topics import REMEMBERED, Combine, CombinedTopics
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_readings import (
+    REMEMBERED,
+    Combine,
+    CombinedTopics,
+    LatestReadings,
+)
 
 # Whole numbers, so that ages hit their bounds.
 SAID = st.lists(

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.sources.live.line_splitter import Lines
+from neurosnap.sources.live.stdin_source import Lines
 
 LIMIT = 6
 

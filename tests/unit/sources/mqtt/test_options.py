@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.live.combined_topics import Combine
+from neurosnap.sources.live.latest_readings import Combine
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange
 from neurosnap.sources.mqtt.options import (
     MqttBroker,

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.live.combined_topics import REMEMBERED
+from neurosnap.sources.live.latest_readings import REMEMBERED
+from neurosnap.sources.meaning import OFF, ON
 from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.mqtt.payload import LARGEST, Payload, Reader
-from neurosnap.sources.words import OFF, ON
 
 
 def read(sensor: MqttSensor, data: bytes) -> bool | None:

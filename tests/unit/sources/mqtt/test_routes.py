@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from neurosnap.sources.mqtt.mqtt_source import REMEMBERED, Routes
 from neurosnap.sources.mqtt.options import is_filter
-from neurosnap.sources.mqtt.routes import REMEMBERED, Routes
 
 LEVELS = st.sampled_from(["a", "b", "", "$x"])
 TOPICS = st.lists(LEVELS, min_size=1, max_size=4).map("/".join).filter(bool)

@@ -11,8 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.meaning import RULE, Wanted, parse_comparison
 from neurosnap.sources.open import open_source
-from neurosnap.sources.tables.meaning import RULE, Wanted, parse_comparison
 from neurosnap.sources.tables.open_readings import open_readings
 from neurosnap.sources.tables.readings import Readings
 from tests.support.sources import readings, written

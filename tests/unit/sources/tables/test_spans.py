@@ -8,8 +8,7 @@ import pytest
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.sources.tables.open_readings import open_readings
-from neurosnap.sources.tables.readings import Readings
-from neurosnap.sources.tables.spans import spans_of
+from neurosnap.sources.tables.readings import Readings, spans_of
 
 
 def test_spans_begin_with_a_reading_and_end_with_one() -> None:

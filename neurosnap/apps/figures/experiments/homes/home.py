@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.steps import Steps, steps_of
 from neurosnap.sources.tables.open_readings import open_readings
-from neurosnap.sources.tables.spans import Spans, spans_of
+from neurosnap.sources.tables.readings import Spans, spans_of
 
 __all__ = ["Home", "Spans", "homes_in", "merged", "read_home", "read_outages"]
 

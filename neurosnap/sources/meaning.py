@@ -1,4 +1,4 @@
-"""What a cell or a logged value says of a sensor: on, off or unknown."""
+"""What a word or a number says of a sensor: on, off or unknown."""
 
 import fnmatch
 import math
@@ -9,7 +9,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.words import OFF, ON, UNKNOWN
+
+ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
+OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
+UNKNOWN = ("", "none", "null", "unknown", "unavailable")
+"""Words that say that nothing is known, for every sensor; an empty payload is one."""
+
 
 WORDS: dict[str, bool | None] = {
     **dict.fromkeys((*UNKNOWN, "na", "nan", "<na>", "n/a")),
