@@ -1,7 +1,177 @@
-"""Places in a line: steps along it, and threshold sensors that divide it."""
+"""Worlds on a line of places, open or closed to a ring, and how one steps along it."""
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .places import World, check_at_least, frozen
+
+
+class PathWorld(World):
+    """Setting (a): a walk along a path, sensed by thresholds.
+
+    Description:
+        Places 0 to ``places - 1`` in a line. The sensors are nested, so what there is
+        to learn is one chain ``below_1 → below_2 → …``, as high as there are sensors.
+
+    Sensors:
+        ``below_1`` to ``below_<places - 1>``; ``below_k`` is on iff the place is below
+        `k`. Observations are ``MultiBinary(places - 1)``.
+
+    Actions:
+        0 steps ``forward``, to the next higher place; 1 steps ``back``. A step off an
+        end stays there.
+
+    Start:
+        A place drawn uniformly.
+
+    Reward:
+        Always 0.0.
+
+    End:
+        Never.
+
+    Info:
+        ``place``: the number of the place.
+
+    Arguments:
+        places: How many places, at least 2; one more than there are sensors. 21.
+        wait: Whether there is a last action that stays. False.
+
+    References:
+        [GK] setting (a); example:N-path and example:path with motion.
+
+    Versions:
+        v0: the first.
+    """
+
+    def __init__(self, places: int = 21, wait: bool = False) -> None:
+        check_at_least("places", 2, places)
+        super().__init__(
+            sensors=tuple(f"below_{k}" for k in range(1, places)),
+            actions=("forward", "back"),
+            moves=steps(places),
+            fields=thresholds(places),
+            wait=wait,
+        )
+
+
+class CycleWorld(World):
+    """Setting (b), the circular rail: a walk around a cycle, sensed by beacons.
+
+    Description:
+        Places 0 to ``places - 1`` in a ring, a beacon at each. No beacon implies
+        another; what there is to learn is which are never on together:
+        ``near_0 → near_3*`` and the like. The order stays low however many sensors
+        there are, and the space is not contractible.
+
+    Sensors:
+        ``near_0`` to ``near_<places - 1>``; ``near_i`` is on at `i` and at the places
+        next to it. Observations are ``MultiBinary(places)``.
+
+    Actions:
+        0 steps ``forward``, which is clockwise, to the next higher place; 1 steps
+        ``back``. Both go around.
+
+    Start:
+        A place drawn uniformly.
+
+    Reward:
+        Always 0.0.
+
+    End:
+        Never.
+
+    Info:
+        ``place``: the number of the place.
+
+    Arguments:
+        places: How many places and beacons, at least 4, so that no beacon is always
+            on. 20, and 24 as ``neurosnap/Rail-v0``.
+        wait: Whether there is a last action that stays. False, and True as
+            ``neurosnap/Rail-v0``.
+
+    References:
+        [GK] setting (b); example:N-cycle; "Example: Agent on a Circular Rail".
+
+    Versions:
+        v0: the first.
+    """
+
+    def __init__(self, places: int = 20, wait: bool = False) -> None:
+        check_at_least("places", 4, places)
+        here = np.arange(places)
+        clockwise = (here + 1) % places
+        counter_clockwise = (here - 1) % places
+        at = np.eye(places, dtype=np.bool_)
+        super().__init__(
+            sensors=tuple(f"near_{i}" for i in range(places)),
+            actions=("forward", "back"),
+            moves=np.stack([clockwise, counter_clockwise]),
+            fields=at | at[clockwise] | at[counter_clockwise],
+            wait=wait,
+        )
+
+
+class RandomFieldsWorld(World):
+    """Setting (d): a walk along a path, sensed by random subsets of its places.
+
+    Description:
+        Places 0 to ``places - 1`` in a line, as in `PathWorld`. Every sensor's field is
+        a subset of the places drawn uniformly from all subsets. By chance a field may
+        be empty, full or equal to another; the implications that follow are counted
+        as true.
+
+    Sensors:
+        ``field_0`` to ``field_<sensors - 1>``. Observations are
+        ``MultiBinary(sensors)``.
+
+    Actions:
+        0 steps ``forward``, to the next higher place; 1 steps ``back``. A step off an
+        end stays there.
+
+    Start:
+        The fields are drawn by every reset with a seed, and by the first reset if it
+        has none; a later reset without a seed keeps them. Then a place is drawn
+        uniformly. Before the first reset there are no fields, and asking for them
+        raises `gymnasium.error.ResetNeeded`.
+
+    Reward:
+        Always 0.0.
+
+    End:
+        Never.
+
+    Info:
+        ``place``: the number of the place.
+
+    Arguments:
+        places: How many places, at least 2. 21.
+        sensors: How many sensors, at least 1. 20.
+        wait: Whether there is a last action that stays. False.
+
+    References:
+        [GK] setting (d).
+
+    Versions:
+        v0: the first.
+    """
+
+    def __init__(self, places: int = 21, sensors: int = 20, wait: bool = False) -> None:
+        check_at_least("places", 2, places)
+        check_at_least("sensors", 1, sensors)
+        super().__init__(
+            sensors=tuple(f"field_{i}" for i in range(sensors)),
+            actions=("forward", "back"),
+            moves=steps(places),
+            fields=None,
+            wait=wait,
+        )
+
+    def _begin(self, *, seeded: bool) -> None:
+        if seeded or self._fields is None:
+            shape = (len(self.sensors), self.moves.shape[1])
+            drawn = self.np_random.integers(2, size=shape, dtype=np.int8)
+            self._fields = frozen(drawn == 1)
 
 
 def steps(places: int) -> NDArray[np.intp]:

@@ -11,12 +11,9 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from .cycle import CycleWorld
-from .grid import GridWorld
-from .path import PathWorld
+from .line import CycleWorld, PathWorld, RandomFieldsWorld
 from .places import World
-from .punctured_grid import PuncturedGridWorld
-from .random_fields import RandomFieldsWorld
+from .plane import GridWorld, PuncturedGridWorld
 from .target import Target
 
 Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]

@@ -21,6 +21,8 @@ from neurosnap.agent.tile_map import TileMap
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.system.distribution import must_have
 
+from .toy_text import Attribute
+
 ACTIONS = ("left", "right", "forward", "pickup", "drop", "toggle", "done")
 """All that MiniGrid has, in its order."""
 LAYOUTS: dict[str, tuple[str, dict[str, int]]] = {
@@ -185,14 +187,14 @@ def minigrid(
     maze = Maze(layout, layout_seed, actions, render_mode)
     columns, rows = maze.size
     sensors: list[Sensor] = [
-        *thresholds("row", range(2, rows - 1), of=_row),
-        *thresholds("column", range(2, columns - 1), of=_column),
-        *one_hot("facing", _FACING, of=_facing),
-        *one_hot("tile", ["goal"], of=_tile),
+        *thresholds("row", range(2, rows - 1), of=Attribute("row")),
+        *thresholds("column", range(2, columns - 1), of=Attribute("column")),
+        *one_hot("facing", _FACING, of=Attribute("facing")),
+        *one_hot("tile", ["goal"], of=Attribute("tile")),
     ]
     if maze.cells[0].door != "none":
-        sensors += one_hot("carries", ["key"], of=_carries)
-        sensors += one_hot("door", ["locked", "open"], of=_door)
+        sensors += one_hot("carries", ["key"], of=Attribute("carries"))
+        sensors += one_hot("door", ["locked", "open"], of=Attribute("door"))
     return BinarySensors(maze, sensors, _in_the_maze, tuple(actions))
 
 
@@ -280,33 +282,6 @@ def _cell(maze: Any) -> Standing:  # noqa: ANN401
         carries="nothing" if maze.carrying is None else maze.carrying.type,
         door=door,
     )
-
-
-# Plain functions: see `world.toy_text`.
-
-
-def _row(state: Standing) -> int:
-    return state.row
-
-
-def _column(state: Standing) -> int:
-    return state.column
-
-
-def _facing(state: Standing) -> str:
-    return state.facing
-
-
-def _tile(state: Standing) -> str:
-    return state.tile
-
-
-def _carries(state: Standing) -> str:
-    return state.carries
-
-
-def _door(state: Standing) -> str:
-    return state.door
 
 
 def _in_the_maze(env: Environment, observation: int, _: dict[str, Any]) -> Standing:

@@ -5,6 +5,7 @@ happens next would depend on more than the state. No sensor is always on or alwa
 What is true of the sensors is found from the transition table, by `world.table`.
 """
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gymnasium.envs.toy_text.cliffwalking import CliffWalkingEnv
@@ -17,6 +18,21 @@ from neurosnap.agent.tile_map import TileMap
 
 _LETTERS = {b"S": "start", b"F": "frozen", b"H": "hole", b"G": "goal"}
 _STOPS = ("red", "green", "yellow", "blue")
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """What a sensor reads of a state, by its name.
+
+    No lambda: it stays the same under a copy, and an environment that Gymnasium makes
+    again from its spec must compare equal.
+    """
+
+    name: str
+
+    def __call__(self, state: object) -> Any:  # noqa: ANN401 - the sensor knows
+        """Return it."""
+        return getattr(state, self.name)
 
 
 class Place(NamedTuple):
@@ -129,9 +145,9 @@ def frozen_lake(
     """
     lake = _Lake(render_mode, desc, map_name, is_slippery)
     sensors = (
-        *thresholds("row", range(1, lake.nrow), of=_row),
-        *thresholds("column", range(1, lake.ncol), of=_column),
-        *one_hot("tile", ("start", "hole", "goal"), of=_tile),
+        *thresholds("row", range(1, lake.nrow), of=Attribute("row")),
+        *thresholds("column", range(1, lake.ncol), of=Attribute("column")),
+        *one_hot("tile", ("start", "hole", "goal"), of=Attribute("tile")),
         *([rewarded()] if senses_reward else ()),
     )
     actions = ("left", "down", "right", "up")
@@ -173,9 +189,9 @@ def cliff_walking(
     cliff = _Cliff(render_mode, is_slippery)
     rows, columns = cliff.shape
     sensors = (
-        *thresholds("row", range(1, rows), of=_row),
-        *thresholds("column", range(1, columns), of=_column),
-        *one_hot("tile", ("start", "goal"), of=_tile),
+        *thresholds("row", range(1, rows), of=Attribute("row")),
+        *thresholds("column", range(1, columns), of=Attribute("column")),
+        *one_hot("tile", ("start", "goal"), of=Attribute("tile")),
     )
     actions = ("up", "right", "down", "left")
     return BinarySensors(cliff, sensors, _on_the_cliff, actions)
@@ -220,38 +236,14 @@ def taxi(
     """
     cab = _Town(render_mode, is_rainy)
     sensors = (
-        *thresholds("row", range(1, cab.max_row + 1), of=_row),
-        *thresholds("column", range(1, cab.max_col + 1), of=_column),
-        *one_hot("passenger", (*_STOPS, "taxi"), of=_passenger),
-        *one_hot("destination", _STOPS, of=_destination),
+        *thresholds("row", range(1, cab.max_row + 1), of=Attribute("row")),
+        *thresholds("column", range(1, cab.max_col + 1), of=Attribute("column")),
+        *one_hot("passenger", (*_STOPS, "taxi"), of=Attribute("passenger")),
+        *one_hot("destination", _STOPS, of=Attribute("destination")),
         *([rewarded()] if senses_reward else ()),
     )
     actions = ("south", "north", "east", "west", "pickup", "dropoff")
     return BinarySensors(cab, sensors, _in_town, actions)
-
-
-# Plain functions, not lambdas or getters: they stay the same under a copy, and an
-# environment that Gymnasium makes again from its spec must compare equal.
-
-
-def _row(state: Place | Fare) -> int:
-    return state.row
-
-
-def _column(state: Place | Fare) -> int:
-    return state.column
-
-
-def _tile(state: Place) -> str:
-    return state.tile
-
-
-def _passenger(state: Fare) -> str:
-    return state.passenger
-
-
-def _destination(state: Fare) -> str:
-    return state.destination
 
 
 def _on_the_lake(env: Environment, observation: int, _: dict[str, Any]) -> Place:

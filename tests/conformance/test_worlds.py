@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 import world
 from neurosnap.errors import InvalidValueError
 from tests.support.worlds import IDS, NAMED, SHAPES, make, rollout, started
-from world.implications import implications, inclusions
+from world.implications import implications
 
 
 @pytest.mark.parametrize(("name", "arguments"), NAMED)
@@ -41,20 +41,13 @@ def test_sizes_are_as_asked_for(
     assert env.moves.shape == (actions, places)
     assert len(env.actions) == actions
     assert env.orders == (0,) * sensors
-
-
-@pytest.mark.parametrize(("name", "arguments"), NAMED)
-def test_names_are_distinct_and_leave_the_star_to_complements(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = make(name, **arguments)
     for names in (env.sensors, env.actions):
         assert len(set(names)) == len(names)
-        assert all(name.isidentifier() for name in names)
+        assert all(name.isidentifier() for name in names)  # the star is for complements
 
 
 @pytest.mark.parametrize(("name", "arguments"), NAMED)
-def test_same_seed_and_actions_give_the_same_observations(
+def test_a_walk_follows_from_seed_and_actions_and_shows_the_fields(
     name: str, arguments: dict[str, Any]
 ) -> None:
     first, places = rollout(make(name, **arguments), seed=3)
@@ -64,15 +57,7 @@ def test_same_seed_and_actions_give_the_same_observations(
     np.testing.assert_array_equal(first, again)
     assert first.dtype == again.dtype == np.int8
     assert places == places_again
-
-
-@pytest.mark.parametrize(("name", "arguments"), NAMED)
-def test_observations_are_the_fields_at_the_place(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = make(name, **arguments)
-    observations, places = rollout(env, seed=5)
-    np.testing.assert_array_equal(observations, env.fields[:, places].T)
+    np.testing.assert_array_equal(first, env.fields[:, places].T)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -112,25 +97,6 @@ def test_implications_are_those_found_by_looking_at_every_place(
     assert env.implications == expected
 
 
-@pytest.mark.parametrize(("name", "arguments"), NAMED)
-def test_a_random_walk_never_contradicts_an_implication(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = make(name, **arguments)
-    observations, _ = rollout(env, seed=11, steps=1000)
-    on = {}
-    for sensor, readings in zip(env.sensors, observations.T, strict=True):
-        on[sensor], on[f"{sensor}*"] = readings == 1, readings == 0
-    assert [(a, b) for a, b in env.implications if (on[a] & ~on[b]).any()] == []
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_inclusions_are_closed_under_contraposition(name: str) -> None:
-    included = inclusions(started(name).fields)
-    starred = np.arange(len(included)) ^ 1
-    np.testing.assert_array_equal(included, included.T[np.ix_(starred, starred)])
-
-
 def test_empty_full_and_equal_fields_count() -> None:
     never, always = [False, False, False], [True, True, True]
     fields = np.array([never, always, [True, False, False], [True, False, False]])
@@ -158,30 +124,10 @@ def test_the_path_is_one_chain() -> None:
     ]
 
 
-def test_the_path_stops_at_its_ends() -> None:
-    forward, back = make("neurosnap/Path-v0", places=4).moves
-    np.testing.assert_array_equal(forward, [1, 2, 3, 3])
-    np.testing.assert_array_equal(back, [0, 0, 1, 2])
-
-
-def test_the_cycle_goes_around_in_both_directions() -> None:
-    clockwise, counter_clockwise = make("neurosnap/Cycle-v0", places=5).moves
-    np.testing.assert_array_equal(clockwise, [1, 2, 3, 4, 0])
-    np.testing.assert_array_equal(counter_clockwise, [4, 0, 1, 2, 3])
-
-
-def test_a_beacon_is_on_at_three_places_and_excludes_the_far_ones() -> None:
-    env = make("neurosnap/Cycle-v0", places=6)
-    np.testing.assert_array_equal(env.fields[0], [1, 1, 0, 0, 0, 1])
-    np.testing.assert_array_equal(env.fields.sum(axis=1), [3] * 6)
-    assert set(env.implications) == {
-        pair
-        for i in range(6)
-        for pair in [
-            (f"near_{i}", f"near_{(i + 3) % 6}*"),
-            (f"near_{i}*", f"near_{(i + 3) % 6}"),
-        ]
-    }
+def test_the_path_stops_at_its_ends_and_the_cycle_goes_around() -> None:
+    path, cycle = (make(f"neurosnap/{kind}-v0", places=4) for kind in ("Path", "Cycle"))
+    assert path.moves.tolist() == [[1, 2, 3, 3], [0, 0, 1, 2]]
+    assert cycle.moves.tolist() == [[1, 2, 3, 0], [3, 0, 1, 2]]
 
 
 def test_far_beacons_of_the_default_cycle_exclude_each_other_and_no_more() -> None:
@@ -192,21 +138,6 @@ def test_far_beacons_of_the_default_cycle_exclude_each_other_and_no_more() -> No
         for j in range(20)
         if 3 <= (i - j) % 20 <= 17
     }
-
-
-@pytest.mark.parametrize(
-    ("action", "change"), [(0, (0, 1)), (1, (0, -1)), (2, (-1, 0)), (3, (1, 0))]
-)
-def test_the_grid_moves_up_down_left_right_and_stops_at_walls(
-    action: int, change: tuple[int, int]
-) -> None:
-    env = make("neurosnap/Grid-v0", width=3, height=2)
-    for seed in range(30):
-        _, before = env.reset(seed=seed)
-        _, _, _, _, after = env.step(action)
-        assert after["x"] == min(max(before["x"] + change[0], 0), 2)
-        assert after["y"] == min(max(before["y"] + change[1], 0), 1)
-        assert after["place"] == after["x"] + 3 * after["y"]
 
 
 @pytest.mark.parametrize("name", ["neurosnap/Grid-v0", "neurosnap/PuncturedGrid-v0"])
@@ -252,16 +183,14 @@ def test_random_fields_do_not_exist_before_a_reset() -> None:
         _ = env.implications
 
 
-@pytest.mark.parametrize("name", IDS)
-def test_a_step_needs_a_reset(name: str) -> None:
+def test_a_step_needs_a_reset() -> None:
     with pytest.raises(ResetNeeded):
-        make(name).step(0)
+        make("neurosnap/Path-v0").step(0)
 
 
-@pytest.mark.parametrize("name", IDS)
-@pytest.mark.parametrize("action", [-1, 4, 1.0, "0", None])
-def test_an_unknown_action_is_refused_and_moves_nothing(name: str, action: Any) -> None:
-    env, twin = started(name), started(name)
+@pytest.mark.parametrize("action", [-1, 2, 1.0, "0", None])
+def test_an_unknown_action_is_refused_and_moves_nothing(action: Any) -> None:
+    env, twin = started("neurosnap/Path-v0"), started("neurosnap/Path-v0")
     with pytest.raises(InvalidValueError, match=r"^action: must be .*, got "):
         env.step(action)
     np.testing.assert_array_equal(env.step(0)[0], twin.step(0)[0])
@@ -271,7 +200,6 @@ def test_an_unknown_action_is_refused_and_moves_nothing(name: str, action: Any) 
     ("name", "argument", "value"),
     [
         ("neurosnap/Path-v0", "places", 1),
-        ("neurosnap/Path-v0", "places", -3),
         ("neurosnap/Path-v0", "places", 2.5),
         ("neurosnap/Path-v0", "places", True),
         ("neurosnap/Path-v0", "places", "21"),
@@ -287,12 +215,11 @@ def test_an_unknown_action_is_refused_and_moves_nothing(name: str, action: Any) 
             ("neurosnap/PuncturedGrid-v0", "hole", hole)
             for hole in [(0, 5), (5, 10), (-1, 5), (5,), (1, 2, 3), (1.0, 2), (), 5]
         ),
-        *((name, "wait", 1) for name in IDS),
-        *((name, "wait", "no") for name in IDS),
+        ("neurosnap/Path-v0", "wait", 1),
+        ("neurosnap/Grid-v0", "wait", "no"),
         ("neurosnap/Path-v0", "target", 21),
         ("neurosnap/Path-v0", "target", -1),
         ("neurosnap/Path-v0", "target", 3.0),
-        ("neurosnap/Path-v0", "target", True),
         ("neurosnap/Path-v0", "target", "3"),
         ("neurosnap/PuncturedGrid-v0", "target", 120),
     ],
@@ -328,16 +255,13 @@ def test_importing_again_registers_nothing_twice() -> None:
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_waiting_is_the_last_action_and_stays(name: str) -> None:
+def test_waiting_is_the_last_action_and_changes_nothing_else(name: str) -> None:
     bare, env = make(name, wait=False), make(name, wait=True)
     assert env.actions == (*bare.actions, "wait")
     np.testing.assert_array_equal(env.moves[:-1], bare.moves)
     np.testing.assert_array_equal(env.moves[-1], np.arange(bare.moves.shape[1]))
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_waiting_changes_no_start_and_no_field(name: str) -> None:
-    bare, env = started(name, wait=False), started(name, wait=True)
+    for one in (bare, env):
+        one.reset(seed=7)
     np.testing.assert_array_equal(env.fields, bare.fields)
     for _ in range(20):
         assert env.reset()[1] == bare.reset()[1]

@@ -5,19 +5,14 @@ import itertools
 import numpy as np
 import pytest
 
-from world.grid import GridWorld
-from world.plane import PlaneWorld
-from world.punctured_grid import PuncturedGridWorld
+from world.plane import GridWorld, PlaneWorld, PuncturedGridWorld
 
 CHANGES = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
-SIZES = [(3, 3), (4, 3), (3, 6), (6, 5), (11, 11)]
+SIZES = [(3, 3), (4, 3), (6, 5)]
 
-HOLES = [
-    (width, height, hole)
-    for width, height in SIZES
-    for hole in itertools.product(range(1, width - 1), range(1, height - 1))
-]
+HOLES = [(3, 3, (1, 1)), (4, 3, (2, 1)), (6, 5, (1, 1)), (6, 5, (4, 3)), (6, 5, (2, 3))]
+"""The only place for one, the corners of where one may be, and the middle."""
 
 
 def check_steps(env: PlaneWorld, points: set[tuple[int, int]]) -> None:
@@ -42,32 +37,17 @@ def test_a_step_in_the_grid_leads_to_the_point_beside(width: int, height: int) -
 
 
 @pytest.mark.parametrize(("width", "height", "hole"), HOLES)
-def test_no_step_leads_onto_the_hole(
+def test_a_hole_is_walked_around_and_changes_nothing_there_is_to_learn(
     width: int, height: int, hole: tuple[int, int]
 ) -> None:
-    env = PuncturedGridWorld(width, height, hole)
+    env, whole = PuncturedGridWorld(width, height, hole), GridWorld(width, height)
     check_steps(env, set(itertools.product(range(width), range(height))) - {hole})
-
-
-@pytest.mark.parametrize(("width", "height", "hole"), HOLES)
-def test_all_places_around_a_hole_are_reached_and_only_they(
-    width: int, height: int, hole: tuple[int, int]
-) -> None:
-    env = PuncturedGridWorld(width, height, hole)
     reached = {0}
     while (grown := reached | set(env.moves[:, sorted(reached)].flat)) != reached:
         reached = grown
     assert reached == set(range(width * height - 1))
-
-
-@pytest.mark.parametrize(("width", "height", "hole"), HOLES)
-def test_with_a_hole_there_is_the_same_to_learn(
-    width: int, height: int, hole: tuple[int, int]
-) -> None:
-    punctured = PuncturedGridWorld(width, height, hole)
-    whole = GridWorld(width, height)
-    assert punctured.sensors == whole.sensors
-    assert punctured.implications == whole.implications
+    assert env.sensors == whole.sensors
+    assert env.implications == whole.implications
 
 
 def test_places_keep_the_order_they_have_without_the_hole() -> None:

@@ -9,12 +9,9 @@ from gymnasium.error import ResetNeeded
 
 from neurosnap.errors import InvalidValueError
 from tests.support.distances import fewest_actions
-from world.cycle import CycleWorld
-from world.grid import GridWorld
-from world.path import PathWorld
+from world.line import CycleWorld, PathWorld, RandomFieldsWorld
 from world.places import World
-from world.punctured_grid import PuncturedGridWorld
-from world.random_fields import RandomFieldsWorld
+from world.plane import GridWorld, PuncturedGridWorld
 from world.target import Target
 
 WORLDS = [
