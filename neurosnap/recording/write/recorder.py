@@ -8,7 +8,6 @@ to be whole.
 import asyncio
 import time
 from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
@@ -16,7 +15,6 @@ from neurosnap.fabric.location import Place
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import SplitWriter
-from neurosnap.sources.live.journal import cut as cut_journal
 
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
 _LAST_WORD = 0.5  # seconds a last word may arrive after its part has gone
@@ -30,7 +28,7 @@ async def run_recorder(
     *,
     parts: Collection[str],
     grace: float = 5.0,
-    journal: Path | None = None,
+    on_safe: Callable[[int], object] = lambda _: None,
     on_ready: Callable[[], None] = lambda: None,
 ) -> Completeness:
     """Record all traffic until every one of `parts` has left; finish the recording.
@@ -44,7 +42,8 @@ async def run_recorder(
         stop: Once set, those who have not left get `grace` seconds to do so.
         parts: Whose last word is awaited.
         grace: Seconds.
-        journal: Where outside readings are kept until they are recorded.
+        on_safe: Called on a thread with a tick, the last but one that has a key-frame:
+            no run goes on from before it, and all up to it is where `sync` wants it.
         on_ready: Called once it misses no message any more.
 
     Returns:
@@ -62,7 +61,7 @@ async def run_recorder(
     await fabric.confirm()
     on_ready()
     flushing = asyncio.create_task(
-        _flush(writer, fabric, lambda: listener.framed, journal), name="recorder/flush"
+        _flush(writer, fabric, lambda: listener.framed, on_safe), name="recorder/flush"
     )
     serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
     stopping = asyncio.create_task(stop.wait(), name="recorder/stop")
@@ -83,15 +82,14 @@ async def _flush(
     writer: SplitWriter,
     fabric: Fabric,
     framed: Callable[[], int] = lambda: 0,
-    journal: Path | None = None,
+    on_safe: Callable[[int], object] = lambda _: None,
 ) -> None:
     """Bound what a crash may cost, and a power cut if the run wants that.
 
-    What is safe, the journal need not keep: it is cut off up to the tick that `framed`
-    returned before.
+    What `framed` returned is safe once it was flushed, or synced if the run wants that.
     """
     synced = time.monotonic()
-    safe = syncing = cut = 0  # ticks
+    safe = syncing = told = 0  # ticks
     while True:
         await asyncio.sleep(_FLUSH)
         frame = framed()
@@ -103,9 +101,9 @@ async def _flush(
                 synced = time.monotonic()
                 if writer.sync():  # the one before is over
                     safe, syncing = syncing, frame
-            if journal is not None and safe > cut:
-                await asyncio.to_thread(cut_journal, journal, safe)
-                cut = safe
+            if safe > told:
+                await asyncio.to_thread(on_safe, safe)
+                told = safe
         except NeurosnapError as error:
             fabric.fail(error)
             return

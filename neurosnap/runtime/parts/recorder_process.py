@@ -1,5 +1,6 @@
 """The recorder process: writes all traffic of a swarm to a recording."""
 
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -8,7 +9,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts.job import PartContext
-from neurosnap.sources.live.journal import journal_of
+from neurosnap.sources.live.journal import cut, journal_of
 
 
 class RecorderJob(msgspec.Struct, frozen=True):
@@ -32,7 +33,8 @@ class RecorderJob(msgspec.Struct, frozen=True):
                     fabric,
                     part.stop,
                     parts=self.parts,
-                    journal=journal_of(Path(self.path)),
+                    # Cut off no earlier: a run may go on from the last but one.
+                    on_safe=partial(cut, journal_of(Path(self.path))),
                     on_ready=part.reporter.ready,
                 )
         part.reporter.done(balance)
