@@ -22,7 +22,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -60,6 +60,17 @@ class Feeder(Protocol):
         """
 
 
+class Timing(NamedTuple):
+    """The clocks of a live source, and its lock."""
+
+    clock: Callable[[], float] = time.monotonic
+    """Seconds that never go back."""
+    wall: Callable[[], float] = time.time
+    """Seconds since the epoch, which is what readings are stamped in."""
+    condition: threading.Condition | None = None
+    """The lock, and how to wait; None: one of its own."""
+
+
 class LiveSource:
     """A live `Source` over the latest readings and a schedule.
 
@@ -71,9 +82,9 @@ class LiveSource:
         actions: The names of the atomic actions, one of which is taken at each step.
         actuate: Carries out the choice that `step` is called with, if there are
             actions; on the world's thread, so it should not take long.
-        clock: Seconds that never go back.
-        wall: Seconds since the epoch, which is what readings are stamped in.
-        condition: The lock, and how to wait; for tests.
+        journal: Where rows are written before they are given; None: nowhere.
+        most: Rows that there are to be at most; None: no bound.
+        timing: For tests.
     """
 
     live: bool = True
@@ -91,10 +102,9 @@ class LiveSource:
         actuate: Callable[[int], None] | None = None,
         journal: Journal | None = None,
         most: int | None = None,
-        clock: Callable[[], float] = time.monotonic,
-        wall: Callable[[], float] = time.time,
-        condition: threading.Condition | None = None,
+        timing: Timing | None = None,
     ) -> None:
+        clock, wall, condition = Timing() if timing is None else timing
         self.sensors: tuple[str, ...] = latest.sensors
         self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)

@@ -16,7 +16,7 @@ References:
 import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 
@@ -24,16 +24,28 @@ from neurosnap.sources.mqtt.options import DeviceClass, MqttPublish
 from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics, slugs
 from neurosnap.system.distribution import HOME, version
 
+Components: TypeAlias = dict[str, dict[str, Any]]
+"""By id, what each is."""
+
 # What is no reading is the payload None to Home Assistant.
 _BELIEF = "{{ 'None' if value == 'unknown' else value }}"
 
 _DIAGNOSIS = "diagnostic"
 _PROGRESS = (
-    ("ticks", "Ticks", "mdi:counter", "ticks"),
-    ("implications", "Implications", "mdi:graph-outline", "implications"),
-    ("read", "Sensors read", "mdi:access-point", "read"),
+    ("ticks", "Ticks", "counter"),
+    ("implications", "Implications", "graph-outline"),
+    ("read", "Sensors read", "access-point"),
 )
-"""How far learning is: id, name, icon and key of each entity."""
+"""How far learning is: id and key, name and icon of each entity."""
+_SWITCH: dict[str, Any] = {
+    "platform": "switch",
+    "name": "Learning",
+    "entity_category": "config",
+    "icon": "mdi:school",
+    "payload_on": ON.decode(),
+    "payload_off": OFF.decode(),
+    "retain": True,  # so that a run that starts again is still paused
+}
 _NOT_IN_ID = re.compile(r"[^a-z0-9]+")
 
 
@@ -72,8 +84,49 @@ def discovery(
         classes: What sensors sense, by their names, where that was said.
     """
     unique = node(publish)
-    components: dict[str, dict[str, Any]] = {
-        f"sensor_{slug}": {
+    components = _beliefs(topics, names, classes) | _learning(topics)
+    if judges:
+        components |= _health(topics, names)
+    if pauses:
+        components["learning"] = _SWITCH | {
+            "state_topic": topics.learning,
+            "command_topic": topics.learning_set,
+        }
+    if acts:
+        template = "{{ value_json.action }}"
+        components["decision"] = _diagnosis(
+            "Decision", "source-branch", topics.decision, template
+        ) | {"json_attributes_topic": topics.decision}
+    for identity, component in components.items():
+        component["unique_id"] = f"{unique}_{identity}"
+        entity = _entity_id(unique, identity)
+        component["default_entity_id"] = f"{component['platform']}.{entity}"
+    device = {
+        "identifiers": [unique],
+        "name": publish.device,
+        "manufacturer": "neurosnap",
+        "model": "Universal Memory Architecture",
+        "sw_version": version(),
+    }
+    if publish.page is not None:
+        device["configuration_url"] = publish.page
+    announced = {
+        "device": device,
+        "origin": {"name": "neurosnap", "sw_version": version(), "support_url": HOME},
+        "availability": [{"topic": topics.status}],
+        "qos": 1,
+        "components": components,
+    }
+    return msgspec.json.encode(announced)
+
+
+def _beliefs(
+    topics: Topics, names: Sequence[str], classes: Mapping[str, DeviceClass]
+) -> Components:
+    """Return the components that say what is believed, and the anomaly."""
+    components: Components = {}
+    for slug, name, topic in zip(topics.slugs, names, topics.sensors, strict=True):
+        components[f"sensor_{slug}"] = {
             "platform": "binary_sensor",
             "name": f"{name} (believed)",
             "entity_category": _DIAGNOSIS,
@@ -81,114 +134,59 @@ def discovery(
             "value_template": _BELIEF,
             **({"device_class": classes[name]} if name in classes else {}),
         }
-        for slug, name, topic in zip(topics.slugs, names, topics.sensors, strict=True)
+    last = "{{ value_json.last | tojson }}"
+    components["anomaly"] = _problem("Anomaly", topics.anomaly, last)
+    components["predictions"] = _diagnosis(
+        "Predictions", "crystal-ball", topics.predictions, "{{ value_json | count }}"
+    ) | {"json_attributes_topic": topics.predictions}
+    return components
+
+
+def _learning(topics: Topics) -> Components:
+    """Return the components that say how far learning is."""
+    return {
+        key: _diagnosis(name, icon, topics.progress, f"{{{{ value_json.{key} }}}}")
+        | {"state_class": "measurement"}
+        for key, name, icon in _PROGRESS
     }
-    components["anomaly"] = {
+
+
+def _health(topics: Topics, names: Sequence[str]) -> Components:
+    """Return the components that say which sensors seem broken."""
+    components: Components = {}
+    last = "{{ {'alarm': value_json.last} | tojson }}"
+    for slug, name, topic in zip(topics.slugs, names, topics.health, strict=True):
+        problem = _problem(f"{name} (sensor)", topic, last)
+        components[f"health_{slug}"] = problem | {"entity_category": _DIAGNOSIS}
+    components["health"] = _diagnosis(
+        "Sensors known", "heart-pulse", topics.known, "{{ value_json.known }}"
+    ) | {"state_class": "measurement", "json_attributes_topic": topics.known}
+    return components
+
+
+def _diagnosis(name: str, icon: str, topic: str, template: str) -> dict[str, Any]:
+    """Return a component that says something of the run."""
+    return {
+        "platform": "sensor",
+        "name": name,
+        "entity_category": _DIAGNOSIS,
+        "icon": f"mdi:{icon}",
+        "state_topic": topic,
+        "value_template": template,
+    }
+
+
+def _problem(name: str, topic: str, attributes: str) -> dict[str, Any]:
+    """Return a component that is on while something is wrong."""
+    return {
         "platform": "binary_sensor",
         "device_class": "problem",
-        "name": "Anomaly",
-        "state_topic": topics.anomaly,
+        "name": name,
+        "state_topic": topic,
         "value_template": "{{ value_json.now }}",
-        "json_attributes_topic": topics.anomaly,
-        "json_attributes_template": "{{ value_json.last | tojson }}",
+        "json_attributes_topic": topic,
+        "json_attributes_template": attributes,
     }
-    components["predictions"] = {
-        "platform": "sensor",
-        "name": "Predictions",
-        "entity_category": _DIAGNOSIS,
-        "icon": "mdi:crystal-ball",
-        "state_topic": topics.predictions,
-        "value_template": "{{ value_json | count }}",
-        "json_attributes_topic": topics.predictions,
-    }
-    for identity, name, icon, key in _PROGRESS:
-        components[identity] = {
-            "platform": "sensor",
-            "name": name,
-            "entity_category": _DIAGNOSIS,
-            "icon": icon,
-            "state_class": "measurement",
-            "state_topic": topics.progress,
-            "value_template": f"{{{{ value_json.{key} }}}}",
-        }
-    if judges:
-        components |= _health(topics, names)
-    if pauses:
-        components["learning"] = {
-            "platform": "switch",
-            "name": "Learning",
-            "entity_category": "config",
-            "icon": "mdi:school",
-            "state_topic": topics.learning,
-            "command_topic": topics.learning_set,
-            "payload_on": ON.decode(),
-            "payload_off": OFF.decode(),
-            # So that a run that starts again is still paused.
-            "retain": True,
-        }
-    if acts:
-        components["decision"] = {
-            "platform": "sensor",
-            "name": "Decision",
-            "entity_category": _DIAGNOSIS,
-            "icon": "mdi:source-branch",
-            "state_topic": topics.decision,
-            "value_template": "{{ value_json.action }}",
-            "json_attributes_topic": topics.decision,
-        }
-    for identity, component in components.items():
-        component["unique_id"] = f"{unique}_{identity}"
-        entity = _entity_id(unique, identity)
-        component["default_entity_id"] = f"{component['platform']}.{entity}"
-    page = {} if publish.page is None else {"configuration_url": publish.page}
-    return msgspec.json.encode(
-        {
-            "device": {
-                "identifiers": [unique],
-                "name": publish.device,
-                "manufacturer": "neurosnap",
-                "model": "Universal Memory Architecture",
-                "sw_version": version(),
-                **page,
-            },
-            "origin": {
-                "name": "neurosnap",
-                "sw_version": version(),
-                "support_url": HOME,
-            },
-            "availability": [{"topic": topics.status}],
-            "qos": 1,
-            "components": components,
-        }
-    )
-
-
-def _health(topics: Topics, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the components that say which sensors seem broken."""
-    components: dict[str, dict[str, Any]] = {
-        f"health_{slug}": {
-            "platform": "binary_sensor",
-            "device_class": "problem",
-            "name": f"{name} (sensor)",
-            "entity_category": _DIAGNOSIS,
-            "state_topic": topic,
-            "value_template": "{{ value_json.now }}",
-            "json_attributes_topic": topic,
-            "json_attributes_template": "{{ {'alarm': value_json.last} | tojson }}",
-        }
-        for slug, name, topic in zip(topics.slugs, names, topics.health, strict=True)
-    }
-    components["health"] = {
-        "platform": "sensor",
-        "name": "Sensors known",
-        "entity_category": _DIAGNOSIS,
-        "icon": "mdi:heart-pulse",
-        "state_class": "measurement",
-        "state_topic": topics.known,
-        "value_template": "{{ value_json.known }}",
-        "json_attributes_topic": topics.known,
-    }
-    return components
 
 
 def _entity_id(unique: str, identity: str) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, ShapeError
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from tests.support.fake_time import FakeTime, Told
@@ -31,9 +31,7 @@ def source_of(
     return LiveSource(
         LatestReadings(NAMES, stale_after=stale_after),
         schedule,
-        clock=time.clock,
-        wall=lambda: EPOCH + time.now,
-        condition=time,
+        timing=Timing(time.clock, lambda: EPOCH + time.now, time),
     )
 
 
@@ -308,9 +306,7 @@ def test_a_wall_clock_that_is_put_right_is_followed() -> None:
     source = LiveSource(
         LatestReadings(NAMES, stale_after=10.0),
         OnChange(),
-        clock=time.clock,
-        wall=lambda: wall[0],
-        condition=time,
+        timing=Timing(time.clock, lambda: wall[0], time),
     )
     wall[0] = 9000.0
     source.put("door", True, at=8999.0)
@@ -387,7 +383,9 @@ class Steps(threading.Thread):
 @pytest.mark.parametrize("end", ["close", "end", "fail"])
 def test_who_waits_is_let_go(end: str) -> None:
     lock = Told()
-    source = LiveSource(LatestReadings(NAMES), OnChange(), condition=lock)
+    source = LiveSource(
+        LatestReadings(NAMES), OnChange(), timing=Timing(condition=lock)
+    )
     steps = Steps(source)
     steps.start()
     assert lock.waiting.wait(10)
@@ -480,7 +478,9 @@ def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
 
 def test_who_waits_for_room_is_let_go() -> None:
     lock = Told()
-    source = LiveSource(LatestReadings(NAMES), OnChange(), condition=lock)
+    source = LiveSource(
+        LatestReadings(NAMES), OnChange(), timing=Timing(condition=lock)
+    )
     for _ in range(WAITING):
         source.give([True, True])
     late = threading.Thread(target=source.wait_for_room)

@@ -12,7 +12,7 @@ import pytest
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live.json_reading import LIMIT
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
 from tests.support.fake_time import Told
@@ -120,7 +120,7 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
     lock = Told()
     feeder = StdinFeeder(pipe.reads)
     source = LiveSource(
-        LatestReadings(NAMES), OnChange(), feeder=feeder, condition=lock
+        LatestReadings(NAMES), OnChange(), feeder=feeder, timing=Timing(condition=lock)
     )
     writing = threading.Thread(target=write)
     writing.start()
