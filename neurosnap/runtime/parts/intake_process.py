@@ -24,7 +24,6 @@ from neurosnap.runtime.parts.world_process import lost_of, synced
 from neurosnap.sensorium import pack
 from neurosnap.sources.live import remote_source
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.journal_frames import HEAD, frame, is_right
 from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.open import open_live
@@ -146,7 +145,7 @@ class _Counter:
                 if not answer.done():
                     await self._let_go(answer)
                     return
-                writer.write(frame(remote_source.encode(answer.result())))
+                writer.write(remote_source.encoded(answer.result()))
                 await writer.drain()
         finally:
             asked.cancel()
@@ -184,8 +183,6 @@ async def _question(reader: asyncio.StreamReader) -> remote_source.Question:
     Raises:
         EOFError: None comes any more.
     """
-    head = await reader.readexactly(HEAD.size)
-    record = await reader.readexactly(HEAD.unpack(head)[0])
-    if not is_right(head, record):
-        raise EOFError
-    return remote_source.questions.decode(record)
+    head = remote_source.HEAD
+    (length,) = head.unpack(await reader.readexactly(head.size))
+    return remote_source.questions.decode(await reader.readexactly(length))

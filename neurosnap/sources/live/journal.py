@@ -5,36 +5,47 @@ here before it is used, and a run that goes on after a death reads it again. A r
 number is its tick; what was done at a tick is noted before it is done, so that it is
 never done twice.
 
-The journal is a folder of files, each a few records long
-(`neurosnap.sources.live.journal_frames`): first what the file begins with, then rows.
-Nothing is ever written into a file again that another process began, so a record cut in
-half can only be the last of its file. Files are deleted from the oldest on (`cut`) by
-the recorder, once all their rows are on the disk in the recording, behind the last
+The journal is a folder of files, each a few records long: first what the file begins
+with, then rows. Nothing is ever written into a file again that another process began,
+so a record cut in half can only be the last of its file. Files are deleted from the
+oldest on (`cut`), once all their rows are on the disk in the recording, behind the last
 key-frame but one.
+
+A record stands behind its length and a checksum of both. A reader takes what is whole
+and right from the start of a file, and stops at the first record that is neither: bytes
+that are cut off, flipped or zeroed can hide records behind them, but never change one.
 
 A row that was written survives the death of any process. A power cut costs what was
 written since the last `Journal.sync`.
+
+It is no SQLite: that survives kills and power cuts as well, but a bit that flips on the
+disk changes readings there without a word, or makes all of it unreadable; and a row is
+4 KiB of its log, of some 20 bytes here.
 """
 
 import contextlib
 import itertools
 import os
 import shutil
+import struct
 import threading
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, TypeAlias
 
 import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sources.live.journal_frames import frame, records
+from neurosnap.system.durable import sync_folder
 
 SUFFIX = ".journal"
 """What a journal's name ends with, after that of its recording."""
 
 _ROWS = 256  # rows after which another file begins
 _NAME = "rows"
+_LONGEST = 1 << 26  # bytes of a record at most; a longer one is damage
+_HEAD = struct.Struct("<II")  # length and checksum
 
 Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 
@@ -85,16 +96,6 @@ class Content(msgspec.Struct, frozen=True):
     acted: int
 
 
-class After(NamedTuple):
-    """What follows on a tick."""
-
-    before: Row | None
-    """That tick's own row, where it is still there."""
-    rows: Sequence[Row]
-    missing: int
-    """How many there should be besides."""
-
-
 def journal_of(log: Path) -> Path:
     """Return where the journal of a run is, by where it is recorded."""
     return log.with_name(f"{log.name}{SUFFIX}")
@@ -122,6 +123,29 @@ def read_journal(folder: Path) -> Content:
                 case Acted():
                     acted = max(acted, record.tick)
     return Content(sensors, tuple(rows), acted)
+
+
+def framed(record: bytes) -> bytes:
+    """Return a record as it stands in a file, behind its length and checksum."""
+    return _HEAD.pack(len(record), _checksum(record)) + record
+
+
+def records(data: bytes) -> Iterator[bytes]:
+    """Yield the records that `data` begins with, up to the first that is not right."""
+    at = 0
+    while at + _HEAD.size <= len(data):
+        length, checksum = _HEAD.unpack_from(data, at)
+        at += _HEAD.size
+        record = data[at : at + length]
+        if length > _LONGEST or len(record) < length or checksum != _checksum(record):
+            return
+        yield record
+        at += length
+
+
+def _checksum(record: bytes) -> int:
+    """Return the checksum of the length, too: zeros are no record."""
+    return zlib.crc32(record, zlib.crc32(len(record).to_bytes(4, "little")))
 
 
 def decoded(data: bytes) -> Iterator[Record]:
@@ -235,11 +259,15 @@ class Journal:
         self.acted = tick
         return True
 
-    def after(self, tick: int) -> "After":
+    def after(self, tick: int) -> tuple[Row | None, Sequence[Row], int]:
         """Return the rows after a tick; the next one to come follows them.
 
         Where they do not follow on that tick, since some were lost, those there are get
         the numbers that do.
+
+        Returns:
+            The tick's own row, where it is still there; the rows; and how many more
+            there should be.
 
         Raises:
             NeurosnapError: It cannot be read or written.
@@ -249,9 +277,9 @@ class Journal:
         rows = [row for row in there if row.number > tick]
         numbers = range(tick + 1, tick + 1 + len(rows))
         if self.last >= tick and [row.number for row in rows] == [*numbers]:
-            return After(before, rows, 0)
+            return before, rows, 0
         missing = rows[-1].number - tick - len(rows) if rows else 0
-        return After(before, self.restart(tick, rows), missing)
+        return before, self.restart(tick, rows), missing
 
     def restart(self, tick: int, rows: Sequence[Row]) -> list[Row]:
         """Let `rows` follow on a tick, and nothing else; return them as numbered then.
@@ -303,7 +331,7 @@ class Journal:
         flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC
         try:
             descriptor = os.open(path, flags, 0o600)
-            _sync_folder(self.folder)
+            sync_folder(self.folder)
         except OSError as error:
             raise _failed("writable", error, path) from error
         self.close()
@@ -313,7 +341,7 @@ class Journal:
 
     def _write(self, record: Record) -> None:
         """Write a record, or nothing of it."""
-        data = frame(_encoder.encode(record))
+        data = framed(_encoder.encode(record))
         written = 0
         try:
             while written < len(data):  # what is left over says why, the next time
@@ -346,14 +374,6 @@ def _read(path: Path) -> Iterator[Record]:
     except OSError as error:
         raise _failed("readable", error, path) from error
     yield from decoded(data)
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _failed(what: str, error: OSError, path: Path) -> NeurosnapError:

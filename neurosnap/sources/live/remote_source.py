@@ -1,12 +1,13 @@
 """A live source in another process: its questions and answers.
 
-Over a socket in a folder of the run's own go frames
-(`neurosnap.sources.live.journal_frames`): the world says which tick it goes on from;
-then it asks for row after row, and gets each when there is one.
+Messages go over a socket in a folder of the run's own, each behind its length: the
+world says which tick it goes on from; then it asks for row after row, and gets each
+when there is one.
 """
 
 import contextlib
 import socket
+import struct
 import threading
 import time
 from typing import TypeAlias
@@ -15,7 +16,6 @@ import msgspec
 
 from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.sensorium import unpack
-from neurosnap.sources.live.journal_frames import HEAD, frame, is_right
 from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.protocol import Observed
 
@@ -58,9 +58,16 @@ class Failed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
 Question: TypeAlias = Ask | Recall
 Reply: TypeAlias = Answer | Over | Failed
 
-encode = msgspec.msgpack.encode
+HEAD = struct.Struct("<I")
+"""The length of a message."""
 questions: msgspec.msgpack.Decoder[Question] = msgspec.msgpack.Decoder(Question)
 _replies: msgspec.msgpack.Decoder[Reply] = msgspec.msgpack.Decoder(Reply)
+
+
+def encoded(message: Question | Reply) -> bytes:
+    """Return a message behind its length."""
+    data = msgspec.msgpack.encode(message)
+    return HEAD.pack(len(data)) + data
 
 
 class RemoteSource:
@@ -160,13 +167,9 @@ class RemoteSource:
                 self._socket = self._connected()
             if self._closed:
                 return Over()
-            self._socket.sendall(frame(encode(question)))
-            head = self._read(HEAD.size)
-            record = self._read(HEAD.unpack(head)[0])
-            if is_right(head, record):
-                return _replies.decode(record)
-            rule = "must answer in whole frames"
-            raise NeurosnapError(f"intake: {rule}, got {record[:40]!r}")
+            self._socket.sendall(encoded(question))
+            (length,) = HEAD.unpack(self._read(HEAD.size))
+            return _replies.decode(self._read(length))
         except (OSError, EOFError) as error:
             if self._closed:
                 return Over()

@@ -9,8 +9,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sources.live.journal import Journal, Row, cut, decoded, read_journal
-from neurosnap.sources.live.journal_frames import frame, records
+from neurosnap.sources.live.journal import (
+    Journal,
+    Row,
+    cut,
+    decoded,
+    framed,
+    read_journal,
+    records,
+)
 
 NAMES = ["door", "motion"]
 SOME = st.lists(st.binary(max_size=40), max_size=8)
@@ -20,11 +27,11 @@ SOME = st.lists(st.binary(max_size=40), max_size=8)
 def test_what_is_cut_off_anywhere_leaves_a_right_beginning(
     several: list[bytes], data: st.DataObject
 ) -> None:
-    whole = b"".join(map(frame, several))
+    whole = b"".join(map(framed, several))
     end = data.draw(st.integers(0, len(whole)))
     found = [*records(whole[:end])]
     assert found == several[: len(found)]
-    ends = [len(b"".join(map(frame, several[:n]))) for n in range(len(several) + 1)]
+    ends = [len(b"".join(map(framed, several[:n]))) for n in range(len(several) + 1)]
     assert len(found) == sum(each <= end for each in ends) - 1
 
 
@@ -32,7 +39,7 @@ def test_what_is_cut_off_anywhere_leaves_a_right_beginning(
 def test_a_flipped_bit_hides_records_and_changes_none(
     several: list[bytes], data: st.DataObject
 ) -> None:
-    damaged = bytearray(b"".join(map(frame, several)))
+    damaged = bytearray(b"".join(map(framed, several)))
     bit = data.draw(st.integers(0, 8 * len(damaged) - 1))
     damaged[bit // 8] ^= 1 << bit % 8
     found = [*records(bytes(damaged))]
@@ -42,14 +49,14 @@ def test_a_flipped_bit_hides_records_and_changes_none(
 
 @given(SOME, st.integers(1, 100))
 def test_zeros_are_no_records(several: list[bytes], zeros: int) -> None:
-    assert [*records(b"".join(map(frame, several)) + bytes(zeros))] == several
+    assert [*records(b"".join(map(framed, several)) + bytes(zeros))] == several
 
 
 @given(st.binary(max_size=200))
 @example(b"\x91\xa7\0\0\0\0\0\0\x80")  # a text that is none
 def test_any_bytes_are_records_or_none(data: bytes) -> None:
     assert [*decoded(data)] == []
-    assert [*decoded(frame(data))] == []
+    assert [*decoded(framed(data))] == []
 
 
 def written(folder: Path, count: int) -> Journal:
@@ -107,7 +114,7 @@ def test_files_are_cut_off_once_all_their_rows_are_safe(folder: Path) -> None:
     assert numbers(folder)[0] == 257
     cut(folder, 600)
     assert numbers(folder)[0] == 513  # the last file is being written
-    assert journal.after(512).rows[0] == row(513)
+    assert journal.after(512)[1][0] == row(513)
     journal.close()
 
 
