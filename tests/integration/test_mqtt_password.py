@@ -84,9 +84,7 @@ def broker(tmp_path: Path) -> Iterator[Mosquitto]:
         yield broker
 
 
-@pytest.mark.parametrize("put_right_by", ["broker", "run"])
 async def test_a_password_changed_under_way_is_named_and_waited_for(
-    put_right_by: str,
     broker: Mosquitto,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
@@ -127,12 +125,7 @@ async def test_a_password_changed_under_way_is_named_and_waited_for(
             again = watch.tick
             assert not running.done()
 
-            if put_right_by == "broker":
-                broker.stop()
-                set_passwords(passwords, neuro=OLD, other=OTHER)
-                broker.start()
-            else:
-                secret.write_text(f"{NEW}\n")
+            secret.write_text(f"{NEW}\n")
             async with peer(
                 broker, "memory/#", username="other", password=OTHER
             ) as other:

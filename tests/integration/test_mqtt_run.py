@@ -114,7 +114,7 @@ async def until(client: aiomqtt.Client, topic: str, **wanted: object) -> object:
     raise AssertionError("the connection ended")
 
 
-@pytest.mark.parametrize("cells", ["process", "worker", "inline"])
+@pytest.mark.parametrize("cells", ["process", "inline"])
 async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -> None:
     with started(tmp_path, "allow_anonymous true") as broker:
         async with (
@@ -163,8 +163,7 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
     assert SECRET not in raw
 
 
-@pytest.mark.parametrize("cells", ["worker", "inline"])
-async def test_a_switch_pauses_learning(tmp_path: Path, cells: str) -> None:
+async def test_a_switch_pauses_learning(tmp_path: Path) -> None:
     seen: dict[str, bytes] = {}
 
     async def show(other: aiomqtt.Client, door: bool, light: bool) -> None:
@@ -181,7 +180,7 @@ async def test_a_switch_pauses_learning(tmp_path: Path, cells: str) -> None:
     with started(tmp_path, "allow_anonymous true") as broker:
         async with (
             peer(broker, "memory/#") as other,
-            running(tmp_path, broker, cells) as run,
+            running(tmp_path, broker, "worker") as run,
         ):
             await see(other, seen, {"memory/world/status": b"online"})
             for turn in range(60):
@@ -270,49 +269,13 @@ async def test_processes_that_miss_readings_decide_as_one_agent_does(
     assert any("guarantees" in decision.why for decision in decisions)
 
 
-async def test_a_broker_that_comes_back_is_the_same_house(tmp_path: Path) -> None:
-    with started(tmp_path, "allow_anonymous true") as broker:
-        async with running(tmp_path, broker, "inline") as run:
-            async with peer(broker, "memory/#") as other:
-                await heard(other, "memory/world/status", b"online")
-                await publish(other, door=True, light=True, t=15)
-                await heard(other, "memory/sensor/door", b"ON")
-            broker.stop()
-            broker.start()
-            async with peer(broker, "memory/#") as other:
-                # All that is held is published again to a broker that forgot it.
-                # The two that say so know nothing of each other: either may be first.
-                again = {
-                    "memory/sensor/door": b"ON",
-                    "memory/world/status": b"online",
-                }
-                await see(other, {}, again)
-                await publish(other, door=False, light=False, t=15)
-                await heard(other, "memory/sensor/door", b"OFF")
-                await publish(other, door="sideways", light=True)
-                await heard(other, "memory/sensor/light", b"ON")
-            assert await run.end() == 0, run.said
-    assert f"{HOST}:{broker.port}: connected" in run.said
-    assert "sideways" in run.said
-    assert verify(run.log).same
-
-
-async def test_a_dead_broker_is_named_at_once(tmp_path: Path) -> None:
-    dead = Mosquitto(tmp_path)
-    async with running(tmp_path, dead, "inline", "--restart", "never") as run:
-        assert await run.ended() == 1
-    assert f"{HOST}:{dead.port}" in run.said
-    assert "Traceback" not in run.said
-    assert SECRET not in run.said
-
-
 async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
     passwords = tmp_path / "passwords"
     set_passwords(passwords, neurosnap="another")
     lines = ("allow_anonymous false", f"password_file {passwords}")
     with started(tmp_path, *lines) as broker:
         async with running(tmp_path, broker, "inline", "--restart", "never") as run:
-            assert await run.ended()
+            assert await run.ended() == 1
     assert f"username: must be taken by {HOST}:{broker.port}" in run.said
     assert "got 'neurosnap'" in run.said
     assert "Traceback" not in run.said

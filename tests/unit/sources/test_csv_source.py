@@ -2,13 +2,12 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
 from neurosnap.sources.meaning import RULE
 from neurosnap.sources.open import open_source
-from tests.support.sources import README, everything, first, opened, written
+from tests.support.sources import README, everything, opened, written
 
 
 class TestCsv:
@@ -19,13 +18,6 @@ class TestCsv:
         assert source.length == 3
         assert everything(source) == [[0, 1], [1, 1], [1, 0]]
         assert source.step(0) is None
-
-    def test_observations_are_bool(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        assert first(source).dtype == np.bool_
-        seen = source.step(0)
-        assert seen is not None
-        assert seen.bits.dtype == np.bool_
 
     def test_actions_and_seeds_change_nothing(self, readings: Path) -> None:
         plain = everything(open_source(str(readings), seed=0))
@@ -76,23 +68,11 @@ class TestCsv:
         source = open_source(str(written(tmp_path, "door,time\n0,1\n")), seed=0)
         assert source.sensors == ("door", "time")
 
-    def test_names_may_hold_commas_and_letters_of_any_kind(
-        self, tmp_path: Path
-    ) -> None:
-        source = open_source(str(written(tmp_path, '"a,b",Tür\n0,1\n')), seed=0)
-        assert source.sensors == ("a,b", "Tür")
-
     def test_a_file_of_another_ending_is_found_because_it_exists(
         self, tmp_path: Path
     ) -> None:
         path = written(tmp_path, README, "readings.txt")
         assert everything(open_source(str(path), 0)) == [[0, 1], [1, 1], [1, 0]]
-
-    def test_a_relative_path_is_enough(
-        self, readings: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.chdir(readings.parent)
-        assert open_source("readings.csv", seed=0).length == 3
 
     @pytest.mark.parametrize(
         ("text", "message"),
@@ -156,7 +136,7 @@ class TestCsv:
         [
             "Tür,b\n0,1\n".encode("latin-1"),
             README.encode("utf-16"),
-            README.encode() + 99_999 * b"1,1\n" + b"\xff,1\n",
+            README.encode() + 999 * b"1,1\n" + b"\xff,1\n",
         ],
         ids=["latin-1", "utf-16", "late"],
     )

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.errors import ShapeError
 from neurosnap.sources.live.latest_readings import (
     REMEMBERED,
     Combine,
@@ -135,8 +133,3 @@ def test_of_topics_without_end_the_oldest_are_forgotten() -> None:
     assert topics.last_until(True) == REMEMBERED
     topics.put(str(REMEMBERED), None, 9e9)
     assert topics.last_until(True) == REMEMBERED - 2
-
-
-def test_ways_to_combine_must_be_one_a_sensor() -> None:
-    with pytest.raises(ShapeError, match=r"^combine: must be 2, one a sensor, got 1"):
-        LatestReadings(["a", "b"], combine=["any"])

@@ -1,6 +1,7 @@
 """The latest against a list of everything that ever came."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -153,57 +154,25 @@ def test_all_at_once_is_as_one_after_the_other(
     assert (once.late, once.ahead) == (singly.late, singly.ahead)
 
 
-def test_a_reading_is_believed_until_it_is_as_old_as_it_may_be() -> None:
-    latest = LatestReadings(["door"], stale_after=10)
-    latest.put(0, True, 5.0, 5.0)
-    assert latest.next_change(5.0) == 15.0
-    assert np.array(latest.observation(14.999)).tolist() == [[True], [True]]
-    assert np.array(latest.observation(15.0)).tolist() == [[False], [False]]
-    assert latest.next_change(15.0) is None
-
-
-def test_a_clock_that_is_ahead_does_not_silence_those_that_are_right() -> None:
-    latest = LatestReadings(["door"], stale_after=10)
-    assert latest.put(0, True, 3600.0, 1.0)
-    assert latest.put(0, False, 2.0, 2.0)
-    assert np.array(latest.observation(2.0)).tolist() == [[False], [True]]
-    assert np.array(latest.observation(12.0)).tolist() == [[False], [False]]
-    assert (latest.late, latest.ahead) == (0, 1)
-
-
-def test_silence_means_off_once_it_was_listened_to_long_enough() -> None:
-    latest = LatestReadings(["phone"], seen_within=30)
-    latest.begin(100.0)
-    assert np.array(latest.observation(129.0)).tolist() == [[False], [False]]
-    assert latest.next_change(100.0) == 130.0
-    assert np.array(latest.observation(130.0)).tolist() == [[False], [True]]
-    latest.put(0, None, 140.0, 140.0)
-    assert np.array(latest.observation(169.0)).tolist() == [[True], [True]]
-    assert np.array(latest.observation(170.0)).tolist() == [[False], [True]]
-
-
 def test_before_anybody_listens_silence_says_nothing() -> None:
     latest = LatestReadings(["phone", "door"], seen_within=[30, None])
     assert latest.observation(1e9)[1].tolist() == [False, False]
     assert latest.next_change(0.0) is None
 
 
-@pytest.mark.parametrize("name", ["stale_after", "seen_within"])
-@pytest.mark.parametrize("span", [0, -1, float("nan"), [1, 0, 2]])
-def test_a_span_must_be_above_0(name: str, span: float | list[float]) -> None:
-    with pytest.raises(InvalidValueError, match=rf"^{name}: must be above 0, got "):
-        LatestReadings(
-            NAMES,
-            stale_after=span if name == "stale_after" else None,
-            seen_within=span if name == "seen_within" else None,
-        )
-
-
-def test_spans_must_be_one_a_sensor() -> None:
-    with pytest.raises(ShapeError, match=r"^stale_after: must be 3, one a sensor, got"):
-        LatestReadings(NAMES, stale_after=[1, 2])
-
-
-def test_a_board_has_sensors() -> None:
-    with pytest.raises(InvalidValueError, match=r"^sensors: must be one at least, got"):
-        LatestReadings([])
+@pytest.mark.parametrize(
+    ("sensors", "more", "text"),
+    [
+        (NAMES, {"stale_after": 0}, "stale_after: must be above 0, got 0"),
+        (NAMES, {"stale_after": float("nan")}, "stale_after: must be above 0, got nan"),
+        (NAMES, {"seen_within": [1, 0, 2]}, "seen_within: must be above 0, got 0"),
+        (NAMES, {"stale_after": [1, 2]}, "stale_after: must be 3, one a sensor, got 2"),
+        (["a", "b"], {"combine": ["any"]}, "combine: must be 2, one a sensor, got 1"),
+        ([], {}, "sensors: must be one at least, got"),
+    ],
+)
+def test_what_does_not_fit_the_sensors_is_refused(
+    sensors: list[str], more: dict[str, Any], text: str
+) -> None:
+    with pytest.raises((InvalidValueError, ShapeError), match=f"^{text}"):
+        LatestReadings(sensors, **more)

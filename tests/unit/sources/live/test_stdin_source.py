@@ -1,4 +1,4 @@
-"""Lines from a pipe, as a source reads them."""
+"""Lines of a pipe as readings, and as they come in pieces."""
 
 import fcntl
 import os
@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live.json_reading import LIMIT
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
-from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
+from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
 from tests.support.fake_time import Told
 from tests.support.sources import readings
@@ -255,3 +257,30 @@ def test_no_first_line(pipe: Pipe) -> None:
     rule = r"^standard input: must begin with a line that names the sensors"
     with pytest.raises(InvalidValueError, match=rule):
         first_line(pipe.reads)
+
+
+SHORT = 6
+
+
+@given(
+    st.lists(st.binary(max_size=12) | st.sampled_from([b"\n", b"abcdef"]), max_size=12),
+)
+def test_pieces_make_the_lines_that_the_whole_has(pieces: list[bytes]) -> None:
+    lines = Lines(SHORT)
+    found = [line for piece in pieces for line in lines.feed(piece)]
+    found += lines.finish()
+    texts = b"".join(pieces).split(b"\n")
+    if texts[-1] == b"":
+        texts.pop()
+    assert found == [
+        (number, text if len(text) <= SHORT else None)
+        for number, text in enumerate(texts, 1)
+    ]
+
+
+def test_a_line_without_an_end_is_not_held() -> None:
+    lines = Lines(SHORT)
+    for _ in range(1000):
+        assert list(lines.feed(b"x" * 5)) == []
+        assert len(lines._begun or b"") <= SHORT
+    assert list(lines.feed(b"\nok\n")) == [(1, None), (2, b"ok")]
