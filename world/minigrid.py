@@ -3,7 +3,7 @@
 The layout is drawn once and stays: what happens next is a function of where the agent
 is, which way it looks, what it carries, and the door. All that can happen is tried in
 MiniGrid itself when the world is made, and kept as a table like those of Gymnasium's
-toy texts; `world.table` can read it. There is no limit on time.
+toy texts. There is no limit on time.
 
 It needs the package `minigrid`, which the extra of that name brings.
 """

@@ -2,7 +2,7 @@
 
 Their episodes end as Gymnasium's do, but there is no limit on time: with one, what
 happens next would depend on more than the state. No sensor is always on or always off.
-What is true of the sensors is found from the transition table, by `world.table`.
+What is true of the sensors follows from their transition tables.
 """
 
 from dataclasses import dataclass

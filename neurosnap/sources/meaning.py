@@ -42,8 +42,9 @@ class Comparison(NamedTuple):
     above: bool
     """On above the limit, or below it."""
     limit: float
-    release: float
-    """Off beyond this, on the other side; between the two, as it was before."""
+    release: float | None = None
+    """Off beyond this, on the other side; between the two, both included, as it was
+    before. None: off wherever it is not on."""
     unit: str = ""
     """What both are in, as `plain_unit` has it; empty: nobody said."""
 
@@ -51,6 +52,15 @@ class Comparison(NamedTuple):
     def name(self) -> str:
         """What the binary sensor is called."""
         return f"{self.source}{'>' if self.above else '<'}{self.limit:g}{self.unit}"
+
+    def is_on(self, value: float, before: bool | None) -> bool | None:
+        """Return what a number says, or what was said before where it says nothing."""
+        sign = 1 if self.above else -1
+        if sign * value > sign * self.limit:
+            return True
+        if self.release is None or sign * value < sign * self.release:
+            return False
+        return before
 
 
 def plain_unit(unit: str) -> str:
@@ -78,8 +88,10 @@ def parse_comparison(text: str) -> Comparison:
     if match is None or match["back"] == match["sign"]:
         raise InvalidValueError("when", rule, text)
     above, limit = match["sign"] == ">", float(match["limit"])
-    release = limit if match["release"] is None else float(match["release"])
-    if release > limit if above else release < limit:
+    release = None if match["release"] is None else float(match["release"])
+    if release == limit:
+        release = None
+    if release is not None and (release > limit if above else release < limit):
         side = "below" if above else "above"
         rule = f"must let the sensor be off {side} where it is on"
         raise InvalidValueError("when", rule, text)
@@ -174,11 +186,5 @@ class Reader:
         if not math.isfinite(value):
             what = f"a number, or one in {unit}" if unit else "a number"
             raise ValueError(f"must be {what}, or nothing for unknown")
-        sign = 1 if self.comparison.above else -1
-        if sign * value > sign * self.comparison.limit:
-            self._before = True
-        elif sign * value < sign * self.comparison.release or (
-            self.comparison.release == self.comparison.limit
-        ):
-            self._before = False
+        self._before = self.comparison.is_on(value, self._before)
         return self._before

@@ -15,7 +15,7 @@ from neurosnap.apps.figures.experiments.explorers import Explorer, journey
 from neurosnap.apps.figures.experiments.stages import Setting, StageEnv, stage_of
 from neurosnap.wire import Decision
 from tests.support.taught_agents import distances, state_readings
-from world.table import Table, state_fields
+from tests.support.transition_tables import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake
 
 

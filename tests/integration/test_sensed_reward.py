@@ -17,7 +17,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run
 from tests.integration.test_growing_swarm import by_one_agent, decisions
 from tests.support.run_options import options_for
-from world.table import Table, state_fields
+from tests.support.transition_tables import Table, state_fields
 from world.toy_text import frozen_lake, taxi
 
 DOWN, RIGHT = 1, 2

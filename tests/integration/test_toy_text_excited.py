@@ -10,7 +10,7 @@ from neurosnap.agent.policy import AgentKind
 from neurosnap.agent.sensor import decreased, increased
 from tests.support.taught_agents import THRESHOLDS, attempt, distances, taught
 from tests.support.toy_text_beds import Situation, situations
-from world.table import Table
+from tests.support.transition_tables import Table
 from world.toy_text import cliff_walking, frozen_lake
 
 

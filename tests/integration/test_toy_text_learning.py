@@ -14,8 +14,9 @@ from neurosnap.agent.body import Body
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from tests.support.taught_agents import THRESHOLDS
 from tests.support.toy_text_beds import BEDS
-from world.implications import inclusions, learn, rarest_pair, recordable
-from world.table import Table, state_fields, transition_fields
+from tests.support.transition_tables import Table, state_fields, transition_fields
+from tests.support.true_orders import learn, rarest_pair, recordable
+from world.implications import inclusions
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 Fields = NDArray[np.bool_]

@@ -17,7 +17,7 @@ from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.continuing import Continuing
 from neurosnap.errors import InvalidValueError
 from tests.support.toy_text_beds import BEDS, VARIANTS, Move, Situation, moves
-from world.table import Table, state_fields
+from tests.support.transition_tables import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 EXACT = [frozen_lake, cliff_walking]  # no chance in them, not even at a reset

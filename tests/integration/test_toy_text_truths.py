@@ -15,8 +15,9 @@ from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complete
 from tests.support.toy_text_beds import BEDS, VARIANTS
-from world.implications import implications, inclusions, recordable
-from world.table import Table, state_fields, transition_fields
+from tests.support.transition_tables import Table, state_fields, transition_fields
+from tests.support.true_orders import recordable
+from world.implications import implications, inclusions
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 

@@ -17,8 +17,8 @@ from neurosnap.agent.policy import AgentKind
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.toy_text_beds import Situation, situations
-from world.implications import recordable
-from world.table import Table, state_fields, transition_fields
+from tests.support.transition_tables import Table, state_fields, transition_fields
+from tests.support.true_orders import recordable
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 THRESHOLDS = {frozen_lake: 1e-4, cliff_walking: 1e-5, taxi: 1e-5}

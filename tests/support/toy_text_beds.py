@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from neurosnap.agent.binary_sensors import BinarySensors
-from world.table import Table
+from tests.support.transition_tables import Table
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 BEDS: list[Callable[..., BinarySensors]] = [frozen_lake, cliff_walking, taxi]

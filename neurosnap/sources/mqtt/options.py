@@ -16,7 +16,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.live.latest_readings import Combine
 from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
-from neurosnap.sources.meaning import OFF, ON
+from neurosnap.sources.meaning import OFF, ON, Comparison
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
@@ -213,9 +213,13 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return "any" if _wild(self.topic) else "last"
 
     @property
-    def compares(self) -> bool:
-        """Whether it compares numbers."""
-        return self.on_above is not None or self.on_below is not None
+    def comparison(self) -> Comparison | None:
+        """How it compares numbers; None if it does not."""
+        if self.on_above is not None:
+            return Comparison(self.name, True, self.on_above, self.off_below)
+        if self.on_below is not None:
+            return Comparison(self.name, False, self.on_below, self.off_above)
+        return None
 
     def _check_kind(self) -> None:
         kinds = [

@@ -95,6 +95,7 @@ class Reader:
 
     def __init__(self, sensor: MqttSensor) -> None:
         self._sensor = sensor
+        self._comparison = sensor.comparison
         self._words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
         self._words |= {word.casefold(): True for word in sensor.on}
         self._words |= {word.casefold(): False for word in sensor.off}
@@ -113,13 +114,13 @@ class Reader:
             value: Any = payload.text
         else:
             value = payload.field(self._sensor.field)
-        if not self._sensor.compares:
+        if self._comparison is None:
             return self._word(payload, value)
         topic = "" if self._sensor.combines == "last" else payload.topic
         compared = None  # nothing to hold on to
         if not _is_unknown(value):
             number = _number(payload, value)
-            compared = self._compare(number, self._compared.get(topic))
+            compared = self._comparison.is_on(number, self._compared.get(topic))
         self._compared.pop(topic, None)
         if compared is not None:
             self._compared[topic] = compared
@@ -134,22 +135,6 @@ class Reader:
             words = ", ".join((*self._sensor.on, *self._sensor.off))
             place = self._sensor.field or "payload"
             raise payload.wrong(f"{place} must be one of {words}") from None
-
-    def _compare(self, value: float, before: bool | None) -> bool | None:
-        """Return what a number says, or what was said before where it says nothing."""
-        sensor = self._sensor
-        if sensor.on_above is not None:
-            on, off, limit = value > sensor.on_above, sensor.off_below, value
-        else:
-            # The mirror image: smaller is on.
-            on = sensor.on_below is not None and value < sensor.on_below
-            off = None if sensor.off_above is None else -sensor.off_above
-            limit = -value
-        if on:
-            return True
-        if off is None or limit < off:
-            return False
-        return before
 
 
 def _is_unknown(value: object) -> bool:

@@ -26,14 +26,13 @@ published again; and that is published once its ticks are a hundredth more.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import ShapeError
-from neurosnap.health.alarm import Progress
 
 _OTHER = re.compile(r"[^A-Za-z0-9_-]+")
 
@@ -127,49 +126,4 @@ def predictions(
         raise ShapeError("known", rule, known.shape)
     unread = np.flatnonzero(~known & (literals[0::2] | literals[1::2]))
     said = {names[k]: "ON" if literals[2 * k] else "OFF" for k in unread.tolist()}
-    return msgspec.json.encode(said)
-
-
-def decision(action: str, why: str) -> bytes:
-    """Return the JSON of a decision, for people and their programs."""
-    return msgspec.json.encode({"action": action, "why": why})
-
-
-def anomaly(now: bool, last: Mapping[str, object] | None) -> bytes:
-    """Return the JSON that says whether there is an anomaly, and the latest record."""
-    return msgspec.json.encode({"now": "ON" if now else "OFF", "last": last or {}})
-
-
-def progress(ticks: int, implications: int, read: int, sensors: int) -> bytes:
-    """Return the JSON that says how far learning is.
-
-    Args:
-        ticks: Ticks so far.
-        implications: What is believed.
-        read: Of the sensors, how many were read at the last tick.
-        sensors: How many there are.
-    """
-    said = {"ticks": ticks, "implications": implications, "read": read, "of": sensors}
-    return msgspec.json.encode(said)
-
-
-def health(alarm: str | None, last: str) -> bytes:
-    """Return the JSON of a sensor's health.
-
-    Args:
-        alarm: The alarm that it is in, in a line; None: it is well.
-        last: The latest alarm; nothing if there was none.
-    """
-    now = "OFF" if alarm is None else "ON"
-    return msgspec.json.encode({"now": now, "last": alarm or last})
-
-
-def known(progress: Progress) -> bytes:
-    """Return the JSON that says how much is known of the sensors' habits."""
-    said = {
-        "changes": progress.activations,
-        "of_about": progress.of_about,
-        "known": progress.known,
-        "of": progress.sensors,
-    }
     return msgspec.json.encode(said)

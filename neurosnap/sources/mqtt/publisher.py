@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,14 +25,11 @@ from neurosnap.sources.mqtt.published_topics import (
     OFF,
     ON,
     Topics,
-    anomaly,
     beliefs,
-    decision,
-    health,
-    known,
     predictions,
-    progress,
 )
+
+_ON = {True: ON.decode(), False: OFF.decode()}
 
 _STEPS = 100
 """How many times progress is published, at most, while the ticks double; about."""
@@ -100,7 +98,7 @@ class MqttPublisher:
             self._link.hold(discovery_topic(publish), found)
         if judges:
             for topic in self._topics.health:
-                self._link.hold(topic, health(None, ""))
+                self._say(topic, now=_ON[False], last="")
         self.anomaly(None)
 
     def state(self, state: wire.State, known: NDArray[np.bool_] | None = None) -> None:
@@ -129,8 +127,9 @@ class MqttPublisher:
         read = count if known is None else int(np.count_nonzero(known))
         if state.tick >= self._due or read != self._read:
             self._due, self._read = state.tick + state.tick // _STEPS + 1, read
-            told = progress(state.tick, state.edges, read, count)
-            self._link.hold(self._topics.progress, told)
+            # What is believed, and of the sensors how many were read at this tick.
+            said_ = {"ticks": state.tick, "implications": state.edges, "read": read}
+            self._say(self._topics.progress, **said_, of=count)
 
     def learning(self, paused: bool) -> None:
         """Take in whether what came last is learned from."""
@@ -150,8 +149,8 @@ class MqttPublisher:
         if choice >= count:
             rule = f"must be a whole number in 0..{count - 1}"
             raise InvalidValueError("action", rule, choice)
-        said = decision(self._actions[choice], decision_.why)
-        self._link.hold(self._topics.decision, said)
+        action = self._actions[choice]
+        self._say(self._topics.decision, action=action, why=decision_.why)
 
     def anomaly(self, record: Mapping[str, object] | None) -> None:
         """Take in that there is an anomaly now, or that there is none.
@@ -162,8 +161,8 @@ class MqttPublisher:
         """
         if record is not None:
             self._last = record
-        said = anomaly(record is not None, self._last)
-        self._link.hold(self._topics.anomaly, said)
+        now = _ON[record is not None]
+        self._say(self._topics.anomaly, now=now, last=self._last or {})
 
     def health(self, standing: Standing) -> None:
         """Take in how the sensors are; beside the others, by one thread at a time."""
@@ -171,10 +170,22 @@ class MqttPublisher:
         for place, name in enumerate(self._names):
             alarm = alarms.get(name)
             if alarm != self._alarms[place]:
-                last = self._alarms[place] or ""
+                last = alarm or self._alarms[place] or ""
                 self._alarms[place] = alarm
-                self._link.hold(self._topics.health[place], health(alarm, last))
-        self._link.hold(self._topics.known, known(standing.progress))
+                now = _ON[alarm is not None]
+                self._say(self._topics.health[place], now=now, last=last)
+        progress = standing.progress
+        self._say(
+            self._topics.known,
+            changes=progress.activations,
+            of_about=progress.of_about,
+            known=progress.known,
+            of=progress.sensors,
+        )
+
+    def _say(self, topic: str, **said: object) -> None:
+        """Let `topic` say a JSON object from now on."""
+        self._link.hold(topic, msgspec.json.encode(said))
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Publish until `stop` is set.

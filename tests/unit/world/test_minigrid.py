@@ -9,8 +9,8 @@ import pytest
 
 import world
 from neurosnap.errors import InvalidValueError, MissingExtraError
+from tests.support.transition_tables import Table, state_fields
 from world.minigrid import ACTIONS, LAYOUTS, Maze, minigrid
-from world.table import Table, state_fields
 
 pytest.importorskip("minigrid")
 

@@ -13,9 +13,7 @@ from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
 from neurosnap.sources.mqtt.options import MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     Topics,
-    anomaly,
     beliefs,
-    health,
     predictions,
     slugs,
 )
@@ -65,12 +63,6 @@ def test_beliefs_and_predictions_follow_from_the_state(
 def test_what_is_known_must_be_one_a_sensor() -> None:
     with pytest.raises(ShapeError, match=r"^known: must be \(3,\), one a sensor"):
         predictions(NAMES, np.zeros(6, np.bool_), np.ones(2, np.bool_))
-
-
-def test_the_last_anomaly_stays_when_it_is_over() -> None:
-    record = {"tick": 3, "culprits": ["door"]}
-    assert json.loads(anomaly(now=False, last=record)) == {"now": "OFF", "last": record}
-    assert json.loads(anomaly(now=True, last=None)) == {"now": "ON", "last": {}}
 
 
 def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
@@ -171,11 +163,6 @@ def test_each_sensor_has_a_problem_where_its_health_is_followed() -> None:
     assert (broken["platform"], broken["device_class"]) == ("binary_sensor", "problem")
     assert broken["state_topic"] == "neurosnap/health/hall_door"
     assert told["components"]["health"]["state_topic"] == "neurosnap/health"
-    assert json.loads(health("hall: silent", "")) == {
-        "now": "ON",
-        "last": "hall: silent",
-    }
-    assert json.loads(health(None, "hall: silent"))["now"] == "OFF"
 
 
 def test_no_two_entities_have_the_same_name() -> None:

@@ -12,6 +12,8 @@ pytest.importorskip("aiomqtt")
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
+from neurosnap.health.alarm import Alarm, Progress
+from neurosnap.health.news import Standing
 from neurosnap.sensorium import pack
 from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
 from neurosnap.sources.mqtt.publisher import MqttPublisher
@@ -96,3 +98,26 @@ def test_whether_it_learns_is_told() -> None:
     for paused, word in (False, b"ON"), (True, b"OFF"):
         outlet.learning(paused)
         assert outlet._link._outbox._held["p/learning"] == word
+
+
+def test_the_last_anomaly_and_alarm_stay_to_be_looked_at_when_they_are_over() -> None:
+    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES, judges=True)
+
+    def held(topic: str) -> object:
+        return msgspec.json.decode(outlet._link._outbox._held[topic])
+
+    record = {"tick": 3, "culprits": ["door"]}
+    assert held("p/anomaly") == {"now": "OFF", "last": {}}
+    assert held("p/health/door") == {"now": "OFF", "last": ""}
+    outlet.anomaly(record)
+    assert held("p/anomaly") == {"now": "ON", "last": record}
+    outlet.anomaly(None)
+    assert held("p/anomaly") == {"now": "OFF", "last": record}
+
+    alarm = Alarm("door", "silent", 1, 2, 9.0, 1.0, 0.0, 0, 9.0, 0, None)
+    calm = Standing(3, Progress(89, 300, 2, 3))
+    outlet.health(msgspec.structs.replace(calm, alarms=(alarm,)))
+    assert held("p/health/door") == {"now": "ON", "last": alarm.line()}
+    assert held("p/health") == {"changes": 89, "of_about": 300, "known": 2, "of": 3}
+    outlet.health(calm)
+    assert held("p/health/door") == {"now": "OFF", "last": alarm.line()}
