@@ -1,7 +1,9 @@
 """A journal of rows: read again as written, or as a right beginning, never wrong."""
 
+import contextlib
 import errno
 import os
+import random
 from pathlib import Path
 
 import pytest
@@ -214,3 +216,61 @@ def test_a_full_disk_is_named_and_leaves_whole_rows(
     journal.row(b"\2", b"\3", begins=False)
     journal.close()
     assert read_journal(folder).rows == (row(1), row(2), row(3))
+
+
+class Disk:
+    """Remembers what of a folder's files would survive a power cut."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.synced: dict[str, int] = {}
+        self.named: set[str] = set()
+        fsync = os.fsync
+
+        def noted(descriptor: int) -> None:
+            fsync(descriptor)
+            path = Path(f"/proc/self/fd/{descriptor}").readlink()
+            if path.is_dir():
+                self.named |= {each.name for each in path.iterdir()}
+            else:
+                self.synced[path.name] = path.stat().st_size
+
+        monkeypatch.setattr(os, "fsync", noted)
+
+    def cut(self, folder: Path, left: Path, chance: random.Random) -> None:
+        """Put into `left` what a power cut might leave of `folder`."""
+        left.mkdir()
+        for path in folder.iterdir():
+            data = bytearray(path.read_bytes())
+            safe = self.synced.get(path.name, 0)
+            at = chance.randint(safe, len(data))
+            if chance.random() < 0.5:
+                del data[at:]
+            else:  # the length is there, and not all of what was written
+                data[at:] = bytes(len(data) - at)
+            if path.name in self.named or chance.random() < 0.5:
+                (left / path.name).write_bytes(data)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_power_cut_costs_no_row_that_was_synced(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance, disk = random.Random(seed), Disk(monkeypatch)
+    folder, left = tmp_path / "run.mcap.journal", tmp_path / "left"
+    journal, safe, first = Journal(folder, NAMES), 0, 1
+    for number in range(1, chance.randrange(300, 900)):
+        journal.row(bytes([(number - 1) % 4]), b"\3", begins=number == 1)
+        if chance.random() < 0.02:
+            journal.sync()
+            safe = number
+        if chance.random() < 0.005:
+            cut(folder, chance.randint(0, safe))
+            first = numbers(folder)[0]
+    disk.cut(folder, left, chance)
+    journal.close()
+    found = read_journal(left).rows
+    assert [*found] == [row(number) for number in range(first, first + len(found))]
+    assert first + len(found) > safe
+    # A run that goes on with it writes behind what is left.
+    with contextlib.closing(Journal(left, NAMES)) as again:
+        assert again.row(b"\1", b"\3", begins=True).number == first + len(found)
