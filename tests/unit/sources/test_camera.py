@@ -146,7 +146,7 @@ def test_what_is_observed_is_the_same_with_and_without() -> None:
     camera, chance = Camera(source, 1), np.random.default_rng(1)
     first = plain.first()
     assert first is not None
-    for tick in range(1, 60):
+    for tick in range(1, 20):
         camera.image(tick)
         action = int(chance.integers(6))
         one, other = plain.step(action), source.step(action)
