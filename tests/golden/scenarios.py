@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
@@ -15,7 +13,7 @@ from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
-from neurosnap.sources.protocol import Source
+from neurosnap.sources.protocol import Observed, Source
 from tests.golden.drive import Driven, Lost, drive, record
 from tests.support.lamp import LIMITED, lamp_options
 from tests.support.run_options import options_for
@@ -73,12 +71,17 @@ class _Rows(Scripted):
         super().__init__(rows)
         self._begins, self._cuts, self._pauses = begins, cuts, pauses
 
-    def _show(self) -> NDArray[np.bool_] | None:
-        shown, tick = super()._show(), self._next
-        self.cut = tick in self._cuts
-        self.begins = tick == 1 or tick in self._begins or self.cut
-        self.paused = tick in self._pauses
-        return shown
+    def _show(self, *, begins: bool = False, cut: bool = False) -> Observed | None:
+        shown, tick = super()._show(begins=begins, cut=cut), self._next
+        if shown is None:
+            return None
+        cut = tick in self._cuts
+        return msgspec.structs.replace(
+            shown,
+            begins=tick == 1 or tick in self._begins or cut,
+            cut=cut,
+            paused=tick in self._pauses,
+        )
 
 
 def rows(

@@ -141,7 +141,6 @@ async def test_the_journal_is_cut_at_the_last_key_frame_but_one(
     """The last may lack something: then a run goes on from the one before."""
     cuts: list[int] = []
     monkeypatch.setattr(recorder, "_FLUSH", 0.0)
-    monkeypatch.setattr(recorder, "cut_journal", lambda _, tick: cuts.append(tick))
     hub, stop, ready = MemoryHub(), asyncio.Event(), asyncio.Event()
     with SplitWriter(tmp_path / "log.mcap", {}) as writer:
         async with hub.fabric("recorder") as fabric, hub.fabric("x") as other:
@@ -150,7 +149,7 @@ async def test_the_journal_is_cut_at_the_last_key_frame_but_one(
                     *(writer, fabric, stop),
                     parts=("coordinator",),
                     grace=0.0,
-                    journal=tmp_path,
+                    on_safe=cuts.append,
                     on_ready=ready.set,
                 )
             )
