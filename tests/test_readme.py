@@ -154,6 +154,9 @@ PYTHON = [
 ]
 """Of pages without commands: what stands beside commands is run with them."""
 
+FIRST_READ = ("README", "tutorials/first_swarm")
+"""Pages whose commands `make test` runs; `make test-all` runs those of all pages."""
+
 
 @pytest.mark.parametrize(("text", "below"), PYTHON)
 def test_python_blocks_run(text: str, below: list[str], tmp_path: Path) -> None:
@@ -164,7 +167,18 @@ def test_python_blocks_run(text: str, below: list[str], tmp_path: Path) -> None:
 
 @pytest.mark.zenoh
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if VERBS[page]], ids=name_of)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(
+            page,
+            id=name_of(page),
+            marks=[] if name_of(page) in FIRST_READ else [pytest.mark.exhaustive],
+        )
+        for page in PAGES
+        if VERBS[page]
+    ],
+)
 def test_a_page_runs_and_says_what_it_shows(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     said = {}

@@ -64,12 +64,15 @@ class Connections:
         await asyncio.to_thread(session.close)
         return True
 
-    def discovery(self, swarm: str, stop: asyncio.Event) -> Discovery:
+    def discovery(
+        self, swarm: str, stop: asyncio.Event, patience: float = 60.0
+    ) -> Discovery:
         """Return a lookout for the swarms of an id, to be entered.
 
         Args:
             swarm: The id.
             stop: Ends the wait for the hub.
+            patience: Seconds to go on trying until the hub answers.
 
         Raises:
             InvalidValueError: As from `to`.
@@ -80,6 +83,7 @@ class Connections:
             stop=stop,
             credentials=self._credentials("watcher"),
             insecure=self._network.insecure,
+            patience=patience,
         )
 
     def _credentials(self, who: str) -> Credentials | None:

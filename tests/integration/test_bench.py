@@ -19,7 +19,13 @@ needs_browser = pytest.mark.skipif(chromium() is None, reason=NO_BROWSER)
 @pytest.mark.parametrize(
     "row",
     [
-        pytest.param(name, marks=needs_browser if name == "page" else ())
+        pytest.param(
+            name,
+            marks=[
+                *([] if name == "observe" else [pytest.mark.exhaustive]),
+                *([needs_browser] if name == "page" else []),
+            ],
+        )
         for name in bench.ROWS
     ],
 )

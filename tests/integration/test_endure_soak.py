@@ -11,6 +11,7 @@ from tools.soak.__main__ import SERVICES, soak
 
 pytestmark = [
     pytest.mark.zenoh,
+    pytest.mark.exhaustive,
     pytest.mark.slow,
     pytest.mark.usefixtures("no_process_is_left"),
 ]

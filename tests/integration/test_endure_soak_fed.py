@@ -9,6 +9,7 @@ from tools.soak.__main__ import soak_outside
 
 pytestmark = [
     pytest.mark.zenoh,
+    pytest.mark.exhaustive,
     pytest.mark.slow,
     pytest.mark.usefixtures("no_process_is_left"),
 ]

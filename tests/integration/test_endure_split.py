@@ -22,14 +22,15 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize("victim", ["recorder", "coordinator", "cell/2"])
-def test_a_run_in_several_files_comes_to_the_same(victim: str, tmp_path: Path) -> None:
+def test_a_run_in_several_files_comes_to_the_same(tmp_path: Path) -> None:
     options = msgspec.structs.replace(
         options_for(ENDLESS), keyframe_every=50, split=SMALLEST
     )
     calm, log = tmp_path / "calm", tmp_path / "log"
     disturbed = Disturbed(options, log, files=True)
-    outcome = disturbed.run((60, (victim,)), (60, (victim,)))
+    outcome = disturbed.run(
+        *((60, (victim,)) for victim in ("recorder", "coordinator", "cell/2"))
+    )
     check_same(outcome, disturbed, log, options, calm)
     files = part_paths(log)
     assert verify(log).files == len(files) > 2

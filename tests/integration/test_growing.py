@@ -14,6 +14,7 @@ from neurosnap.agent.planner import Planner
 from neurosnap.apps.figures.experiments.explorers import Explorer, journey
 from neurosnap.apps.figures.experiments.stages import Setting, StageEnv, stage_of
 from neurosnap.wire import Decision
+from tests.support.exhaustive import rows
 from tests.support.taught_agents import distances, state_readings
 from tests.support.transition_tables import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake
@@ -98,7 +99,7 @@ class Grown:
         return most + 1
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_every_move_on_the_lake_is_guaranteed_and_every_way_the_shortest(
     seed: int,
 ) -> None:
@@ -111,7 +112,7 @@ def test_every_move_on_the_lake_is_guaranteed_and_every_way_the_shortest(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_every_move_at_the_cliff_is_guaranteed_and_every_way_the_shortest(
     seed: int,
 ) -> None:
@@ -138,7 +139,7 @@ def test_neither_growth_nor_imagining_alone_is_enough() -> None:
     assert max(imagined, greedy) < len(both)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_sensors_that_are_coins_cost_no_move_and_are_told_as_chance(seed: int) -> None:
     lake = Setting(name="coins", world="neurosnap/FrozenLake-v0", steps=0, coins=3)
     stage = stage_of(lake)

@@ -155,6 +155,7 @@ def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
         yield hosts
 
 
+@pytest.mark.exhaustive
 @needs("ip", "iproute2")
 def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
     with namespaces() as hosts:

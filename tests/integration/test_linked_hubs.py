@@ -105,6 +105,7 @@ def test_three_hubs_make_one_swarm(tmp_path: Path) -> None:
     assert {f"cell/{cell}" for cell in range(6)} <= set(parts)
 
 
+@pytest.mark.exhaustive
 def test_services_wait_for_a_hub_that_is_linked_late(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     with line() as hubs:
@@ -121,6 +122,7 @@ def test_services_wait_for_a_hub_that_is_linked_late(tmp_path: Path) -> None:
     is_right(log, 10, tmp_path)
 
 
+@pytest.mark.exhaustive
 def test_a_link_that_is_cut_and_heals_costs_nothing(tmp_path: Path) -> None:
     """Whatever is held back is delivered; a wave that was late is asked for again."""
     log = tmp_path / "log.mcap"
@@ -158,6 +160,7 @@ def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
     assert verdict.ticks >= 5  # the sixth had begun
 
 
+@pytest.mark.exhaustive
 def test_a_run_goes_on_when_a_hub_is_killed_and_comes_back(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     with line() as hubs:

@@ -10,6 +10,7 @@ import pytest
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.sources.open import open_source
+from tests.support.exhaustive import rows
 from tools.longrun import Gauge, long_run, main, write_readings
 from tools.soak import __main__ as soak
 
@@ -19,7 +20,7 @@ TICKS = 500  # a chunk is full after 100 of them, and a file after 200 or so
 
 
 @pytest.mark.zenoh
-@pytest.mark.parametrize("cells", ["inline", "worker"])
+@pytest.mark.parametrize("cells", rows(["inline"], ["worker"]))
 def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
     readings = tmp_path / "readings.csv"
     write_readings(readings, TICKS, 6, 1)

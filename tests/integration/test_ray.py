@@ -40,6 +40,7 @@ from tests.support.hanging_worlds import ending_world
 from tests.support.ray_nodes import Nodes, actors, actors_are_gone, ray_nodes
 
 pytestmark = [
+    pytest.mark.exhaustive,
     pytest.mark.zenoh,
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:::ray"),

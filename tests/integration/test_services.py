@@ -14,6 +14,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command
 from tests.support.course import course
+from tests.support.exhaustive import rows
 from tests.support.ports import free_port
 from tests.support.services import (
     CELLS,
@@ -85,7 +86,7 @@ def play(
     return told
 
 
-@pytest.mark.parametrize("kind", SHARES)
+@pytest.mark.parametrize("kind", rows(["cells"], ["workers"]))
 def test_services_make_the_run_that_one_process_makes(
     kind: str, endpoint: str, tmp_path: Path
 ) -> None:

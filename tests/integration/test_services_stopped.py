@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.recording.replay.verify import verify
+from tests.support.exhaustive import rows
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.services import ENDLESS, PATH, SWARM, begun, ended, going, hub_at
@@ -26,7 +27,7 @@ def endpoint() -> Iterator[str]:
 VERBS = ("coordinate", "world", "join", "record")
 
 
-@pytest.mark.parametrize("who", VERBS)
+@pytest.mark.parametrize("who", rows(["record"], ["coordinate", "world", "join"]))
 def test_each_of_them_can_be_stopped_in_the_midst(
     who: str, endpoint: str, tmp_path: Path
 ) -> None:

@@ -37,7 +37,7 @@ def test_who_waits_for_a_coordinator_says_so_in_the_end(
 
 @pytest.mark.parametrize(
     "line",
-    [("join", SWARM, "--cells", 0), ("record", SWARM), ("world", SWARM, PATH)],
+    [("record", SWARM)],
     ids=lambda line: line[0],
 )
 def test_who_waits_ends_when_asked_to(

@@ -132,6 +132,7 @@ def test_a_recorder_that_stands_still_holds_the_run_up(tmp_path: Path) -> None:
     check_whole(log, outcome)
 
 
+@pytest.mark.exhaustive
 def test_a_recorder_that_is_slow_loses_nothing(tmp_path: Path) -> None:
     log, throttle = tmp_path / "log", Throttle()
     outcome = asyncio.run(run(OPTIONS, log, throttle.over, throttle.follow))

@@ -25,6 +25,7 @@ from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
+from tests.support.hypothesis_settings import cases
 from tools.simulate.__main__ import gathered
 from tools.simulate.case import live_on, random_options
 from tools.simulate.case import simulate as schedule
@@ -37,7 +38,10 @@ TOOL = Path(__file__).parents[2] / "tools" / "simulate"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("batch", range(8))
+@pytest.mark.parametrize(
+    "batch",
+    [0, *(pytest.param(n, marks=pytest.mark.exhaustive) for n in range(1, 8))],
+)
 def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
     total = gathered(outcomes(batch * BATCH, BATCH, 1))
     assert total.schedules == BATCH
@@ -47,11 +51,12 @@ def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
     assert total.births > 0
 
 
+@pytest.mark.slow
 def test_over_three_hubs_the_run_comes_to_the_same(tmp_path: Path) -> None:
     """Whichever links between them are slow or cut, and whichever hub is lost."""
     weather = Weather(hubs=3, slow=0.5, cut=0.005, heal=0.1, deaf=True, crash=0.005)
     total = Tally()
-    for seed in range(10):
+    for seed in range(cases(20)):
         folder, chance = tmp_path / str(seed), random.Random(seed)
         folder.mkdir()
         options = random_options(chance, folder)
@@ -59,13 +64,14 @@ def test_over_three_hubs_the_run_comes_to_the_same(tmp_path: Path) -> None:
     assert min(total.parted, total.hubs_lost, total.restarts, total.deaf) > 0
 
 
+@pytest.mark.slow
 def test_a_seed_repeats_its_schedule(tmp_path: Path) -> None:
     said: list[list[tuple[str, int, bytes]]] = []
     tallies: list[list[Tally]] = []
     for folder in (tmp_path / "first", tmp_path / "again"):
         tallies.append([])
         said.append([])
-        for seed in range(5):
+        for seed in range(3):
             own = folder / str(seed)
             own.mkdir(parents=True)
             tallies[-1].append(schedule(seed, own))
@@ -95,6 +101,7 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
         gathered(outcomes(5, 5, 1, third))
 
 
+@pytest.mark.exhaustive
 def test_several_processes_find_what_one_does() -> None:
     said = [
         subprocess.run(
@@ -116,6 +123,7 @@ class _Deleting(RestartFiles):
         path.unlink()
 
 
+@pytest.mark.exhaustive
 def test_a_restart_that_deletes_a_damaged_recording_is_found(tmp_path: Path) -> None:
     """Some run in twelve comes to it, and which depends on every byte of the files."""
 

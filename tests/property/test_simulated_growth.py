@@ -20,12 +20,13 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, 
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.world import World
 from neurosnap.sources.open import open_source
+from tests.support.hypothesis_settings import cases
 from tests.support.lamp import NAME, Lamp
 from tests.support.simulated_swarm import Deaf, SimulatedSwarm, repeatable
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(2, 6)
+SEEDS = range(2, 2 + max(2, cases(4)))
 TICKS = 110
 KEPT = 64
 """Ticks of the history: fewer than there are, so that its ring is filled anew."""

@@ -16,12 +16,13 @@ from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.coordinator import Coordinator
+from tests.support.hypothesis_settings import cases
 from tests.support.simulated_swarm import SimulatedSwarm, repeatable
 
 pytestmark = pytest.mark.slow
 
 
-RUNS = 100
+RUNS = cases(100)
 
 
 class Course(NamedTuple):

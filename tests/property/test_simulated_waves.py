@@ -17,6 +17,7 @@ from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.protocol.wave import Wave
 from tests.support.edges import edges_of
+from tests.support.hypothesis_settings import cases
 from tests.support.simulated_swarm import repeatable
 from tests.support.simulated_waves import (
     FINEST,
@@ -32,10 +33,9 @@ from tests.support.simulated_waves import (
 
 pytestmark = pytest.mark.slow
 
-UNDISTURBED = 3000  # cases, a seed each
-BATCH = 500
-DISTURBED = 600
-ONE_LOST = 300
+UNDISTURBED = cases(3000)  # a seed each
+DISTURBED = cases(600)
+ONE_LOST = cases(400)
 
 
 # Nothing is lost ----------------------------------------------------------------------
@@ -72,17 +72,16 @@ def undisturbed(seed: int, *, shared: bool = False) -> int:
     return network.addressed
 
 
-@pytest.mark.parametrize("batch", range(UNDISTURBED // BATCH))
-def test_waves_reach_all_above_their_signal_and_settle_exactly_then(batch: int) -> None:
+def test_waves_reach_all_above_their_signal_and_settle_exactly_then() -> None:
     addressed = 0
-    for seed in range(batch * BATCH, (batch + 1) * BATCH):
+    for seed in range(UNDISTURBED):
         with repeatable(seed):
             addressed += undisturbed(seed)
-    assert addressed > BATCH
+    assert addressed > UNDISTURBED
 
 
 def test_waves_among_workers_do_the_same_however_cells_are_shared() -> None:
-    for seed in range(BATCH):
+    for seed in range(UNDISTURBED // 6):
         with repeatable(seed):
             assert undisturbed(seed, shared=True) == 0
 

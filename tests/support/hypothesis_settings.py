@@ -32,3 +32,12 @@ def examples(wide: int) -> settings:
     """
     share = settings().max_examples / PROFILES["wide"]
     return settings(max_examples=max(1, round(wide * share)))
+
+
+def cases(wide: int) -> int:
+    """Return how many seeds a test of random cases goes through.
+
+    Args:
+        wide: How many the profile ``wide`` goes through; the others go through fewer.
+    """
+    return examples(wide).max_examples

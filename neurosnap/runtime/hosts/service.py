@@ -66,8 +66,8 @@ async def serve(
             ``on-failure``: nothing, if it ended in order; if its coordinator vanished
             or failed, or a part of this service died, its next incarnation.
             ``always``: whatever comes next under this id, without end.
-        patience: Seconds until a coordinator is there, and until the next incarnation
-            is; with ``always``, as long as it takes.
+        patience: Seconds until the hub answers, until a coordinator is there, and until
+            the next incarnation is; with ``always``, as long as it takes.
         on_served: Told of each swarm when it is over.
 
     Raises:
@@ -84,7 +84,7 @@ async def serve(
     host = _Host(choose, connections, stop)
     wait = None if restart == "always" else patience
     trouble = ""
-    async with connections.discovery(swarm, stop) as discovery:
+    async with connections.discovery(swarm, stop, patience) as discovery:
         while True:
             try:
                 seen = await discovery.next(stop, wait)

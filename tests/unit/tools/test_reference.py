@@ -21,8 +21,9 @@ def test_every_option_and_message_is_on_its_page() -> None:
     section = text[start : text.index("\n## ", start)]
     for option in run.params[1:]:
         assert all(name in section for name in option.opts), option.name
+    messages = reference.messages()
     for topic in wire.TOPICS:
-        assert f"`/{topic}`" in reference.messages()
+        assert f"`/{topic}`" in messages
 
 
 def test_a_key_of_a_list_of_tables_stands_under_its_own_heading() -> None:
