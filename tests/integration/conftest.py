@@ -88,9 +88,9 @@ def fork_server() -> None:
     preloaded.start()
 
 
-@pytest_asyncio.fixture(scope="module", loop_scope="session")
+@pytest_asyncio.fixture(scope="session", loop_scope="session")
 async def browser() -> AsyncIterator[None]:
-    """A browser for all tests of a module, who open pages of their own."""
+    """A browser for all tests, which open pages of their own."""
     expect.set_options(timeout=PATIENCE * 1000)
     async with started() as browser:
         pages.shared.append(browser)

@@ -1,40 +1,36 @@
-"""`neurosnap view` as a browser and a stranger meet it."""
+"""The server of the page as a browser and a stranger meet it."""
 
 import asyncio
+import os
 import socket
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
-from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.address import Address
-from neurosnap.apps.viewer.connection import Connection
-from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer import api, server
+from neurosnap.apps.viewer.auth import Address
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.server import Connection, serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.recording.read.recording import Recording
-from tests.support.page_requests import get, say, status_of
+from tests.support.page_requests import events, get, say, status_of
 from tests.support.patience import PATIENCE
-from tests.support.recorded_runs import TICKS, in_chunks, path_run, recorded, told
+from tests.support.recorded_runs import TICKS, in_chunks, told
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_notes")]
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(path_run(), tmp_path_factory.mktemp("path") / "run.mcap")
-
-
 @asynccontextmanager
-async def served(log: Path) -> AsyncIterator[Address]:
-    async with asyncio.timeout(PATIENCE), serving(ViewSession(log)) as address:
+async def served(path_log: Path) -> AsyncIterator[Address]:
+    async with asyncio.timeout(PATIENCE), serving(ViewSession(path_log)) as address:
         yield address
 
 
 async def test_an_answer_does_not_wait_for_its_head_to_be_acknowledged(
-    log: Path, monkeypatch: pytest.MonkeyPatch
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[int] = []
     made = Connection.connection_made
@@ -45,15 +41,15 @@ async def test_an_answer_does_not_wait_for_its_head_to_be_acknowledged(
         seen.append(own.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
 
     monkeypatch.setattr(Connection, "connection_made", watched)
-    async with served(log) as address:
+    async with served(path_log) as address:
         await get(address, "/api/run")
     assert seen
     assert all(seen)
 
 
-async def test_it_answers_what_the_page_asks(log: Path) -> None:
-    derived = told(log)
-    async with served(log) as address:
+async def test_it_answers_what_the_page_asks(path_log: Path) -> None:
+    derived = told(path_log)
+    async with served(path_log) as address:
         status, body = await get(address, "/api/run")
         run = msgspec.json.decode(body, type=api.Run)
         assert (status, run.first, run.ticks, run.live) == (200, 1, TICKS, False)
@@ -73,17 +69,13 @@ async def test_it_answers_what_the_page_asks(log: Path) -> None:
         assert msgspec.json.decode(body, type=api.Health) == api.Health(
             "", [], [], 0, True
         )
-        _, body = await get(address, "/api/cells")
-        cells = msgspec.json.decode(body, type=api.Cells)
-        assert cells.read_to == TICKS
-        expected = Recording.open(log).noted().expected
-        assert {c.who: c.messages for c in cells.cells}.items() <= expected.items()
-        assert [c.sensors for c in cells.cells if c.sensors] == [[k] for k in range(7)]
-        series = api.Series(column="edges", ticks=[], values=[], done=False)
+        series = api.Series(columns={}, done=False)
         while not series.done:
-            _, body = await get(address, "/api/series?column=edges&points=2000")
+            _, body = await get(address, "/api/series?points=2000")
             series = msgspec.json.decode(body, type=api.Series)
-        assert series.values == [frame.edges for frame in frames]
+        assert series.columns["edges"].values == [frame.edges for frame in frames]
+        status, body = await get(address, "/api/image?tick=1")
+        assert (status, b"no image of tick 1" in body) == (404, True)
 
 
 @pytest.mark.parametrize(
@@ -98,16 +90,15 @@ async def test_it_answers_what_the_page_asks(log: Path) -> None:
         ("/api/graph?tick=41", 400, "tick: must be in [0, 40], got 41"),
         ("/api/edge?source=0&target=1&tick=3", 400, "pair: must be of two sensors"),
         ("/api/edge?source=0&target=99&tick=3", 400, "b: must be a literal"),
-        ("/api/series?column=size", 400, "column: must be one of edges"),
-        ("/api/series?column=edges&points=3", 400, "points: must be in [4, 2000]"),
+        ("/api/series?points=3", 400, "points: must be in [4, 2000]"),
         ("/api/nothing", 404, "not here"),
         ("/nothing.js", 404, "not here"),
     ],
 )
 async def test_a_wrong_question_is_told_what_is_wrong(
-    log: Path, target: str, status: int, error: str
+    path_log: Path, target: str, status: int, error: str
 ) -> None:
-    async with served(log) as address:
+    async with served(path_log) as address:
         answered, body = await get(address, target)
     assert answered == status
     assert msgspec.json.decode(body, type=api.Wrong).error.startswith(error)
@@ -132,15 +123,17 @@ async def test_a_wrong_question_is_told_what_is_wrong(
         "http://evil.example/etc/passwd",
     ],
 )
-async def test_a_path_that_climbs_out_leads_nowhere(log: Path, target: str) -> None:
-    async with served(log) as address:
+async def test_a_path_that_climbs_out_leads_nowhere(
+    path_log: Path, target: str
+) -> None:
+    async with served(path_log) as address:
         status, body = await get(address, target)
     assert status == 404
     assert body == b'{"error":"not here"}'
 
 
-async def test_another_origin_host_or_no_token_gets_nothing(log: Path) -> None:
-    async with served(log) as address:
+async def test_another_origin_host_or_no_token_gets_nothing(path_log: Path) -> None:
+    async with served(path_log) as address:
         for headers, host, token, status in [
             (["Origin: http://evil.example"], "", True, 403),
             (["Origin: null"], "", True, 403),
@@ -173,9 +166,9 @@ async def test_another_origin_host_or_no_token_gets_nothing(log: Path) -> None:
     ],
 )
 async def test_a_huge_or_malformed_request_is_refused_and_nobody_else_suffers(
-    log: Path, request_: bytes, statuses: set[int]
+    path_log: Path, request_: bytes, statuses: set[int]
 ) -> None:
-    async with served(log) as address:
+    async with served(path_log) as address:
         answer = await say(address, request_)
         # Where the server closes before it has read all, the answer may be lost.
         if answer or len(request_) <= 65536:
@@ -184,8 +177,8 @@ async def test_a_huge_or_malformed_request_is_refused_and_nobody_else_suffers(
     assert status == 200
 
 
-async def test_a_head_has_no_body_and_a_post_is_refused(log: Path) -> None:
-    async with served(log) as address:
+async def test_a_head_has_no_body_and_a_post_is_refused(path_log: Path) -> None:
+    async with served(path_log) as address:
         cookie = f"Cookie: neurosnap-{address.port}={address.token}"
         rest = (
             f"Host: localhost:{address.port}\r\n{cookie}\r\nConnection: close\r\n\r\n"
@@ -196,15 +189,17 @@ async def test_a_head_has_no_body_and_a_post_is_refused(log: Path) -> None:
     assert status_of(post) == 405
 
 
-async def test_it_listens_on_loopback_alone(log: Path) -> None:
-    async with served(log) as address:
+async def test_it_listens_on_loopback_alone(path_log: Path) -> None:
+    async with served(path_log) as address:
         with socket.socket() as other:
             # Nobody listens there on any other address of this machine.
             other.bind(("127.0.0.2", address.port))
 
 
-async def test_a_broken_recording_says_where_it_ends(log: Path, tmp_path: Path) -> None:
-    small = in_chunks(log, tmp_path / "small.mcap", 2000)
+async def test_a_broken_recording_says_where_it_ends(
+    path_log: Path, tmp_path: Path
+) -> None:
+    small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
     data = small.read_bytes()
     small.write_bytes(data[: len(data) // 2])
     async with served(small) as address:
@@ -215,12 +210,154 @@ async def test_a_broken_recording_says_where_it_ends(log: Path, tmp_path: Path) 
     assert "cut short after" in run.cut
 
 
-async def test_who_fails_while_serving_leaves_nothing_listening(log: Path) -> None:
+async def test_who_fails_while_serving_leaves_nothing_listening(path_log: Path) -> None:
     # The second listens on the descriptor that the first has let go.
     for _ in range(2):
         with pytest.raises(ExceptionGroup) as failed:
-            async with served(log) as address:
+            async with served(path_log) as address:
                 status, _ = await get(address, "/api/run")
                 assert status == 200
                 raise RuntimeError("failed on purpose")
         assert failed.group_contains(RuntimeError, match="on purpose")
+
+
+@asynccontextmanager
+async def held(
+    address: Address, count: int
+) -> AsyncIterator[list[asyncio.StreamReader]]:
+    """Hold so many connections."""
+    async with AsyncExitStack() as stack:
+        readers: list[asyncio.StreamReader] = []
+        for _ in range(count):
+            reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
+            stack.callback(writer.close)
+            readers.append(reader)
+        yield readers
+
+
+async def test_silent_connections_keep_nobody_out(path_log: Path) -> None:
+    """More than there are places for, all of them from somebody without the token."""
+    async with (
+        asyncio.timeout(PATIENCE),
+        serving(ViewSession(path_log)) as address,
+        held(address, 2 * server.MOST),
+    ):
+        for _ in range(3):
+            status, body = await get(address, "/")
+            assert (status, body[:9].lower()) == (200, b"<!doctype"), body
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        [],
+        [b"GET / HTTP/1.1\r\n"],
+        # A whole request, which is refused, and then the half of another.
+        [b"GET / HTTP/1.1\r\nHost: no\r\n\r\n", b"GET / HTTP/1.1\r\nX: "],
+    ],
+    ids=["nothing", "half a request", "half a second one"],
+)
+async def test_what_does_not_become_a_request_is_closed(
+    path_log: Path, monkeypatch: pytest.MonkeyPatch, said: Sequence[bytes]
+) -> None:
+    monkeypatch.setattr(server, "SILENCE", 0.05)
+    async with asyncio.timeout(PATIENCE), serving(ViewSession(path_log)) as address:
+        reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
+        try:
+            for part in said:
+                writer.write(part)
+            answer = await reader.read()
+        finally:
+            writer.close()
+    if len(said) > 1:
+        assert status_of(answer) == 421
+        assert answer.count(b"HTTP/1.1") == 1
+    else:
+        assert answer == b""
+
+
+async def test_an_answer_that_takes_longer_is_not_cut_off(
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "SILENCE", 0.05)
+    async with asyncio.timeout(PATIENCE), serving(ViewSession(path_log)) as address:
+        reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
+        target = f"/api/events?token={address.token}"
+        head = f"GET {target} HTTP/1.1\r\nHost: localhost:{address.port}\r\n\r\n"
+        writer.write(head.encode())
+        try:
+            assert b"200" in await reader.readline()
+            # Others come and go silent meanwhile.
+            _, silent = await asyncio.open_connection("127.0.0.1", address.port)
+            other, late = await asyncio.open_connection("127.0.0.1", address.port)
+            assert await other.read() == b""
+            silent.close()
+            late.close()
+            assert not reader.at_eof()
+        finally:
+            writer.close()
+
+
+def applied(frame: dict[str, Any] | None, change: dict[str, Any]) -> dict[str, Any]:
+    """Return a frame by the frame before and what has changed, as the page does."""
+    fields = dict(change)
+    before = None if frame is None else frame["tick"]
+    assert fields.pop("after") == (before or 0)
+    now = {} if frame is None else dict(frame)
+    for name in ("bits", "state"):
+        pairs = dict(fields.pop(name, ()))
+        known = range(len(pairs)) if frame is None else range(len(now[name]))
+        now[name] = [pairs.get(k, now[name][k] if name in now else None) for k in known]
+    return {**now, **fields}
+
+
+async def test_a_growing_recording_is_told_as_differences(
+    path_log: Path, tmp_path: Path
+) -> None:
+    small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
+    data, growing = small.read_bytes(), tmp_path / "growing.mcap"
+    growing.write_bytes(data[: len(data) // 3])
+    frame, last, shares = None, {}, iter([45, 55, 65, 100])
+    loop = asyncio.get_running_loop()
+    times = []
+    session = ViewSession(growing, lambda: True)
+    async with asyncio.timeout(PATIENCE), serving(session) as address:
+        async for event in events(address):
+            times.append(loop.time())
+            for change in event.frames:
+                frame = applied(frame, change)
+                (whole,) = RunView(small).frames(frame["tick"], frame["tick"])
+                last[frame["tick"]] = frame
+                assert frame["state"] == whole.state
+                assert frame["bits"] == whole.bits
+            assert event.live == (
+                event.ticks < TICKS or not session.run_view.recording.finished
+            )
+            share = next(shares, None)
+            if share is not None:
+                growing.write_bytes(data[: len(data) * share // 100])
+    assert event.ticks == TICKS
+    assert event.cut is None
+    assert len(last) > 5
+    for each in RunView(small).frames(min(last), TICKS):
+        if each.tick in last:
+            assert msgspec.convert(last[each.tick], api.Frame) == each
+    assert times[-1] - times[0] > 0.09 * (len(times) - 1)
+
+
+async def test_a_run_that_begins_its_file_anew_is_begun_anew(
+    path_log: Path, tmp_path: Path
+) -> None:
+    growing = in_chunks(path_log, tmp_path / "growing.mcap", 2000)
+    os.truncate(growing, growing.stat().st_size // 2)
+    other = in_chunks(path_log, tmp_path / "other.mcap", 2000)
+    session = ViewSession(growing, lambda: True)
+    async with asyncio.timeout(PATIENCE), serving(session) as address:
+        seen = []
+        async for event in events(address):
+            seen.append(event)
+            if len(seen) == 1:
+                other.replace(growing)
+    assert [event.reset for event in seen] == [False, True]
+    assert seen[-1].frames[0]["after"] == 0
+    assert seen[-1].ticks == TICKS

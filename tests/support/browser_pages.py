@@ -1,5 +1,6 @@
 """The page in a real browser, and what it should say: a replay, in the page's words."""
 
+import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -17,16 +18,15 @@ from neurosnap.sensorium import unpack
 from tools.browser import NO_BROWSER, Scheme, chromium, new_page, started, wait_shown
 
 IN_BROWSER = [
-    pytest.mark.slow,
     pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
-    # One browser a module, and so one loop; each test has pages of its own.
+    # One browser, and so one loop; each test has pages of its own.
     pytest.mark.asyncio(loop_scope="session"),
     pytest.mark.usefixtures("browser"),
 ]
 """What marks the tests of the page."""
 
 shared: list[Browser] = []
-"""The browser of the module, while there is one."""
+"""The browser of all tests, while there is one."""
 
 
 @asynccontextmanager
@@ -39,14 +39,17 @@ async def opened(
     still: bool = False,
     but_for: str = "",
 ) -> AsyncIterator[Page]:
-    """Serve recordings and look at the first until the page shows a tick."""
+    """Serve recordings and look at the first until the page shows the link's tick."""
     sessions = [ViewSession(each, grows) for each in (log, *others)]
     async with (
         serving(*sessions) as address,
         looked_at(address.url, scheme, still=still, but_for=but_for) as page,
     ):
         await page.goto(address.url + where)
-        await page.wait_for_selector("#drawing[data-tick]", state="attached")
+        if tick := re.search(r"\bt=(\d+)", where):
+            await wait_shown(page, int(tick[1]))
+        else:
+            await page.wait_for_selector("#drawing[data-tick]", state="attached")
         yield page
 
 
@@ -87,7 +90,7 @@ async def looked_at(
 
 @asynccontextmanager
 async def _living() -> AsyncIterator[Browser]:
-    """Give the module's browser, or another if it has crashed in an earlier test.
+    """Give the tests' browser, or another if it has crashed in an earlier test.
 
     The other one ends with the test, which has to leave no task behind.
     """

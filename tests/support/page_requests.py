@@ -5,8 +5,8 @@ from collections.abc import AsyncGenerator
 
 import msgspec
 
-from neurosnap.apps.viewer.address import Address
-from neurosnap.apps.viewer.frame_changes import Event
+from neurosnap.apps.viewer.api import Event
+from neurosnap.apps.viewer.auth import Address
 
 
 async def say(address: Address, request: bytes) -> bytes:

@@ -22,12 +22,12 @@ _SPEED = 60
 _WARM = 10  # ticks learned before the clock starts: the first orders are large
 _PLAY = """async (speed) => {
     const { page } = await import("/main.js");
-    page.player.setSpeed(speed);
-    page.player.play();
+    page.time.player.setSpeed(speed);
+    page.time.player.play();
     const seen = [];
     for (;;) {
         const now = await new Promise(requestAnimationFrame);
-        if (!page.player.playing) return seen;
+        if (!page.time.player.playing) return seen;
         seen.push([now, page.frame.tick]);
     }
 }"""
@@ -66,10 +66,9 @@ def page(sizes: Sizes) -> list[Line]:
         )
         return [
             _line(f"{small} sensors", asyncio.run(_played(few))),
-            _line(f"{large} sensors, collapsed", asyncio.run(_played(many))),
             _line(
-                f"{large} sensors, each drawn",
-                asyncio.run(_played(many, expanded=True)),
+                f"{large} sensors, those around one drawn",
+                asyncio.run(_played(many, f"&sensor=w0_below_{large // 10}")),
             ),
         ]
 
@@ -120,18 +119,16 @@ async def walks(folder: Path, sensors: int, ticks: int) -> Path:
     return log
 
 
-async def _played(log: Path, *, expanded: bool = False) -> Played:
+async def _played(log: Path, link: str = "") -> Played:
     """Play a recording in a browser.
 
     Args:
         log: What to play.
-        expanded: Whether each sensor is drawn by itself, however many there are.
+        link: What else the address says.
     """
     async with serving(ViewSession(log)) as address, browsing() as opened:
-        await opened.goto(f"{address.url}#t={_WARM}")
+        await opened.goto(f"{address.url}#t={_WARM}{link}")
         await wait_shown(opened, _WARM)
-        if expanded:
-            await opened.click("#expand")
         session = await opened.context.new_cdp_session(opened)
         await session.send("Performance.enable")
         before = await _busy(session)

@@ -16,8 +16,8 @@ _WANTED = {500: 0.5, 2000: 1.5}
 _SEEK = """async (tick) => {
     const { page } = await import("/main.js");
     const began = performance.now();
-    page.player.seek(tick);
-    const isShown = () => page.frame.tick === tick && page.graph.id === page.frame.graph;
+    page.time.player.seek(tick);
+    const isShown = () => page.frame.tick === tick && page.order.graph.id === page.frame.graph;
     while (!isShown()) await new Promise(requestAnimationFrame);
     await new Promise(requestAnimationFrame);  // it is painted
     return performance.now() - began;

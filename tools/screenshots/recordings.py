@@ -11,7 +11,7 @@ _EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 _PATH = "neurosnap/Path-v0 --set places=9 --agent planner --target below_1 --ticks 240"
 _LAKE = (
     "neurosnap/FrozenLake-v0 --set senses_reward=true --agent planner --imagine 2000"
-    " --grow 30 --explore planned --target rewarded --ticks 600"
+    " --grow 30 --explore planned --target rewarded --ticks 600 --frames 1"
 )
 _SILENT = ("power", "green")
 """Sensors that say nothing at every other tick of the end."""

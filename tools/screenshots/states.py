@@ -73,14 +73,22 @@ STATES: dict[str, State] = {
     ),
     "belief": State(("packing",), 383, "sensor=moving"),
     "raster": State(
-        ("packing",), 383, "tab=raster", (_press("t"), _seen("#raster canvas"))
+        ("packing",),
+        383,
+        "tab=raster",
+        (_press("t"), _seen("#raster canvas[aria-label*='1 to 400']")),
     ),
-    "large": State(("crowd",), 150),
+    "large": State(
+        ("crowd",),
+        150,
+        "",
+        (lambda page: page.fill("#search-text", "room1 is:contradicted"),),
+    ),
     "focus": State(
         ("crowd",),
         150,
         "sensor=room07_below_12",
-        (lambda page: page.select_option("#focus-depth", "1"), _press("f")),
+        (lambda page: page.select_option("#focus-depth", "1"),),
     ),
     "compare": State(
         ("path", "path-lax"),
@@ -89,7 +97,6 @@ STATES: dict[str, State] = {
         (
             _press("t"),
             _seen("#compare .differences table"),
-            _seen("#compare .uplot canvas"),
             _true(
                 "!document.querySelector('#compare').textContent.includes('still to be')"
             ),
@@ -99,7 +106,7 @@ STATES: dict[str, State] = {
         ("lake",),
         503,
         "tab=grown",
-        (_seen("#grown-list tbody tr"), _seen("#world svg")),
+        (_seen("#grown-list tbody tr"), _seen("#image-drawing:visible")),
         (1280, 900),
     ),
     "phone": State(("packing",), 383, "", (), PHONE),

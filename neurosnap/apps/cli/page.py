@@ -60,7 +60,7 @@ async def look(
             serves the page is not installed.
     """
     check_page()
-    from neurosnap.apps.viewer.address import keep_address, kept_address
+    from neurosnap.apps.viewer.auth import keep_address, kept_address
     from neurosnap.apps.viewer.server import serving
     from neurosnap.apps.viewer.session import ViewSession
     from neurosnap.runtime.registry import recorded_in

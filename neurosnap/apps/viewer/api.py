@@ -6,23 +6,22 @@ Literals are numbered as in `neurosnap.sensorium`: ``2s`` is sensor `s` itself a
 =================================================== ============
 asked                                               answer
 =================================================== ============
-``/api/runs``                                       `.listed_runs.Runs`
+``/api/runs``                                       `Runs`
 ``/api/run``                                        `Run`
 ``/api/frames?from=&to=``                           `Frames`
 ``/api/graph?tick=``                                `Graph`
 ``/api/edge?source=&target=&tick=``                 `Edge`
-``/api/series?column=&from=&to=&points=``           `Series`
-``/api/cells``                                      `Cells`
+``/api/series?from=&to=&points=``                   `Series`
 ``/api/image?tick=``                                an image
 ``/api/births``                                     `Grown`
 ``/api/health``                                     `Health`
 ``/api/marks?from=&to=&bins=``                      `Marks`
 ``/api/beside?tick=&way=``                          `Beside`
-``/api/raster?from=&to=&columns=&sensor=&sensors=`` `.raster.RasterPart`
-``/api/events``                                     `.frame_changes.Event`, again
+``/api/raster?from=&to=&columns=&sensor=&sensors=`` `RasterPart`
+``/api/events``                                     `Event`, again
 ``/api/presence``                                   `Presence`
-``/api/partings?other=``                            `.partings.Partings`
-``/api/difference?tick=&other=&then=``              `.tick_difference.TickDifference`
+``/api/partings?other=``                            `.comparison.Partings`
+``/api/difference?tick=&other=&then=``              `.comparison.TickDifference`
 =================================================== ============
 
 ``run=`` says in each which recording is meant, by its number; without it the first.
@@ -79,36 +78,34 @@ MOST_ALARMS = 1000
 class Stage(msgspec.Struct, frozen=True, kw_only=True):
     """A world that can be drawn."""
 
-    kind: Literal["path", "cycle", "grid", "map"]
-    """A map is a grid of tiles that differ."""
+    kind: Literal["path", "cycle", "grid"]
     places: int
     """How many there are; they are numbered from 0."""
     coordinates: list[tuple[int, int]]
-    """Of each place: x to the right and y upwards in a grid and in a map; its number
-    and 0 along a path or clockwise around a cycle."""
+    """Of each place: x to the right and y upwards in a grid; its number and 0 along a
+    path or clockwise around a cycle."""
     width: int
     """How many values x takes."""
     height: int
     """How many values y takes."""
     target: int | None
-    """The place that is the target; None: there is none."""
-    tiles: list[str] = []
-    """What each place of a map is."""
-    walls: list[tuple[int, int]] = []
-    """Neighbours in a map that nobody gets from one to the other of."""
+    """The place that is the target; None if there is none."""
 
 
-class Thing(msgspec.Struct, frozen=True):
-    """Something in a world that is not always in the same place or state."""
+class Listed(msgspec.Struct, frozen=True, kw_only=True):
+    """One recording of the server; its place in the list is its number."""
 
-    what: str
-    """Such as ``passenger`` or ``door``."""
-    place: int | None
-    """Where it is; None: with the agent."""
-    words: str
-    """What there is to say of it."""
-    state: str = ""
-    """Such as ``locked``; empty: it has none."""
+    name: str
+    """As much of its path as tells it from the others."""
+    swarm: str
+    ticks: int
+    live: bool
+
+
+class Runs(msgspec.Struct, frozen=True):
+    """All recordings of the server."""
+
+    runs: list[Listed]
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -225,11 +222,7 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     graph: str
     """As in `Graph`."""
     place: int | None
-    """Where in the world this is; None: not known."""
-    heading: str = ""
-    """Which way the agent looks there: north is up. Empty: no way is known."""
-    things: list[Thing] = []
-    """What else there is in the world, as far as that is known."""
+    """Where in the world this is; None if that is not known."""
     image: int | None = None
     """The tick of the last image at this one or before; None: there is none near."""
     waves: list[Wave]
@@ -321,13 +314,18 @@ class Edge(Weighed, frozen=True, kw_only=True):
     """By tick: at key-frames, and closer together near the tick."""
 
 
-class Series(msgspec.Struct, frozen=True, kw_only=True):
+class Curve(msgspec.Struct, frozen=True):
     """One column over time, thinned out so that least and most stay."""
 
-    column: Column
     ticks: list[int]
     values: list[float | None]
-    """None: not known there."""
+    """None where it is not known."""
+
+
+class Series(msgspec.Struct, frozen=True, kw_only=True):
+    """All columns over time."""
+
+    columns: dict[Column, Curve]
     done: bool
     """All that was asked for has been read; if not, ask again."""
 
@@ -417,27 +415,46 @@ class Beside(msgspec.Struct, frozen=True):
     """None: there is none, or it was not read yet."""
 
 
-class Member(msgspec.Struct, frozen=True, kw_only=True):
-    """One part of the swarm."""
+class RasterPart(msgspec.Struct, frozen=True, kw_only=True):
+    """Some sensors over time: a column a tick, of every so many ticks."""
 
-    who: str
-    sensors: list[int]
-    """Of which sensors it is the cell, or has the cells."""
-    messages: int
-    """How many it sent, as far as is known."""
-    restarts: int
-    """How often the run went on after a part had died or it was resumed: all parts
-    start again then."""
-    host: str | None
-    """Where it runs, or ran: the machine and the process; None: not known."""
+    first: int
+    """The tick of the first column."""
+    step: int
+    """Ticks from one column to the next."""
+    columns: int
+    sensor: int
+    """The first sensor."""
+    sensors: int
+    values: bytes
+    """A byte each, column by column; see the constants of `tick_messages`."""
+    read_to: int = 0
+    """The last tick that was read."""
+    done: bool = False
+    """All that was asked for has been read; if not, ask again."""
 
 
-class Cells(msgspec.Struct, frozen=True):
-    """The parts of the swarm: services first, then workers or cells in order."""
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """What is new in a recording that grows; at most ten a second.
 
-    cells: list[Member]
-    read_to: int
-    """The last tick whose messages are counted."""
+    The first of a stream has the newest frame, those after it the newest of the frames
+    since; a page that wants all of them asks for the others. The frame that came last
+    may come again, as a difference against itself, once more is known of it.
+    """
+
+    ticks: int
+    """As in `Run`."""
+    live: bool
+    """As in `Run`; after an event without it the stream ends."""
+    cut: str | None
+    """As in `Run`."""
+    reset: bool
+    """It is another recording than before, of the same run: it went on after a part
+    had died. What is known of it has to be asked for again."""
+    frames: list[dict[str, object]]
+    """Each a `Frame` as the difference against the one of the tick `after`: the fields
+    that are not as they were. `bits` and `state` list sensors with what they are now.
+    Where `after` is 0 all fields are there, `bits` and `state` for every sensor."""
 
 
 class Presence(msgspec.Struct, frozen=True):

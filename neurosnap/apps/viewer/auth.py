@@ -1,4 +1,4 @@
-"""Request authentication: a secret address, and this machine only.
+"""Where the page is, and what may ask it: a secret address, and this machine only.
 
 Any page that is open in a browser here can send requests to this machine, and by a name
 that it lets resolve to it can even read the answers; and any user of the machine can
@@ -6,22 +6,35 @@ connect. So a request has to name this server as its host, must not come from an
 page, and has to bring the token that only the address printed at the start has.
 
 Nothing is ever changed by a request, so only GET and HEAD are taken.
+
+Port and token are the same at one start and the next, if that can be. Links to the page
+then lead to it after another start, too, in a browser that was let in before. The file
+with them is in the folder that only this user can enter, which the system empties when
+it starts or the user logs out.
 """
 
 import secrets
+from contextlib import suppress
 from urllib.parse import parse_qs
 
+import msgspec
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from neurosnap.apps.viewer.json_answers import refusal
+from neurosnap.apps.viewer.api import Wrong
+from neurosnap.errors import SwarmError
+from neurosnap.runtime.registry import own_folder
+from neurosnap.system.durable import replace_file
+
+LOOPBACK = "127.0.0.1"
 
 LONGEST_ADDRESS = 2048
 """Bytes of a path with its query."""
 LARGEST_HEAD = 16384
 """Bytes of all headers."""
+_FILE = "page.json"
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
 _HEADERS = {
     "content-security-policy": "default-src 'self'; base-uri 'none';"
@@ -43,6 +56,39 @@ _WITHOUT_TOKEN = (
     "Open the address that neurosnap view has printed in the terminal. After that this"
     " link works, too.",
 )
+
+
+class Address(msgspec.Struct, frozen=True):
+    """Where a page is, and what lets one in."""
+
+    port: int
+    token: str
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser. Who has it may look at the recording."""
+        return f"http://{LOOPBACK}:{self.port}/?token={self.token}"
+
+
+def kept_address() -> Address | None:
+    """Return the address that was kept; None if there is none that can be used."""
+    with suppress(OSError, SwarmError, msgspec.MsgspecError):
+        kept = msgspec.json.decode((own_folder() / _FILE).read_bytes(), type=Address)
+        if 0 < kept.port < 1 << 16 and len(kept.token) >= 32:
+            return kept
+    return None
+
+
+def keep_address(address: Address) -> None:
+    """Keep an address; where that is not possible, the next start has another."""
+    with suppress(OSError, SwarmError):
+        replace_file(own_folder() / _FILE, msgspec.json.encode(address))
+
+
+def refusal(status: int, error: str) -> Response:
+    """Return what is wrong, as JSON."""
+    body = msgspec.json.encode(Wrong(error))
+    return Response(body, status, media_type="application/json")
 
 
 class Guard:

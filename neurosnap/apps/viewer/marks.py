@@ -1,7 +1,7 @@
-"""What happened at which ticks of a run, found in the background.
+"""What happened at which ticks of a run, and which of its sensors seem broken.
 
-For the strip over the slider: anomalies, edges rewired and beginnings of trajectories,
-and what others that read the run have found.
+For the strip over the slider, and for the health of a home. Both are filled by
+`neurosnap.apps.viewer.history`.
 """
 
 import math
@@ -10,26 +10,31 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.api import Health, RaisedAlarm, SensorHealth
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.errors import MessageError
+from neurosnap.apps.viewer.tick_messages import Ticks
+from neurosnap.errors import MessageError, RecordingError, ShapeError
+from neurosnap.health.alarm import Alarm
+from neurosnap.health.budget import NEVER
+from neurosnap.health.follower import Follower
 from neurosnap.protocol.anomaly_messages import with_support
+from neurosnap.recording.read.observed import as_observed
 from neurosnap.recording.read.tick_index import ChunkMessages
 
-_BATCH = 256
-"""Ticks read at a time, or a chunk of them: others wait for as long."""
 _EDGE = 8
 """Bytes of an edge in a worker's wiring."""
 
 
 class Found(NamedTuple):
-    """What others have found, as far as they have read."""
+    """What there is to mark besides, as far as was read."""
 
-    alarms: Sequence[api.RaisedAlarm] = ()
+    alarms: Sequence[RaisedAlarm] = ()
     """By tick."""
     reached: Sequence[int] = ()
     """The ticks that come to the target."""
@@ -37,21 +42,17 @@ class Found(NamedTuple):
     """The ticks that grow a sensor, each as often as it grows one."""
     missing: Sequence[int] = ()
     """The ticks of which no state was recorded."""
+    read_to: int = 0
+    """The last tick that was read."""
     done: bool = True
-    """They have read all."""
-
-
-NOTHING = Found()
-"""Others have nothing to tell."""
+    """All that is asked for was read."""
 
 
 class RunMarks:
     """What happened in a run, as far as it was read.
 
-    Reading is for one thread at a time and may go on while others look.
-
     Args:
-        run_view: A view of its own: it is read from one end to the other.
+        run_view: The view that is read.
     """
 
     def __init__(self, run_view: RunView) -> None:
@@ -62,31 +63,24 @@ class RunMarks:
         self._rewired: list[tuple[int, int]] = []  # ticks, and edges changed
         self._rewiring = 0  # edges changed since the last state wave
         self._number = -1  # of the coordinator's messages, the last that was read
-        self._read_to = 0  # the last tick
-        self._done = False
 
-    def read_on(self) -> bool:
-        """Read some of the recording more; return whether there was any.
+    def read(self, ticks: Ticks, first: int, last: int) -> None:
+        """Take in the messages of the ticks that follow those read before."""
+        for tick, observation in sorted(ticks.observations.items()):
+            self._times[tick] = ticks.sent[tick]
+            if observation.begins:
+                self._begins.append(tick)
+        for tick, anomaly in sorted(ticks.anomalies.items()):
+            with suppress(MessageError):  # it is none
+                if with_support(anomaly, self._run_view.options.support):
+                    self._anomalies.append(tick)
+        index = self._run_view.tick_index
+        chunks = index.chunk_of(first), index.chunk_after(last) + 1
+        for _, chunk in index.readable(*chunks):
+            with suppress(RecordingError):  # something else is among them
+                self._take_rewirings(chunk)
 
-        Raises:
-            RecordingError: The recording cannot be read any more.
-        """
-        self._run_view.grow()
-        before, index = self._read_to, self._run_view.tick_index
-        for _, chunk in index.readable(index.chunk_of(before + 1), len(index)):
-            self._take(chunk)
-            if self._read_to - before >= _BATCH:
-                break
-        self._done = self._read_to == before
-        return not self._done
-
-    def end(self) -> None:
-        """Say that no more can be read."""
-        self._done = True
-
-    def marks(
-        self, first: int, last: int, bins: int, found: Found = NOTHING
-    ) -> api.Marks:
+    def marks(self, first: int, last: int, bins: int, found: Found) -> api.Marks:
         """Return what happened from one tick to another, in as many stretches.
 
         Args:
@@ -117,13 +111,13 @@ class RunMarks:
             born=_counted(found.born, edges),
             missing=_counted(found.missing, edges),
             alarms=inside[: api.MOST_ALARMS],
-            read_to=self._read_to,
-            done=self._done and found.done,
+            read_to=found.read_to,
+            done=found.done,
         )
 
-    def beside(self, tick: int, way: int, found: Found = NOTHING) -> api.Beside:
+    def beside(self, tick: int, way: int, alarms: Sequence[RaisedAlarm]) -> api.Beside:
         """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
-        told = sorted({*self._anomalies, *(alarm.tick for alarm in found.alarms)})
+        told = sorted({*self._anomalies, *(alarm.tick for alarm in alarms)})
         place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
         there = 0 <= place < len(told)
         return api.Beside(told[place] if there else None)
@@ -131,18 +125,6 @@ class RunMarks:
     def _time(self, tick: int) -> float | None:
         sent = self._times.get(tick)
         return None if sent is None else sent / 1e9
-
-    def _take(self, chunk: ChunkMessages) -> None:
-        for observation, sent in chunk.observed():
-            self._times.setdefault(observation.tick, sent)
-            self._read_to = max(self._read_to, observation.tick)
-            if observation.begins:
-                _enter(self._begins, observation.tick)
-        for anomaly in chunk.all("anomaly", wire.Anomaly):
-            with suppress(MessageError):  # it is none
-                if with_support(anomaly, self._run_view.options.support):
-                    _enter(self._anomalies, anomaly.tick)
-        self._take_rewirings(chunk)
 
     def _take_rewirings(self, chunk: ChunkMessages) -> None:
         """Count the edges that each tick changed: those told before its state wave.
@@ -178,14 +160,85 @@ def _edges(wiring: wire.Wiring | wire.WorkerWiring) -> int:
     return sum(map(len, changes))
 
 
-def _enter(ticks: list[int], tick: int) -> None:
-    """Put a tick among others, ascending and once; mostly it is the last."""
-    place = bisect_left(ticks, tick)
-    if ticks[place : place + 1] != [tick]:
-        ticks.insert(place, tick)
-
-
 def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:
     """Return how many ticks lie in each stretch; the edges are one more."""
     counted: list[int] = np.diff(np.searchsorted(np.array(ticks), edges)).tolist()
     return counted
+
+
+class HealthView:
+    """The health of a run's sensors, as far as its readings were read.
+
+    Args:
+        run_view: The view that is read.
+    """
+
+    def __init__(self, run_view: RunView) -> None:
+        self._run_view = run_view
+        self._tick = 0  # the last that was read
+        self._follower: Follower | None = None
+        self.raised: list[RaisedAlarm] = []
+        """The alarms there were, by tick."""
+        self._in_force: dict[int, Alarm] = {}  # by their places there
+        options = run_view.options
+        if options.alarms != NEVER:
+            self._follower = Follower(options.body.own, options.alarms)
+        self.health = self._now(done=self._follower is None)
+        """How the sensors are now."""
+
+    def read(self, ticks: Ticks, first: int, last: int) -> None:
+        """Take in the readings of the ticks that follow those read before.
+
+        To learn anew takes seconds, sometimes.
+        """
+        if self._follower is None:
+            return
+        body = self._run_view.options.body
+        for tick in range(first, last + 1):
+            observation = ticks.observations.get(tick)
+            if observation is None:
+                continue
+            with suppress(ShapeError):  # it is of other sensors
+                at, on, known, begins = as_observed(observation, ticks.sent[tick], body)
+                said = self._follower.observe(on, known, at, begins=begins)
+                self._follow(self._follower, said.begun, tick)
+        self._tick = last
+        self.health = self._now(done=False)
+
+    def _follow(self, follower: Follower, begun: Sequence[Alarm], tick: int) -> None:
+        """Take in what an observation told; an alarm may be over by its end again."""
+        standing = {alarm.sensor: alarm for alarm in follower.standing.alarms}
+        for place, alarm in list(self._in_force.items()):
+            if standing.get(alarm.sensor) != alarm:
+                was = self.raised[place]
+                self.raised[place] = msgspec.structs.replace(was, until=tick)
+                del self._in_force[place]
+        for alarm in begun:
+            number = self._run_view.options.body.own.index(alarm.sensor)
+            raised = RaisedAlarm(tick, number, alarm.line())
+            if standing.get(alarm.sensor) == alarm:
+                self._in_force[len(self.raised)] = alarm
+            else:
+                raised = msgspec.structs.replace(raised, until=tick)
+            self.raised.append(raised)
+
+    def settle(self) -> None:
+        """Say that all there is was read."""
+        self.health = msgspec.structs.replace(self.health, done=True)
+
+    def _now(self, *, done: bool) -> Health:
+        follower = self._follower
+        if follower is None:
+            return Health("", [], [], self._tick, done)
+        monitor, standing = follower.monitor, follower.standing
+        known, health = monitor.known.tolist(), monitor.health.tolist()
+        return Health(
+            standing.progress.line(),
+            [alarm.line() for alarm in standing.alarms],
+            [
+                SensorHealth(sensor=name, known=known[at], health=round(health[at], 3))
+                for at, name in enumerate(self._run_view.options.body.own)
+            ],
+            self._tick,
+            done,
+        )

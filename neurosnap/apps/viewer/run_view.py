@@ -17,12 +17,9 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import body_before, changes_in
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.imagined import Imagined, first_shown
-from neurosnap.apps.viewer.order_drawing import drawn, graph_id
-from neurosnap.apps.viewer.plans import BEFORE, plan_at
-from neurosnap.apps.viewer.recorded_images import RecordedImages
-from neurosnap.apps.viewer.snapshot_cache import SnapshotCache
+from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id, weighed
 from neurosnap.apps.viewer.tick_messages import Ticks
+from neurosnap.apps.viewer.waves import BEFORE, Imagined, first_shown, plan_at
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.errors import (
     InvalidValueError,
@@ -41,6 +38,8 @@ from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack
 from neurosnap.sources.open import STDIN
 
+_BACK = 8
+"""Images that are looked for, at most: one may be lost, and so many not in a row."""
 _READINGS = 15_000
 """Readings of sensors in the ticks that are read at once, about."""
 _GRAPHS = 32
@@ -68,7 +67,7 @@ class RunView:
         self.tick_index = TickIndex(self.recording)
         self.recall = SnapshotCache(self.tick_index, self.options)
         self.scene = Scene(self.options) if scene is None else scene
-        self.images = RecordedImages(self.tick_index, self.options)
+        self._image: wire.Image | None = None  # the last that was found
         self.first = self._first()
         self.last = self.tick_index.last_tick()
         self.grown = 0
@@ -183,6 +182,19 @@ class RunView:
         self._graphs.move_to_end(name)
         return msgspec.structs.replace(self._graphs[name], tick=tick)
 
+    def edge(self, source: int, target: int, tick: int) -> api.Edge:
+        """Return what is known of ``source -> target`` at a tick and around it.
+
+        Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
+
+        Raises:
+            InvalidValueError: There is no such tick, no such literal, or both are of
+                one sensor.
+            RecordingError: An observation or a key-frame that is needed is not there.
+        """
+        self.learned(tick)
+        return weighed(self.recall, source, target, tick, (self.first, self.last))
+
     def snapshot(self, tick: int) -> Snapshot:
         """Return what had been learned after a tick; not to be changed.
 
@@ -204,6 +216,36 @@ class RunView:
             rule = f"must be in [{least}, {self.last}]"
             raise InvalidValueError("tick", rule, tick)
         return self.recall.at(tick)
+
+    def image(self, tick: int) -> wire.Image | None:
+        """Return the last image at a tick or before; None if there is none near.
+
+        Where none is lost, the chunks of one tick are unpacked.
+        """
+        every = self.options.frames
+        if not every or tick < 1:
+            return None
+        due = tick - (tick - 1) % every
+        for taken in range(due, max(0, due - _BACK * every), -every):
+            last = self._image
+            image = last if last and last.tick == taken else self._image_of(taken)
+            if image is not None:
+                self._image = image
+                return image
+        return None
+
+    def _image_of(self, tick: int) -> wire.Image | None:
+        """Return the image of a tick.
+
+        Its sender is the world's: it is between the tick's observation and the next.
+        """
+        index = self.tick_index
+        first, last = index.chunk_of(tick), index.chunk_after(tick)
+        for _, chunk in index.readable(first, last + 1):
+            for image in chunk.all("image", wire.Image):
+                if image.tick == tick:
+                    return image
+        return None
 
     def _first(self) -> int:
         """Return the first tick that was observed; 1 if none was."""
@@ -255,7 +297,7 @@ class RunView:
         plan: api.Plan | None,
     ) -> api.Frame:
         tick = state.tick
-        image = self.images.latest(tick)
+        image = self.image(tick)
         observation = ticks.observations.get(tick)
         observed = ticks.literals(tick)
         literals = self._unpacked(state)
@@ -281,7 +323,7 @@ class RunView:
             edges=state.edges,
             pulses=state.pulses,
             graph=graph,
-            **self.scene.at(observed),
+            place=self.scene.place(observed),
             image=None if image is None else image.tick,
             waves=shown,
             left_out=len(waves) - len(shown),

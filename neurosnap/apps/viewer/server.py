@@ -1,214 +1,53 @@
-"""The web server of the page: static files, and one recording or several.
+"""The web server of the page: its connections, its static files, its questions.
 
 It listens on loopback alone. What may ask it anything is for
-`neurosnap.apps.viewer.auth` to say; what it answers is listed here and in
-`neurosnap.apps.viewer.assets`, and no path is ever made of what a request says.
+`neurosnap.apps.viewer.auth` to say; the answers are in
+`neurosnap.apps.viewer.questions`.
+
+Any user of the machine can connect, and a connection costs a place of the few there
+are. One that asks nothing is closed after some seconds; and when all places are taken,
+the one that has been silent longest makes room. So a client that only holds connections
+does not keep out one that has the token.
 """
 
 import asyncio
 import contextlib
 import secrets
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
-from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.address import LOOPBACK, Address
-from neurosnap.apps.viewer.assets import asset
-from neurosnap.apps.viewer.auth import LARGEST_HEAD, Guard
-from neurosnap.apps.viewer.comparisons import Comparisons
-from neurosnap.apps.viewer.connection import MOST, Connection
-from neurosnap.apps.viewer.event_stream import news
-from neurosnap.apps.viewer.evidence import weighed
-from neurosnap.apps.viewer.json_answers import answer, refusal, whole
-from neurosnap.apps.viewer.listed_runs import listed
-from neurosnap.apps.viewer.members import members
-from neurosnap.apps.viewer.raster import MOST_COLUMNS, MOST_SENSORS
-from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.auth import LARGEST_HEAD, LOOPBACK, Address, Guard, refusal
+from neurosnap.apps.viewer.questions import Questions
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError
 
-_FRAMES_AT_ONCE = 30
-"""Frames read before another question has its turn: many are asked for in advance."""
+MOST = 64
+"""Connections, at most."""
+SILENCE = 5.0
+"""Seconds until a whole request has come: the first, and each after an answer."""
+PAGE = "index.html"
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
-
-
-def application(
-    sessions: Sequence[ViewSession], address: Address, stop: asyncio.Event
-) -> ASGIApp:
-    """Return what answers requests.
-
-    Args:
-        sessions: The recordings, one or more.
-        address: Where it is asked.
-        stop: Ends what would go on for ever.
-    """
-    comparisons = Comparisons()
-
-    def asked(request: Request, name: str = "run") -> ViewSession:
-        """Return the recording that is asked about: the first, but for what is said."""
-        number = whole(request.query_params, name, 0)
-        if number >= len(sessions):
-            rule = f"must be in [0, {len(sessions) - 1}]"
-            raise InvalidValueError(name, rule, number)
-        sessions[number].wanted.set()
-        return sessions[number]
-
-    async def runs(_: Request) -> Response:
-        for session in sessions:
-            await session.look()
-        return answer(listed(sessions))
-
-    async def run(request: Request) -> Response:
-        return answer(await asked(request).run())
-
-    async def frames(request: Request) -> Response:
-        first = max(1, whole(request.query_params, "from"))
-        last = whole(request.query_params, "to", first)
-        if last - first >= api.MOST_FRAMES:
-            rule = f"must be at most {api.MOST_FRAMES - 1} after from"
-            raise InvalidValueError("to", rule, last)
-        session = asked(request)
-        at_once = session.run_view.at_once(_FRAMES_AT_ONCE)
-        found: list[api.Frame] = []
-        for start in range(first, last + 1, at_once):
-            end = min(start + at_once - 1, last)
-            found += await session.ask(RunView.frames, start, end)
-        return answer(api.Frames(found))
-
-    async def graph(request: Request) -> Response:
-        tick = whole(request.query_params, "tick")
-        return answer(await asked(request).ask(RunView.graph, tick))
-
-    async def edge(request: Request) -> Response:
-        query = request.query_params
-        named = [whole(query, name) for name in ("source", "target", "tick")]
-        return answer(await asked(request).ask(weighed, *named))
-
-    def ticks_of(request: Request) -> tuple[int, int]:
-        """Return the ticks that are asked for: all there are, but for what is said."""
-        query, last = request.query_params, asked(request).run_view.last
-        first = max(1, whole(query, "from", 1))
-        return first, whole(query, "to", max(first, last))
-
-    async def series(request: Request) -> Response:
-        query = request.query_params
-        first, last = ticks_of(request)
-        points = whole(query, "points", 600)
-        if not 4 <= points <= api.MOST_POINTS:
-            rule = f"must be in [4, {api.MOST_POINTS}]"
-            raise InvalidValueError("points", rule, points)
-        column = query.get("column", "")
-        return answer(asked(request).time_series.series(column, first, last, points))
-
-    async def births(request: Request) -> Response:
-        return answer(asked(request).time_series.grown())
-
-    async def health(request: Request) -> Response:
-        return answer(asked(request).health.health)
-
-    async def marks(request: Request) -> Response:
-        query = request.query_params
-        first, last = ticks_of(request)
-        bins = whole(query, "bins", 600)
-        if not 1 <= bins <= api.MOST_BINS:
-            rule = f"must be in [1, {api.MOST_BINS}]"
-            raise InvalidValueError("bins", rule, bins)
-        session = asked(request)
-        return answer(session.marks.marks(first, last, bins, session.found()))
-
-    async def raster(request: Request) -> Response:
-        query = request.query_params
-        first, last = ticks_of(request)
-        columns, sensors = whole(query, "columns", 600), whole(query, "sensors", 100)
-        most = (("columns", columns, MOST_COLUMNS), ("sensors", sensors, MOST_SENSORS))
-        for name, given, limit in most:
-            if not 1 <= given <= limit:
-                raise InvalidValueError(name, f"must be in [1, {limit}]", given)
-        sensor = whole(query, "sensor", 0)
-        part = asked(request).raster.part(first, last, columns, sensor, sensors)
-        return answer(part)
-
-    async def beside(request: Request) -> Response:
-        query = request.query_params
-        way = query.get("way", "")
-        if way not in ("-1", "1"):
-            raise InvalidValueError("way", "must be 1 or -1", way)
-        tick = whole(query, "tick")
-        session = asked(request)
-        return answer(session.marks.beside(tick, int(way), session.found()))
-
-    async def cells(request: Request) -> Response:
-        return answer(await asked(request).ask(members))
-
-    async def image(request: Request) -> Response:
-        tick = whole(request.query_params, "tick")
-        found = await asked(request).ask(lambda view: view.images.latest(tick))
-        if found is None or found.tick != tick:
-            return refusal(404, f"no image of tick {tick} was recorded")
-        return Response(found.data, media_type=f"image/{found.format}")
-
-    async def events(request: Request) -> Response:
-        told = news(asked(request), stop)
-        return StreamingResponse(told, media_type="text/event-stream")
-
-    async def presence(request: Request) -> Response:
-        return answer(api.Presence(await asyncio.to_thread(asked(request).trouble)))
-
-    async def partings(request: Request) -> Response:
-        pair = asked(request), asked(request, "other")
-        return answer(await comparisons.partings(*pair))
-
-    async def difference(request: Request) -> Response:
-        tick, then = (whole(request.query_params, name) for name in ("tick", "then"))
-        here, there = asked(request), asked(request, "other")
-        return answer(await comparisons.difference(here, tick, there, then))
-
-    async def static(request: Request) -> Response:
-        return asset(request.path_params["name"]) or await nowhere(request)
-
-    async def nowhere(request: Request, _: Exception | None = None) -> Response:
-        return refusal(404, "not here")
-
-    endpoints: tuple[Endpoint, ...] = (runs, run, frames, graph, edge, series)
-    endpoints += (births, health, marks, beside, cells, image, events)
-    endpoints += (raster, presence, partings, difference)
-    app = Starlette(
-        routes=[
-            *(
-                Route(f"/api/{endpoint.__name__}", _refusing(endpoint))
-                for endpoint in endpoints
-            ),
-            Route("/{name:path}", static),
-        ],
-        exception_handlers={404: nowhere},
-    )
-    return Guard(app, address.port, address.token)
-
-
-Endpoint = Callable[[Request], Awaitable[Response]]
-
-
-def _refusing(endpoint: Endpoint) -> Endpoint:
-    """Return an endpoint that answers errors of ours by saying what is wrong."""
-
-    async def refusing(request: Request) -> Response:
-        try:
-            return await endpoint(request)
-        except InvalidValueError as error:
-            return refusal(400, str(error))
-        except NeurosnapError as error:
-            return refusal(500, str(error))
-
-    return refusing
+_TYPES = {
+    "css": "text/css",
+    "html": "text/html",
+    "js": "text/javascript",
+    "svg": "image/svg+xml",
+}
+_STATIC = files("neurosnap.apps.viewer") / "static"
 
 
 class _Server(uvicorn.Server):
@@ -242,7 +81,7 @@ async def serving(
         address = Address(listener.getsockname()[1], token)
         server = _Server(
             uvicorn.Config(
-                application(sessions, address, stop),
+                _application(sessions, address, stop),
                 http=Connection,
                 ws="none",
                 lifespan="off",
@@ -271,6 +110,34 @@ async def serving(
                 await asyncio.wait([served])
 
 
+def _application(
+    sessions: Sequence[ViewSession], address: Address, stop: asyncio.Event
+) -> ASGIApp:
+    """Return what answers requests.
+
+    Args:
+        sessions: The recordings, one or more.
+        address: Where it is asked.
+        stop: Ends what would go on for ever.
+    """
+
+    async def static(request: Request) -> Response:
+        return asset(request.path_params["name"]) or await nowhere(request)
+
+    async def nowhere(_: Request, __: Exception | None = None) -> Response:
+        return refusal(404, "not here")
+
+    endpoints = Questions(sessions, stop).endpoints()
+    app = Starlette(
+        routes=[
+            *(Route(f"/api/{name}", each) for name, each in endpoints.items()),
+            Route("/{name:path}", static),
+        ],
+        exception_handlers={404: nowhere},
+    )
+    return Guard(app, address.port, address.token)
+
+
 def _listener(port: int, last: Address | None) -> socket.socket:
     """Return a socket that listens on loopback."""
     if port == 0 and last is not None:
@@ -283,3 +150,99 @@ def _listener(port: int, last: Address | None) -> socket.socket:
     except OSError as error:
         rule = f"must be free on this machine ({error})"
         raise InvalidValueError("port", rule, port) from error
+
+
+class Connection(H11Protocol):
+    """One connection, which must send its request soon."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:  # noqa: ANN401
+        super().__init__(*given, **named)
+        self._silent_since = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a place, another's where there is none left."""
+        super().connection_made(transport)
+        self._await_request()
+        if len(self.connections) >= MOST:
+            silent = [
+                other
+                for other in self.connections
+                if isinstance(other, Connection) and other.is_silent
+            ]
+            silent.sort(key=lambda other: other._silent_since)  # noqa: SLF001
+            if silent[0] is not self:
+                silent[0].drop()
+
+    @property
+    def is_silent(self) -> bool:
+        """It has asked nothing that is not answered."""
+        return self._timer is not None
+
+    def drop(self) -> None:
+        """Close, and give the place up at once."""
+        self._ask_no_more()
+        self.connections.discard(self)
+        self.transport.close()
+
+    def data_received(self, data: bytes) -> None:
+        """Take in a part of a request; the wait ends with the whole of it."""
+        super().data_received(data)
+        if self._is_answering():
+            self._ask_no_more()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        if not self.transport.is_closing():
+            self._await_request()
+        super().on_response_complete()
+        if self._is_answering():  # the next had come already
+            self._ask_no_more()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the wait."""
+        self._ask_no_more()
+        super().connection_lost(exc)
+
+    def _is_answering(self) -> bool:
+        cycle: RequestResponseCycle | None = self.cycle  # none before the first request
+        return cycle is not None and not cycle.response_complete
+
+    def _await_request(self) -> None:
+        self._ask_no_more()
+        self._silent_since = self.loop.time()
+        self._timer = self.loop.call_later(SILENCE, self.drop)
+
+    def _ask_no_more(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+
+def _found(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, Traversable]]:
+    """Yield the files of the page in a folder, with their names below ``static/``."""
+    for entry in folder.iterdir():
+        name = prefix + entry.name
+        if entry.is_dir():
+            yield from _found(entry, f"{name}/")
+        elif name.rpartition(".")[2] in _TYPES:
+            yield name, entry
+
+
+_FILES = dict(sorted(_found(_STATIC)))
+NAMES = tuple(_FILES)
+"""All files that are served; no other is."""
+
+
+def asset(name: str) -> Response | None:
+    """Return the file of a name, ``""`` for the page itself; None if there is none."""
+    known = name or PAGE
+    if known not in _FILES:
+        return None
+    return Response(_content(known), media_type=_TYPES[known.rpartition(".")[2]])
+
+
+@cache
+def _content(name: str) -> bytes:
+    """Return what is in one of `NAMES`."""
+    return _FILES[name].read_bytes()

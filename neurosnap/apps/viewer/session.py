@@ -13,11 +13,8 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.health_view import HealthView
-from neurosnap.apps.viewer.marks import Found, RunMarks
-from neurosnap.apps.viewer.raster import Raster
+from neurosnap.apps.viewer.history import History
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.events import wait_any, wait_at_most
 
@@ -25,7 +22,7 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 _IDLE = 0.5
-"""Seconds until a time series that is up to date looks for more."""
+"""Seconds until a history that is up to date looks for more."""
 _EVERY = 0.1
 """Seconds between two looks at a recording that grows."""
 
@@ -53,14 +50,10 @@ class ViewSession:
         self._open()
 
     def _open(self) -> None:
-        # All or none: those that are read on have views of their own, of the same file.
+        # Both or none: what is read through has a view of the same file.
         run_view = RunView(self._log)
-        time_series = TimeSeries(RunView(self._log, run_view.scene))
-        health = HealthView(RunView(self._log, run_view.scene))
-        marks = RunMarks(RunView(self._log, run_view.scene))
-        raster = Raster(RunView(self._log, run_view.scene))
-        self.run_view, self.time_series = run_view, time_series
-        self.health, self.marks, self.raster = health, marks, raster
+        self.history = History(RunView(self._log, run_view.scene))
+        self.run_view = run_view
         self.live = self._is_live(self._grows())
 
     async def ask(
@@ -84,20 +77,8 @@ class ViewSession:
         async with self._lock:
             return await asyncio.to_thread(answered)
 
-    def found(self) -> Found:
-        """Return what is there to be marked besides the anomalies."""
-        series, health = self.time_series, self.health
-        grown = series.grown()
-        return Found(
-            alarms=tuple(health.raised),
-            reached=series.reached(),
-            born=[birth.tick for birth in grown.births],
-            missing=series.missing(),
-            done=series.done and health.health.done,
-        )
-
     def trouble(self) -> str | None:
-        """Return what has become of the recording; None: it is there."""
+        """Return what has become of the recording; None if it is there."""
         name = self._log.name
         try:
             if not self.run_view.recording.replaced():
@@ -163,14 +144,13 @@ class ViewSession:
         """Read on in the background once that is wanted, until `stop` is set."""
         await wait_any(self.wanted, stop)
         while not stop.is_set():
-            live, more = self.live, False
-            for reader in (self.time_series, self.health, self.marks, self.raster):
-                async with self._lock:
-                    pass  # who asks now goes before what is only needed soon
-                try:
-                    more |= await asyncio.to_thread(reader.read_on)
-                except RecordingError:
-                    reader.end()  # what was read until then is there
+            live, more, history = self.live, False, self.history
+            async with self._lock:
+                pass  # who asks now goes before what is only needed soon
+            try:
+                more = await asyncio.to_thread(history.read_on)
+            except RecordingError:
+                history.end()  # what was read until then is there
             if more:
                 continue
             if live:

@@ -1,4 +1,4 @@
-"""All recorded messages of a range of ticks, in any recorded order.
+"""All recorded messages of a range of ticks, and what each sensor was by them.
 
 Senders overtake each other in a recording: a tick's state may come before its
 observation, or a report after the next tick has begun. So what belongs to a tick is
@@ -6,17 +6,23 @@ looked for from the chunk before the one it was observed in, and as far behind i
 something is missing.
 """
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.waves import Waves
-from neurosnap.errors import ShapeError
+from neurosnap.errors import RecordingError, ShapeError
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.tick_index import ChunkMessages, TickIndex
-from neurosnap.sensorium import selection
+from neurosnap.sensorium import selection, unpack
+
+NOT_RECORDED, UNKNOWN, OFF, ON, OFF_PREDICTED, ON_PREDICTED, CONTRADICTED = range(7)
+"""Predicted: not read, but the state has it. Contradicted: the wave reached both
+literals, so that the state has neither. Unknown: it reached none."""
 
 _BEYOND = 4
 """Chunks behind the last tick in which something late is looked for. The recorder
@@ -43,7 +49,10 @@ class Ticks:
         *,
         with_waves: bool = True,
     ) -> None:
+        self.options = options
         self.observations: dict[int, wire.Observation] = {}
+        self.sent: dict[int, int] = {}
+        """When each of these was sent, ns since 1970."""
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
         self.anomalies: dict[int, wire.Anomaly] = {}
@@ -115,15 +124,16 @@ class Ticks:
         for number, chunk in tick_index.readable(
             tick_index.chunk_of(first) - 1, behind + _BEYOND + 1
         ):
-            self._take(tick_index.observed(number), chunk)
+            self._take(chunk)
             if number > behind and self._is_whole():
                 return
 
-    def _take(self, observed: list[wire.Observation], chunk: ChunkMessages) -> None:
+    def _take(self, chunk: ChunkMessages) -> None:
         """Take over what a chunk has of these ticks."""
-        for observation in observed:
+        for observation, sent in chunk.observed():
             if observation.tick in self._range:
                 self.observations.setdefault(observation.tick, observation)
+                self.sent.setdefault(observation.tick, sent)
         for state in chunk.all("state", wire.State):
             if state.tick in self._range:
                 self.states.setdefault(state.tick, state)
@@ -150,3 +160,38 @@ class Ticks:
         return self._waves is None or all(
             self._waves.settled(tick, self._signal(tick)) for tick in self._range
         )
+
+
+def conditions(tick_index: TickIndex, ticks: Ticks, tick: int) -> NDArray[np.uint8]:
+    """Return what each sensor was at a tick.
+
+    Args:
+        tick_index: The recording; it is asked for the wave where only that can tell.
+        ticks: Messages of the run, of this tick, too.
+        tick: Which.
+
+    Returns:
+        ``(N,)``, one of the constants of this module for each sensor.
+    """
+    count = ticks.options.body.count
+    found = np.full(count, NOT_RECORDED, np.uint8)
+    state = ticks.states.get(tick)
+    if state is None:
+        return found
+    try:
+        held = unpack(state.literals, 2 * count)
+    except ShapeError:
+        return found  # it is of other sensors
+    on, off = held.reshape(-1, 2).T
+    read = ticks.literals(tick).reshape(-1, 2).any(axis=1)
+    against = ticks.contradicted(state, held)
+    if state.incoherent and not (on | off | against).all():
+        # Others may say of a sensor that was not read that it is on, and that it is
+        # off; `ticks` may be without waves.
+        with suppress(RecordingError):
+            waves = Ticks(tick_index, ticks.options, tick, tick)
+            against = waves.contradicted(state, held)
+    found[:] = np.where(against, CONTRADICTED, UNKNOWN)
+    found[on] = np.where(read, ON, ON_PREDICTED)[on]
+    found[off] = np.where(read, OFF, OFF_PREDICTED)[off]
+    return found

@@ -1,7 +1,7 @@
-"""Time series of a run, computed once in the background.
+"""Time series of a run: its columns, and what every sensor was at every tick.
 
-A recording is opened without reading it all, and a plot shows all of it. So the plot
-fills up while one looks at something else, and what is not there yet is said to be so.
+Both are filled by `neurosnap.apps.viewer.history`, and thinned out for whom they are
+too many.
 """
 
 import math
@@ -11,23 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.apps.viewer.api import COLUMNS, COUNTED, STATED, Column, Grown, Series
-from neurosnap.apps.viewer.conditions import (
+from neurosnap.apps.viewer.api import (
+    COLUMNS,
+    COUNTED,
+    STATED,
+    Column,
+    Curve,
+    RasterPart,
+)
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.tick_messages import (
     CONTRADICTED,
     NOT_RECORDED,
     OFF_PREDICTED,
     ON,
     ON_PREDICTED,
     UNKNOWN,
-    conditions,
+    Ticks,
 )
-from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.read.births import Births
 
-_BATCH = 64
-"""Ticks read at a time, at most: others wait for as long."""
+MOST_SENSORS = 500
+MOST_COLUMNS = 2000
+RASTER_ROOM = 64 * 2**20
+"""Bytes of values, at most: of a longer run only every so many ticks are kept."""
 _STARTS_WITH = 1024
 _KINDS: dict[Column, tuple[int, ...]] = {
     "on": (ON, ON_PREDICTED),
@@ -41,48 +49,35 @@ _KINDS: dict[Column, tuple[int, ...]] = {
 class TimeSeries:
     """The columns of a run, as far as they have been read.
 
-    Reading is for one thread at a time and may go on while others look.
-
     Args:
-        run_view: A view of its own: it is read from one end to the other.
+        run_view: The view that is read.
     """
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
         self.columns: tuple[Column, ...] = (*COLUMNS, *run_view.scene.columns)
-        self._births = Births(run_view.options.body)
+        self.births = Births(run_view.options.body)
+        """The sensors that were grown."""
         self._first = run_view.first
         self._filled = 0
-        self.ended = False
-        """Nobody reads on: there is no more, or it cannot be read."""
         self._values = np.full((len(self.columns), _STARTS_WITH), np.nan, np.float32)
 
-    @property
-    def read_to(self) -> int:
-        """The last tick that was read; one before the first if none was."""
-        return self._first + self._filled - 1
+    def read(
+        self, ticks: Ticks | None, what: NDArray[np.uint8], first: int, last: int
+    ) -> None:
+        """Take in the ticks that follow those read before.
 
-    @property
-    def done(self) -> bool:
-        """All there is has been read."""
-        return self.ended or self._run_view.last <= self.read_to
-
-    def read_on(self) -> bool:
-        """Read some ticks more; return whether there were any.
-
-        Raises:
-            RecordingError: The recording cannot be read any more.
+        Args:
+            ticks: Their messages; None if they cannot be read.
+            what: ``(ticks, N)``, what each sensor was; see `conditions`.
+            first: The first of them.
+            last: The last.
         """
-        run_view = self._run_view
-        run_view.grow()
         if not self._filled:
-            self._first = run_view.first
-        first = self.read_to + 1
-        last = min(run_view.last, first + run_view.at_once(_BATCH) - 1)
-        if first > last:
-            return False
+            self._first = first
         found = np.full((len(self.columns), last - first + 1), np.nan, np.float32)
-        self._read_states(first, last, found)
+        if ticks is not None:
+            self._read_states(ticks, what, first, last, found)
         if "err" in self.columns:
             self._read_errors(first, last, found)
         needed = self._filled + found.shape[1]
@@ -92,53 +87,25 @@ class TimeSeries:
             self._values = room
         self._values[:, self._filled : needed] = found
         self._filled = needed  # last: whoever looks meanwhile sees whole ticks
-        self.ended = False
-        return True
 
-    def end(self) -> None:
-        """Say that no more can be read."""
-        self.ended = True
-
-    def grown(self) -> Grown:
-        """Return what the run has grown, as far as it was read."""
-        births = self._births
-        done = self.done or not births.body.room
-        return Grown(
-            births=births.listed,
-            room=births.room,
-            read_to=self.read_to,
-            done=done,
-        )
-
-    def series(self, column: str, first: int, last: int, points: int) -> Series:
-        """Return a column from one tick to another, thinned out.
+    def curves(self, first: int, last: int, points: int) -> dict[Column, Curve]:
+        """Return all columns from one tick to another, thinned out.
 
         Args:
-            column: One of `columns`.
             first: From 1 up.
             last: Not before `first`; beyond the last tick: up to that.
-            points: How many to return, at most, from 4 up.
-
-        Raises:
-            InvalidValueError: There is no such column.
+            points: How many to return of each, at most, from 4 up.
         """
-        known = next((name for name in self.columns if name == column), None)
-        if known is None:
-            rule = f"must be one of {', '.join(self.columns)}"
-            raise InvalidValueError("column", rule, column)
-        number = self.columns.index(known)
         first = max(first, self._first)
         last = min(last, self._run_view.last)
-        done = self.ended or last <= self.read_to
-        row = self._values[number, : self._filled]
-        values = row[first - self._first : max(0, last - self._first + 1)]
-        places = thinned(values, points)
-        return Series(
-            column=known,
-            ticks=(places + first).tolist(),
-            values=[_finite(value) for value in values[places].tolist()],
-            done=done,
-        )
+        curves = {}
+        for number, column in enumerate(self.columns):
+            row = self._values[number, : self._filled]
+            values = row[first - self._first : max(0, last - self._first + 1)]
+            places = thinned(values, points)
+            known = [_finite(value) for value in values[places].tolist()]
+            curves[column] = Curve((places + first).tolist(), known)
+        return curves
 
     def reached(self) -> list[int]:
         """Return the ticks that come to the target, as far as it was read."""
@@ -156,38 +123,39 @@ class TimeSeries:
         found: list[int] = (np.flatnonzero(gone) + self._first).tolist()
         return found
 
-    def _read_states(self, first: int, last: int, found: NDArray[np.float32]) -> None:
-        run_view = self._run_view
-        try:
-            ticks = Ticks(
-                run_view.tick_index, run_view.options, first, last, with_waves=False
-            )
-        except RecordingError:
-            return  # a message is not what it should be: not known, all of it
-        if run_view.options.body.room:
+    def _read_states(
+        self,
+        ticks: Ticks,
+        what: NDArray[np.uint8],
+        first: int,
+        last: int,
+        found: NDArray[np.float32],
+    ) -> None:
+        scene = self._run_view.scene
+        if self._run_view.options.body.room:
             self._follow_births(ticks.decisions, last)
         for tick, state in ticks.states.items():
             found[: len(STATED), tick - first] = [
                 getattr(state, name) for name in STATED
             ]
-            found[len(STATED) : len(COLUMNS), tick - first] = self._counts(ticks, tick)
+            counts = self._counts(what[tick - first], tick)
+            found[len(STATED) : len(COLUMNS), tick - first] = counts
         if "distance" in self.columns:
             row = self.columns.index("distance")
             for tick in range(first, last + 1):
-                place = run_view.scene.place(ticks.literals(tick))
-                found[row, tick - first] = run_view.scene.distance(place)
+                place = scene.place(ticks.literals(tick))
+                found[row, tick - first] = scene.distance(place)
 
-    def _counts(self, ticks: Ticks, tick: int) -> list[float]:
+    def _counts(self, what: NDArray[np.uint8], tick: int) -> list[float]:
         """Return how many sensors are what, in the order of `COUNTED`."""
         body = self._run_view.options.body
-        what = conditions(self._run_view, ticks, tick)
         if (what == NOT_RECORDED).all():
             return [math.nan] * len(COUNTED)
         # Room for a sensor is none, and one that has retired says nothing.
         there = np.ones(body.count, np.bool_)
         if body.room:
             there[:] = False
-            there[self._births.read_at(tick - 1)] = True
+            there[self.births.read_at(tick - 1)] = True
         return [float((np.isin(what, _KINDS[name]) & there).sum()) for name in COUNTED]
 
     def _follow_births(self, decisions: dict[int, wire.Decision], last: int) -> None:
@@ -198,7 +166,7 @@ class TimeSeries:
             taken.append(frame)
         for message in sorted(taken, key=lambda each: each.tick):
             with suppress(ValueError):  # no agent's key-frame
-                self._births.take(message)
+                self.births.take(message)
 
     def _read_errors(self, first: int, last: int, found: NDArray[np.float32]) -> None:
         row, graph, error = self.columns.index("err"), None, math.nan
@@ -210,6 +178,68 @@ class TimeSeries:
                 found[row, learned.tick - first] = error
         except RecordingError:
             return  # an observation is missing: not known from there on
+
+
+class Raster:
+    """What every sensor was at every tick, as far as that has been read.
+
+    Args:
+        run_view: The view that is read.
+        room: Bytes that the values may take.
+    """
+
+    def __init__(self, run_view: RunView, room: int = RASTER_ROOM) -> None:
+        self._run_view = run_view
+        self._sensors = run_view.options.body.count
+        self._most = max(2, room // max(1, self._sensors))
+        self._first = run_view.first
+        self._step = 1
+        self._rows: list[NDArray[np.uint8]] = []
+
+    def read(self, what: NDArray[np.uint8], first: int) -> None:
+        """Take in the ticks that follow those read before; arguments as above."""
+        if not self._rows:
+            self._first = first
+        for tick, row in enumerate(what, start=first):
+            if (tick - self._first) % self._step == 0:
+                self._rows.append(row)
+                if len(self._rows) > self._most:
+                    self._rows = self._rows[::2]
+                    self._step *= 2
+
+    def part(
+        self, first: int, last: int, columns: int, sensor: int, sensors: int
+    ) -> RasterPart:
+        """Return the values of some ticks and sensors.
+
+        Args:
+            first: From 1 up.
+            last: Not before `first`; beyond the last tick: up to that.
+            columns: How many to return, at most.
+            sensor: The first sensor.
+            sensors: How many of them, at most.
+
+        Raises:
+            InvalidValueError: There is no such sensor.
+        """
+        if not 0 <= sensor < max(1, self._sensors):
+            rule = f"must be in [0, {self._sensors - 1}]"
+            raise InvalidValueError("sensor", rule, sensor)
+        rows, step = self._rows, self._step  # as they are now
+        last = min(last, self._run_view.last)
+        start = max(0, -(-(first - self._first) // step))
+        stop = max(start, (last - self._first) // step + 1)
+        by = max(1, -(-(stop - start) // columns))
+        chosen = rows[start:stop:by]
+        count = min(sensors, self._sensors - sensor)
+        return RasterPart(
+            first=self._first + start * step,
+            step=by * step,
+            columns=len(chosen),
+            sensor=sensor,
+            sensors=count,
+            values=b"".join(row[sensor : sensor + count].tobytes() for row in chosen),
+        )
 
 
 def thinned(values: NDArray[np.float32], points: int) -> NDArray[np.int64]:

@@ -1,9 +1,8 @@
-"""A drawing of the world that a run took place in, where it is known.
+"""The world that a run took place in, where its places are known.
 
 A recording holds what was sensed and not where that was. But a world of places says of
 every sensor where it is on, so a place follows from what is read there, wherever no
-other place reads the same; and so does what there was to learn. A world of tiles says
-what these are, and its sensors tell where on them the agent is.
+other place reads the same; and so does what there was to learn.
 
 Whoever wrote a recording may have named any module in it, and any size. Only
 environments under ``neurosnap/`` that are registered here are made, and none whose
@@ -12,15 +11,13 @@ places and sensors would fill the memory.
 
 import math
 from collections import Counter
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.tile_map import TileMap
-from neurosnap.apps.viewer.api import Column, Stage, Thing
-from neurosnap.apps.viewer.tile_scene import TileScene
+from neurosnap.apps.viewer.api import Column, Stage
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.order.fields import inclusions
 from neurosnap.poc.order.graph import PocGraph
@@ -43,14 +40,6 @@ _SEEDS = ("layout_seed", "target")
 """Whole numbers among the arguments that are no sizes."""
 
 
-class Shown(TypedDict):
-    """What a frame has of the world."""
-
-    place: int | None
-    heading: str
-    things: list[Thing]
-
-
 class Scene:
     """What is known of a run's world; nothing, if it is none of ours.
 
@@ -64,7 +53,6 @@ class Scene:
         self._distances: NDArray[np.float64] | None = None
         self._places: dict[bytes, int] = {}
         self._count = 0
-        self._tiles: TileScene | None = None
         env = _make(options)
         if env is not None:
             try:
@@ -84,22 +72,8 @@ class Scene:
         Args:
             observed: ``(2N,)``, the literals of the sensors whose reading is known.
         """
-        if self._tiles is not None:
-            return self._tiles.place(observed)
         read, off = observed[: 2 * self._count : 2], observed[1 : 2 * self._count : 2]
         return self._places.get(read.tobytes()) if (read | off).all() else None
-
-    def at(self, observed: NDArray[np.bool_]) -> Shown:
-        """Return what the world is like where the sensors read so.
-
-        Args:
-            observed: As of `place`.
-        """
-        place, tiles = self.place(observed), self._tiles
-        if tiles is None:
-            return Shown(place=place, heading="", things=[])
-        heading, things = tiles.heading(observed), tiles.things(observed)
-        return Shown(place=place, heading=heading, things=things)
 
     def distance(self, place: int | None) -> float:
         """Return the fewest actions from a place to the target; NaN: not known."""
@@ -123,11 +97,6 @@ class Scene:
     def _survey(self, env: gymnasium.Env[Any, Any], options: RunOptions) -> None:
         names = tuple(_attribute(env, "sensors") or ())
         if names != options.body.own:
-            return
-        tile_map = _attribute(env, "tile_map")
-        if isinstance(tile_map, TileMap):
-            self._tiles = TileScene(tile_map, names, options.body.actions)
-            self.stage = self._tiles.stage
             return
         fields = np.asarray(_attribute(env, "fields"), np.bool_)
         self._count = len(fields)
@@ -165,7 +134,7 @@ def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
     except MissingExtraError:
         return None  # the run was elsewhere
     env.reset(seed=options.seed)  # some draw their fields, or the target, only then
-    if not any(map(env.has_wrapper_attr, ("fields", "tile_map"))):
+    if not env.has_wrapper_attr("fields"):
         env.close()
         return None
     return env

@@ -2,17 +2,17 @@
 // that is done often has a key, and one of them lists the rest.
 
 import { keep, keepSoon, tickAsked, told } from "./base/address.js";
-import { find, flash, make } from "./base/dom.js";
-import { bindFiles } from "./files.js";
-import { tabs } from "./base/tabs.js";
-import { theme } from "./base/theme.js";
+import { theme } from "./base/colours.js";
+import { find, flash, make, tabs } from "./base/dom.js";
+import { saveSvg } from "./order/svg_picture.js";
 
 const TYPED = 'input:not([type="range"]), select, textarea, dialog[open]';
 const MOVES = /^(Arrow\w+|Home|End)$/;
 
 /** Let a page be told what to do. */
 export function bind(page) {
-  const { player, diagram } = page;
+  const { player, range } = page.time;
+  const { diagram } = page.order;
   const toggleTheme = theme(() => page.recolour());
   const toggleTaller = () => {
     const tall = find("taller").closest("main").classList.toggle("tall");
@@ -23,7 +23,7 @@ export function bind(page) {
     ["fit", () => diagram.fit()],
     ["nearer", () => diagram.zoom(1.3)],
     ["farther", () => diagram.zoom(1 / 1.3)],
-    ["expand", () => page.expand()],
+    ["save-svg", () => savePicture(page)],
     ["taller", toggleTaller],
     ["help", help],
     ["range-compare", () => page.compareRange()],
@@ -34,7 +34,6 @@ export function bind(page) {
     ["birth-on", () => page.toBirth(1)],
   ];
   for (const [id, act] of acts) find(id).addEventListener("click", act);
-  bindFiles(page);
   tabs(
     document.querySelector('[role="tablist"]'),
     (panel) => {
@@ -47,7 +46,7 @@ export function bind(page) {
   addEventListener("hashchange", () => {
     const tick = tickAsked();
     if (tick !== null && tick !== player.tick) player.step(tick - player.tick);
-    page.range.restore();
+    range.restore();
     page.restore();
   });
   listen([
@@ -62,14 +61,14 @@ export function bind(page) {
     { keys: ["p"], says: "the anomaly or alarm before", act: () => page.toAnomaly(-1) },
     { keys: ["b"], says: "the next birth of a sensor", act: () => page.toBirth(1) },
     { keys: ["B"], says: "the birth before", act: () => page.toBirth(-1) },
-    { keys: ["["], says: "look at a range that begins here", act: () => page.range.setEnd(0, player.tick) },
-    { keys: ["]"], says: "let the range end here", act: () => page.range.setEnd(1, player.tick) },
-    { keys: ["x"], says: "look at all ticks again", act: () => page.range.set(null) },
+    { keys: ["["], says: "look at a range that begins here", act: () => range.setEnd(0, player.tick) },
+    { keys: ["]"], says: "let the range end here", act: () => range.setEnd(1, player.tick) },
+    { keys: ["x"], says: "look at all ticks again", act: () => range.set(null) },
     { keys: ["w"], says: "play the wave of this tick", act: () => page.wave.toggle() },
-    { keys: ["/"], says: "find a sensor", act: () => page.search.focus() },
+    { keys: ["/"], says: "find a sensor", act: () => page.order.search.focus() },
     { keys: ["+"], says: "larger", act: () => diagram.zoom(1.3) },
     { keys: ["-"], says: "smaller", act: () => diagram.zoom(1 / 1.3) },
-    { keys: ["f"], says: "lay out only what is looked at, or all", act: () => page.focus.toggle() },
+    { keys: ["f"], says: "lay out only what is looked at, or all", act: () => page.order.focus.toggle() },
     { keys: ["0"], says: "see the whole order", act: () => diagram.fit() },
     { keys: ["t"], says: "more room for plots and tables", act: toggleTaller },
     { keys: ["l"], says: "light or dark", act: toggleTheme },
@@ -78,9 +77,15 @@ export function bind(page) {
   ]);
 }
 
+/** Save the picture of the order at the tick that is shown. */
+function savePicture({ run: { log }, frame, order, voice }) {
+  if (frame === null) voice.tell("there is no tick to save");
+  else saveSvg(order.diagram, `${log}, tick ${frame.tick}`, `${log.replace(/\.mcap$/, "")}-tick-${frame.tick}.svg`);
+}
+
 /** Copy the address of what is shown: it holds no token. */
-async function copyLink({ player, voice }) {
-  keep({ t: player.tick });
+async function copyLink({ time, voice }) {
+  keep({ t: time.player.tick });
   try {
     await navigator.clipboard.writeText(location.href);
     voice.tell("link copied");

@@ -1,14 +1,22 @@
-"""Who is let through to the recording, and what every answer says of itself."""
+"""Who is let through to the recording, and where the page is."""
 
 import asyncio
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Scope
 
-from neurosnap.apps.viewer.auth import LARGEST_HEAD, LONGEST_ADDRESS, Guard
+from neurosnap.apps.viewer.auth import (
+    LARGEST_HEAD,
+    LONGEST_ADDRESS,
+    Address,
+    Guard,
+    keep_address,
+    kept_address,
+)
 
 PORT = 4711
 TOKEN = "a-token-of-this-test"
@@ -204,3 +212,38 @@ def test_only_requests_are_taken() -> None:
 
     with pytest.raises(ValueError, match=r"^scope: must be http, got 'websocket'"):
         asyncio.run(connect())
+
+
+# Where the page is --------------------------------------------------------------------
+
+ADDRESS = Address(8123, "t" * 32)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path / "neurosnap"
+
+
+def test_an_address_is_kept_where_nobody_else_may_look(folder: Path) -> None:
+    assert kept_address() is None
+    keep_address(ADDRESS)
+    assert kept_address() == ADDRESS
+    assert folder.stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", '{"port": 0, "token": "x"}', '{"port": 70000, "token": "%s"}']
+)
+def test_what_is_no_address_is_not_used(folder: Path, text: str) -> None:
+    keep_address(ADDRESS)
+    (folder / "page.json").write_text(text.replace("%s", "t" * 32), encoding="utf-8")
+    assert kept_address() is None
+
+
+def test_a_folder_that_others_may_enter_keeps_nothing(folder: Path) -> None:
+    folder.mkdir(mode=0o755)
+    folder.chmod(0o755)
+    keep_address(ADDRESS)
+    assert list(folder.iterdir()) == []
+    assert kept_address() is None

@@ -10,8 +10,6 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.evidence import weighed
-from neurosnap.apps.viewer.members import members
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.poc.order.graph import PocGraph
@@ -30,6 +28,7 @@ from tests.support.recorded_runs import (
     seeker_run,
     told,
 )
+from tests.support.run_options import options_for
 
 pytestmark = pytest.mark.slow
 
@@ -181,7 +180,7 @@ def test_a_contradiction_names_the_sensors_without_a_state(tmp_path: Path) -> No
 
 def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
     run_view = RunView(path_log)
-    found = weighed(run_view, 0, 4, 20)
+    found = run_view.edge(0, 4, 20)
     shown = {each.tick: each for each in found.over}
     assert (
         sorted(shown) == [each.tick for each in found.over] == list(range(1, TICKS + 1))
@@ -277,11 +276,10 @@ def test_whatever_byte_is_wrong_the_error_is_one_of_ours(
         with suppress(NeurosnapError):
             run_view = RunView(small)
             run_view.run(live=False)
-            members(run_view)
             for frame in run_view.frames(1, TICKS):
                 assert frame.state == whole[frame.tick].state
                 assert frame.bits in (whole[frame.tick].bits, [None] * len(frame.bits))
-            weighed(run_view, 0, 2, run_view.last)
+            run_view.edge(0, 2, run_view.last)
             run_view.graph(run_view.last // 2)
 
 
@@ -355,3 +353,54 @@ def test_a_growing_recording_is_followed(small: bytes, tmp_path: Path) -> None:
 def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:
     run_view = RunView(recorded(drawn_run(), tmp_path / "run.mcap"))
     assert run_view.frames(1, TICKS)[-1].tick == TICKS
+
+
+# The images of an environment ---------------------------------------------------------
+
+EVERY = 6
+
+
+def due(tick: int) -> int:
+    return tick - (tick - 1) % EVERY
+
+
+@pytest.fixture(scope="module")
+def lake_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    options = options_for(
+        "neurosnap/FrozenLake-v0", 5, ticks=TICKS, cells="inline", frames=EVERY
+    )
+    folder = tmp_path_factory.mktemp("lake")
+    return in_chunks(recorded(options, folder / "run.mcap"), folder / "cut.mcap", 9000)
+
+
+def test_every_frame_names_its_image(lake_log: Path) -> None:
+    frames = RunView(lake_log).frames(1, TICKS)
+    assert [frame.image for frame in frames] == [due(t) for t in range(1, TICKS + 1)]
+
+
+def test_it_is_found_while_the_recording_grows(lake_log: Path, tmp_path: Path) -> None:
+    data = lake_log.read_bytes()
+    ends = [
+        c.offset + c.packed for c in Recording.open(lake_log).files[0].layout.chunks
+    ]
+    assert len(ends) > 5
+    growing = tmp_path / "run.mcap"
+    growing.write_bytes(data[: ends[0]])
+    run_view = RunView(growing)
+    for end in ends[1:]:
+        growing.write_bytes(data[:end])
+        run_view.grow()
+        # That of the last tick is sent behind its observation, and may be to come.
+        known = run_view.frames(1, run_view.last - 1)
+        assert [frame.image for frame in known] == [due(f.tick) for f in known]
+    assert run_view.last > TICKS // 2
+
+
+def test_a_tick_that_has_none_has_the_one_before(lake_log: Path) -> None:
+    view = RunView(lake_log)
+    for tick in (20, 1, 40, 13, 14):
+        found = view.image(tick)
+        assert found is not None
+        assert found.tick == due(tick)
+        assert found.data.startswith(b"\x89PNG")
+    assert view.image(0) is None

@@ -60,13 +60,8 @@ export const fetchGraph = (tick) => ask("graph", { tick });
 export const fetchEdge = (source, target, tick, signal) =>
   ask("edge", { source, target, tick }, signal);
 
-/** One column over ticks `from` to `to`, in about `points` points. */
-export const fetchSeries = (column, from, to, points) =>
-  ask("series", { column, from, to, points });
-
-/** The same of another recording. */
-export const fetchSeriesOf = (other, column, from, to, points) =>
-  ask("series", { column, from, to, points, run: other });
+/** All columns over ticks `from` to `to`, in about `points` points each. */
+export const fetchSeries = (from, to, points) => ask("series", { from, to, points });
 
 /** The sensors that were grown, as far as that was read. */
 export const fetchBirths = () => ask("births");
@@ -83,11 +78,38 @@ export const fetchMarks = (from, to, bins) => ask("marks", { from, to, bins });
 /** The tick of the nearest anomaly before (-1) or after (1) a tick; null: there is none. */
 export const fetchBeside = async (tick, way) => (await ask("beside", { tick, way })).tick;
 
-/** The parts of the swarm. */
-export const fetchCells = () => ask("cells");
-
 /** Whether the recording is still there. */
 export const fetchPresence = () => ask("presence");
 
 /** The stream of what is new in a recording that grows. */
 export const openEvents = () => new EventSource(at("events"));
+
+// What a server reads in the background: asked for again until all of it is there.
+
+const AGAIN = 700; // milliseconds until it is asked for once more
+
+/** Asks for something, one question at a time. */
+export class Gathering {
+  /** @param {() => Promise<boolean>} ask told to ask, and tells whether that was all */
+  constructor(ask) {
+    this._ask = ask;
+    this._asking = false;
+    this._due = false;
+  }
+
+  /** Ask until all of it is there; who is asking already asks once more. */
+  async load() {
+    this._due = true; // there may be more than was asked for
+    if (this._asking) return;
+    this._asking = true;
+    try {
+      for (let done = false; !done || this._due; ) {
+        this._due = false;
+        done = await this._ask();
+        if (!done || this._due) await new Promise((soon) => setTimeout(soon, AGAIN));
+      }
+    } finally {
+      this._asking = false;
+    }
+  }
+}

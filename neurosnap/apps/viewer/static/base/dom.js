@@ -21,6 +21,21 @@ export function shape(tag, attributes = {}) {
   return element;
 }
 
+/** Make a table with a heading for each column and for each row. */
+export function table(caption, titles, rows, attributes = {}) {
+  const head = titles.map((title) => (title ? make("th", { scope: "col" }, title) : make("td")));
+  const body = rows.map(([name, ...rest]) =>
+    make("tr", {}, make("th", { scope: "row" }, name), ...rest.map((cell) => make("td", {}, cell))),
+  );
+  return make(
+    "table",
+    attributes,
+    make("caption", { className: "unseen" }, caption),
+    make("thead", {}, make("tr", {}, ...head)),
+    make("tbody", {}, ...body),
+  );
+}
+
 /** Set an element's text, if it is another than before: setting it costs a layout. */
 export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
@@ -42,4 +57,39 @@ export function flash(button, text) {
   button.dataset.says = before;
   button.textContent = text;
   setTimeout(() => (button.textContent = before), 1500);
+}
+
+// Tabs as they are known from elsewhere: one is on, arrows go to the next.
+
+/**
+ * Make a list of tabs work.
+ *
+ * @param {HTMLElement} list
+ * @param {(panel: string) => void} show told the id of the panel that comes up
+ * @param {string|null} first the panel to begin with; none of these: that of the first tab
+ */
+export function tabs(list, show, first) {
+  const all = [...list.querySelectorAll('[role="tab"]')];
+  const panel = (tab) => document.getElementById(tab.getAttribute("aria-controls"));
+  const select = (chosen) => {
+    for (const tab of all) {
+      tab.setAttribute("aria-selected", tab === chosen);
+      tab.tabIndex = tab === chosen ? 0 : -1;
+      panel(tab).hidden = tab !== chosen;
+    }
+    show(panel(chosen).id);
+  };
+  for (const [number, tab] of all.entries()) {
+    tab.addEventListener("click", () => select(tab));
+    tab.addEventListener("keydown", (event) => {
+      const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!by) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const next = all[(number + by + all.length) % all.length];
+      next.focus();
+      select(next);
+    });
+  }
+  select(all.find((tab) => tab.getAttribute("aria-controls") === first) ?? all[0]);
 }

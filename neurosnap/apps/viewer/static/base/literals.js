@@ -33,3 +33,82 @@ export function conditions(frame) {
   for (const sensor of frame.contradicted) words[sensor] = "contradicted";
   return words;
 }
+
+// What lies above and below literals in a learned order, over any number of edges. All
+// that are equivalent stand for each other: going from one to another is no step.
+
+/** Ways through an order. */
+export class Reach {
+  /**
+   * @param {object} graph as the server gives it
+   * @param {(edge: object) => boolean} passes which edges may be gone along
+   * @param {boolean} joins whether one may go from a literal to those equivalent to it
+   */
+  constructor(graph, passes = () => true, joins = true) {
+    this._up = new Map(); // what a literal implies at once
+    this._same = new Map();
+    for (const edge of graph.edges) {
+      if (!passes(edge)) continue;
+      this._join(edge.source, edge.target);
+      this._join(complementOf(edge.target), complementOf(edge.source));
+    }
+    for (const members of joins ? graph.classes : []) {
+      const turned = members.map(complementOf);
+      for (const each of members) this._same.set(each, members);
+      for (const each of turned) this._same.set(each, turned);
+    }
+  }
+
+  /**
+   * What some literals imply, themselves among it.
+   *
+   * @param {number[]} literals
+   * @param {number} most edges to go along
+   * @returns {Map<number, number>} each literal, with the one of those given that is
+   *   nearest to it
+   */
+  above(literals, most = Infinity) {
+    const found = new Map();
+    let ahead = [];
+    const take = (literal, from) => {
+      if (found.has(literal)) return;
+      found.set(literal, from);
+      ahead.push(literal);
+    };
+    const takeSame = () => {
+      for (const one of [...ahead]) {
+        for (const same of this._same.get(one) ?? []) take(same, found.get(one));
+      }
+    };
+    for (const literal of literals) take(literal, literal);
+    takeSame();
+    for (let gone = 0; gone < most && ahead.length > 0; gone += 1) {
+      const last = ahead;
+      ahead = [];
+      for (const one of last) {
+        for (const next of this._up.get(one) ?? []) take(next, found.get(one));
+      }
+      takeSame();
+    }
+    return found;
+  }
+
+  /** What implies some literals, likewise. */
+  below(literals, most = Infinity) {
+    const turned = this.above(literals.map(complementOf), most);
+    return new Map([...turned].map(([one, from]) => [complementOf(one), complementOf(from)]));
+  }
+
+  _join(source, target) {
+    if (!this._up.has(source)) this._up.set(source, []);
+    this._up.get(source).push(target);
+  }
+}
+
+const whole = new WeakMap(); // by graph: a way through it is found many times
+
+/** The ways through all of an order. */
+export function reachOf(graph) {
+  if (!whole.has(graph)) whole.set(graph, new Reach(graph));
+  return whole.get(graph);
+}

@@ -6,7 +6,7 @@ import { find, make } from "./dom.js";
 const GAP = 6; // pixels between a word and its sentence
 
 /** What each word means, in a sentence. */
-export const TERMS = {
+const TERMS = {
   order: "What the memory has learned: an edge from a up to b says that whenever a is on, b is.",
   "covering edge": "An implication that does not follow from others by way of a third sensor. Only these are drawn.",
   equivalence: "Two sensors of which each implies the other: they have always been the same, on and off together.",
@@ -45,7 +45,6 @@ export const TERMS = {
   implies: "What is on or off whenever this sensor is on.",
   threshold: "How seldom a must be seen with b off for a to imply b, as a share of all ticks.",
   health: "How far a sensor's readings agree with those of others: 1 is well, 0 is in alarm.",
-  cells: "The processes of the swarm. Every sensor is a cell; a worker has the cells of several.",
   imagined: "A wave that starts in a state the memory only imagines, some actions ahead, when it plans.",
 };
 

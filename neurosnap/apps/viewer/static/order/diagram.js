@@ -1,17 +1,12 @@
 // The diagram: the learned order in layers, the state in its nodes, and a wave on its way
 // over them. Nothing is laid out again while the order is the same.
 
-import { Camera } from "./camera.js";
-import { restricted } from "./focus.js";
-import { Glide } from "./glide.js";
-import { collapse, MOST } from "./groups.js";
-import { Layers } from "./layers.js";
-import { layOut, HEIGHT } from "./layout.js";
-import { curve, distance } from "./links.js";
+import { MOST, restricted } from "./focus.js";
+import { drawingOf, HEIGHT, layOut } from "./layered_drawing.js";
+import { curve, distance, waysOf } from "./lines.js";
 import { NodePainter, widthOf } from "./nodes.js";
 import { paintLines, paintNodes, paintWave } from "./painting.js";
-import { point } from "./pointer.js";
-import { waysOf } from "./pulses.js";
+import { Camera, Glide, Canvases, point } from "./screen.js";
 
 const NEAR = 7; // pixels from a line that still mean it
 
@@ -23,21 +18,18 @@ export class Diagram {
    * @param {(thing: object|null) => void} on.pick told what was clicked: `{sensor}`,
    *   `{edge}` or null
    * @param {() => void} on.alone told to lay out only what is looked at
-   * @param {() => void} on.change told when something was expanded or collapsed
    * @param {() => void} on.aim told when one looks elsewhere
    * @param {(item: object) => string} on.tell what to say of an item under the pointer
    */
   constructor(home, on) {
     this._on = on;
-    this._layers = new Layers(home);
+    this._canvases = new Canvases(home);
     this._camera = new Camera();
     this._painter = new NodePainter();
     this._graph = null;
     this._seen = null; // the part of it that is laid out
     this._focus = { sensors: null, edges: new Set(["excite", "inhibit", "same"]), alone: false };
-    this._expanded = new Set();
-    this._all = false;
-    this._drawing = { items: [], links: [], itemOf: [] };
+    this._drawing = { items: [], links: [] };
     this._laid = layOut([], [], widthOf); // where items stand
     this._places = this._laid.places; // where they are drawn: on their way, for a moment
     this._curves = new Map();
@@ -58,12 +50,12 @@ export class Diagram {
     });
     home.addEventListener("dblclick", ({ offsetX, offsetY }) => {
       const at = this._at(offsetX, offsetY);
-      if (at?.item?.kind === "sensor") on.alone();
+      if (at?.item) on.alone();
       else this.fit();
     });
   }
 
-  /** How many items are drawn, of how many sensors. */
+  /** How many sensors are laid out, and how many there would be if there were room. */
   get count() {
     return { items: this._drawing.items.length, sensors: this._seen?.nodes.length ?? 0 };
   }
@@ -86,11 +78,6 @@ export class Diagram {
   /** What it takes up, in places of the drawing. */
   get box() {
     return this._laid.box;
-  }
-
-  /** Whether there is too much to draw every sensor by itself. */
-  get isLarge() {
-    return this.count.sensors > MOST;
   }
 
   /**
@@ -142,45 +129,30 @@ export class Diagram {
     this._paint();
   }
 
-  /** Bring a sensor into view, out of what it is collapsed into. */
+  /** Bring a sensor into view. */
   reveal(sensor) {
-    if (this._graph === null) return;
-    let item = this._drawing.itemOf[sensor];
-    if (item === undefined) return; // it is not read
-    while (item.kind !== "sensor") {
-      this._expand(item);
-      item = this._drawing.itemOf[sensor];
-    }
-    const place = this._laid.places.get(item.key);
-    const { width, height } = this._layers;
+    const place = this._laid.places.get(sensor);
+    if (place === undefined) return; // it is not read, or not drawn
+    const { width, height } = this._canvases;
     if (this._camera.sees(place, width, height)) return;
     this._aim((camera) => camera.centre(place, width, height));
   }
 
-  /** Draw every sensor by itself, or collapse again what is too much. */
-  expandAll(all) {
-    this._all = all;
-    this._expanded.clear();
-    this._whole = true;
-    this._arrange();
-    this._on.change();
-  }
-
   /** Make everything larger by a factor. */
   zoom(factor) {
-    const { width, height } = this._layers;
+    const { width, height } = this._canvases;
     this._aim((camera) => camera.zoom(factor, width / 2, height / 2));
   }
 
   /** Where one looks: the place in the middle, and the scale; null: at all of it. */
   get view() {
-    const { width, height } = this._layers;
+    const { width, height } = this._canvases;
     return this._whole ? null : this._camera.view(width, height);
   }
 
   /** Look there. */
   look(view) {
-    const { width, height } = this._layers;
+    const { width, height } = this._canvases;
     this._aim((camera) => camera.look(view, width, height));
   }
 
@@ -190,7 +162,7 @@ export class Diagram {
       this._whole = true;
       this._on.aim();
     }
-    this._camera.fit(this._laid.box, this._layers.width, this._layers.height);
+    this._camera.fit(this._laid.box, this._canvases.width, this._canvases.height);
     this._paint();
   }
 
@@ -206,11 +178,12 @@ export class Diagram {
     const from = new Map();
     for (const [key, place] of this._places) from.set(key, this._camera.over(place));
     this._seen = this._focus.alone ? restricted(this._graph, this._focus) : this._graph;
-    this._drawing = collapse(this._seen, this._expanded, this._all ? Infinity : MOST);
+    const isLegible = this._seen.nodes.length <= MOST;
+    this._drawing = isLegible ? drawingOf(this._seen) : { items: [], links: [] };
     const { items, links } = this._drawing;
     this._laid = layOut(items, links, widthOf);
     this._ways = waysOf(links);
-    const { width, height } = this._layers;
+    const { width, height } = this._canvases;
     if (this._whole) this._camera.fit(this._laid.box, width, height);
     // The camera may have turned: they set out from where they were on the screen.
     for (const [key, place] of from) from.set(key, this._camera.under(place));
@@ -224,14 +197,8 @@ export class Diagram {
     this._paint();
   }
 
-  _expand(item) {
-    this._expanded.add(item.key);
-    this._arrange();
-    this._on.change();
-  }
-
   _resize() {
-    const { width, height } = this._layers.resize();
+    const { width, height } = this._canvases.resize();
     if (this._whole) {
       this.fit();
     } else {
@@ -253,39 +220,37 @@ export class Diagram {
   _paint() {
     this._paintLines();
     this._shown.clear();
-    this._layers.wipe(this._layers.nodes);
+    this._canvases.wipe(this._canvases.nodes);
     this._paintNodes();
     this._paintPulses();
   }
 
   _paintLines() {
-    const { lines } = this._layers;
-    this._layers.wipe(lines);
+    const { lines } = this._canvases;
+    this._canvases.wipe(lines);
     paintLines(lines, this.scene, this._sheet);
   }
 
   _paintNodes() {
     if (this._frame === null) return;
-    paintNodes(this._layers.nodes, this.scene, this._sheet, this._shown);
+    paintNodes(this._canvases.nodes, this.scene, this._sheet, this._shown);
   }
 
   _paintPulses() {
-    this._layers.wipe(this._layers.pulses);
-    paintWave(this._layers.pulses, this.scene, this._sheet);
+    this._canvases.wipe(this._canvases.pulses);
+    paintWave(this._canvases.pulses, this.scene, this._sheet);
   }
 
   get _sheet() {
-    const { width, dots } = this._layers;
+    const { width, dots } = this._canvases;
     return { camera: this._camera, width, dots, painter: this._painter };
   }
 
   // Clicking -------------------------------------------------------------------------
 
   _click(thing) {
-    if (thing?.item && thing.item.kind !== "sensor") this._expand(thing.item);
-    else if (thing?.item) this._on.pick({ sensor: thing.item.sensors[0] });
-    else if (thing?.link.edges.length === 1) this._on.pick({ edge: thing.link.edges[0] });
-    else this._on.pick(null);
+    if (thing?.item) this._on.pick({ sensor: thing.item.sensor });
+    else this._on.pick(thing && { edge: thing.link.edge });
   }
 
   /** Name what is under the pointer, which may be too small to read; tell if anything is. */

@@ -2,10 +2,12 @@
 // to some depth; only sensors that are on, contradicted, predicted or grown; only edges of
 // some kinds. The rest is faint, or left out where only these are laid out.
 
-import { beliefs } from "../tick/belief.js";
 import { find, make, write } from "../base/dom.js";
-import { complementOf, drawn, sensorOf } from "../base/literals.js";
-import { Reach } from "../base/reach.js";
+import { bitWord, complementOf, drawn, Reach, sensorOf } from "../base/literals.js";
+import { beliefs } from "../tick/belief.js";
+
+/** The most sensors that are drawn: more could not be read. */
+export const MOST = 160;
 
 const EDGES = ["excite", "inhibit", "same"];
 const WORDS = { excite: "excites", inhibit: "inhibits", same: "equivalent" };
@@ -44,12 +46,13 @@ export class Focus {
   }
 
   /**
-   * What is looked at.
+   * What is looked at. Of an order too large to be drawn it is laid out by itself, and what
+   * a search has found is looked at where nothing is selected.
    *
    * @returns {{sensors: Set<number>|null, edges: Set<string>, alone: boolean}} the sensors,
    *   null for all of them; which kinds of edges are drawn; whether the rest is left out
    */
-  of(graph, frame, chosen) {
+  of(graph, frame, chosen, sought) {
     const held = beliefs(frame);
     const is = {
       on: (sensor) => held[sensor].condition === "on",
@@ -61,26 +64,30 @@ export class Focus {
     this._count(graph, all, is);
     const sensor = chosen?.sensor;
     this._depth.disabled = sensor === undefined;
-    let sensors = sensor === undefined ? null : this._around(graph, sensor);
+    const isLarge = all.length > MOST;
+    let sensors = sensor === undefined ? (isLarge ? sought : null) : this._around(graph, sensor, isLarge);
     if (this._only.size > 0) {
       const kept = all.filter((one) => [...this._only].some((kind) => is[kind](one)));
       sensors = new Set(kept.filter((one) => sensors === null || sensors.has(one)));
     }
     find("focus-alone").disabled = sensors === null && !this._alone;
-    return { sensors, edges: this._edges, alone: this._alone && sensors !== null };
+    return { sensors, edges: this._edges, alone: (this._alone || isLarge) && sensors !== null };
   }
 
   /** The sensors of whose literals one implies one of this sensor's, or is implied. */
-  _around(graph, sensor) {
+  _around(graph, sensor, isLarge) {
     if (this._reach?.graph !== graph) {
       const passes = ({ source, target }) => this._edges.has(drawn(source, target).kind);
       const way = new Reach(graph, passes, this._edges.has("same"));
       this._reach = { graph, way };
     }
     const { way } = this._reach;
-    const most = Number(this._depth.value);
-    const found = [way.above([2 * sensor], most), way.below([2 * sensor], most)];
-    return new Set(found.flatMap((literals) => [...literals.keys()].map(sensorOf)));
+    const within = (most) => {
+      const found = [way.above([2 * sensor], most), way.below([2 * sensor], most)];
+      return new Set(found.flatMap((literals) => [...literals.keys()].map(sensorOf)));
+    };
+    const around = within(Number(this._depth.value));
+    return isLarge && around.size > MOST ? within(1) : around;
   }
 
   _count(graph, all, is) {
@@ -88,9 +95,16 @@ export class Focus {
     for (const kind of EDGES) {
       const same = graph.classes.reduce((sum, { length }) => sum + length - 1, 0);
       const count = kind === "same" ? same : kinds.filter((one) => one === kind).length;
-      write(this._chips.get(kind), `${WORDS[kind]} ${count}`);
+      this._showChip(kind, count, !this._edges.has(kind));
     }
-    for (const kind of ONLY) write(this._chips.get(kind), `${kind} ${all.filter(is[kind]).length}`);
+    for (const kind of ONLY) this._showChip(kind, all.filter(is[kind]).length, this._only.has(kind));
+  }
+
+  /** Show how many there are; a chip that would change nothing goes. */
+  _showChip(kind, count, isUsed) {
+    const chip = this._chips.get(kind);
+    write(chip, `${WORDS[kind] ?? kind} ${count}`);
+    chip.hidden = count === 0 && !isUsed;
   }
 
   _chip(home, kind, chosen) {
@@ -130,4 +144,89 @@ export function restricted(graph, { sensors, edges: kinds }) {
       .filter(({ source, target }) => has(source) && has(target)),
     classes: classes.filter(({ length }) => length > 1),
   };
+}
+
+// Finding sensors by name, by what is believed of them, by what they read: all that match
+// are marked, and Enter goes from one to the next.
+
+const BELIEVED = ["on", "off", "unknown", "contradicted", "predicted", "grown"];
+const READ = ["on", "off", "unknown"];
+
+/** The search field. */
+export class Search {
+  /**
+   * @param {string[]} names
+   * @param {import("../run/growth.js").GrowthView} growth
+   * @param {object} on
+   * @param {(found: Set<number>|null) => void} on.mark
+   * @param {(sensor: number) => void} on.pick
+   * @param {(sensor: number) => boolean} on.isGrown
+   */
+  constructor(names, growth, on) {
+    this._names = names;
+    this._growth = growth;
+    this._on = on;
+    this._field = find("search-text");
+    this._found = [];
+    this._next = 0;
+    this._field.addEventListener("input", () => this._look());
+    this._field.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") this._clear();
+    });
+    find("search").addEventListener("submit", (event) => {
+      event.preventDefault();
+      if (this._found.length === 0) return;
+      this._on.pick(this._found[this._next]);
+      this._next = (this._next + 1) % this._found.length;
+    });
+  }
+
+  /** Go to the field. */
+  focus() {
+    this._field.focus();
+    this._field.select();
+  }
+
+  /** A tick is shown: what is found by its state may be other sensors now. */
+  show(frame) {
+    this._frame = frame;
+    if (this._field.value.includes(":")) this._look();
+  }
+
+  _look() {
+    const text = this._field.value.trim().toLowerCase();
+    const names = this._names.map((name) => name.toLowerCase());
+    const asked = text.split(/\s+/).filter(Boolean).map((word) => this._asked(word, names));
+    const wrong = asked.find((one) => typeof one === "string");
+    const matches = (_, sensor) =>
+      this._growth.isSensor(sensor) && asked.every((is) => is(sensor));
+    const all = names.flatMap((name, sensor) => (!wrong && matches(name, sensor) ? [sensor] : []));
+    this._found = text ? all : [];
+    // A name that is the whole of what was typed comes first.
+    this._found.sort((a, b) => (names[b] === text) - (names[a] === text) || a - b);
+    this._next = 0;
+    const count = this._found.length;
+    write(find("search-found"), wrong ?? (text ? (count ? `${count} found` : "none") : ""));
+    this._on.mark(text ? new Set(this._found) : null);
+  }
+
+  /** What a word asks of a sensor; a text says what is wrong with it. */
+  _asked(word, names) {
+    const [, key, value] = /^(is|reads):(.*)$/.exec(word) ?? [];
+    if (key === undefined) return (sensor) => names[sensor].includes(word);
+    const known = key === "is" ? BELIEVED : READ;
+    if (!known.includes(value)) return `${key}: one of ${known.join(", ")}`;
+    if (value === "grown") return this._on.isGrown;
+    const { bits } = this._frame;
+    if (key === "reads") return (sensor) => bitWord(bits[sensor]) === value;
+    const held = beliefs(this._frame);
+    if (value === "predicted") return (sensor) => held[sensor].predicted;
+    return (sensor) => held[sensor].condition === value;
+  }
+
+  _clear() {
+    this._field.value = "";
+    this._look();
+    this._field.blur();
+  }
 }

@@ -4,11 +4,10 @@
 // is what is believed, and the rim is around what was read: what is only predicted has no
 // rim and is hatched, and what was read and contradicted has a rim and is not filled.
 
-import { hatching } from "./hatch.js";
-import { HEIGHT } from "./layout.js";
-import { CAP } from "./links.js";
-import { palette, font } from "../base/palette.js";
-import { paintSummary, SQUARE, summaryWidth, writeSummary } from "./summaries.js";
+import { font, palette } from "../base/colours.js";
+import { HEIGHT } from "./layered_drawing.js";
+import { CAP } from "./lines.js";
+import { beliefs } from "../tick/belief.js";
 
 const FONT = 11;
 const LONGEST = 28; // characters of a name that are drawn
@@ -21,16 +20,12 @@ let measuring = null;
 /** How wide an item is drawn. */
 export function widthOf(item) {
   measuring ??= document.createElement("canvas").getContext("2d");
-  const measure = (text, style) => {
-    measuring.font = style;
-    return measuring.measureText(text).width;
-  };
-  if (item.kind !== "sensor") return summaryWidth(item, measure);
-  return Math.round(measure(shortened(item.name), font(FONT)) + CAP + 18);
+  measuring.font = font(FONT);
+  return Math.round(measuring.measureText(shortened(item.name)).width + CAP + 18);
 }
 
 /** A name as it is drawn: of a very long one the beginning and the end tell it apart. */
-export function shortened(name) {
+function shortened(name) {
   const letters = [...name];
   if (letters.length <= LONGEST) return name;
   const half = (LONGEST - 1) >> 1;
@@ -63,8 +58,7 @@ export class NodePainter {
       context.globalAlpha = 0.4;
     }
     this._hatch ??= hatching(context, this.colours.accent);
-    if (place.item.kind === "sensor") this._sensor(context, place, look, scale);
-    else this._summary(context, place, look, scale);
+    this._sensor(context, place, look, scale);
     context.globalAlpha = 1;
   }
 
@@ -128,7 +122,7 @@ export class NodePainter {
     context.stroke();
     context.setLineDash([]);
     if (look.reads !== null && !look.waving) this._rim(context, look, left, top, width);
-    this._ring(context, look, left, top, width, ROUND);
+    this._ring(context, look, left, top, width);
   }
 
   /** Surround the half that was read, whatever is believed. */
@@ -142,27 +136,9 @@ export class NodePainter {
     context.stroke();
   }
 
-  _summary(context, place, look, scale) {
-    const { colours } = this;
-    const [left, top, width] = [place.x - place.width / 2, place.y - HEIGHT / 2, place.width];
-    context.fillStyle = colours.panel;
-    const isSound = look.counts.contradicted === 0;
-    context.strokeStyle = isSound ? colours.mute : colours.bad;
-    context.lineWidth = isSound ? 1.2 : 2;
-    for (const shift of [3, 0]) {
-      outline(context, left + shift, top - shift, width, SQUARE);
-      context.fill();
-      context.stroke();
-    }
-    paintSummary(context, place, look, left, top, colours, this._hatch);
-    this._ring(context, look, left, top, width, SQUARE);
-    if (scale < READABLE * 0.7) return;
-    writeSummary(context, place, look, left, colours, this._hatch);
-  }
-
-  _ring(context, look, left, top, width, round) {
+  _ring(context, look, left, top, width) {
     if (!look.chosen && !look.found) return;
-    outline(context, left - 3.5, top - 3.5, width + 7, round + 3.5, HEIGHT + 7);
+    outline(context, left - 3.5, top - 3.5, width + 7, ROUND + 3.5, HEIGHT + 7);
     context.lineWidth = look.chosen ? 2.5 : 1.5;
     context.strokeStyle = look.chosen ? this.colours.ink : this.colours.accent;
     context.stroke();
@@ -183,4 +159,86 @@ const sign = (condition) => SIGNS[condition] ?? "∗";
 function outline(context, left, top, width, round, height = HEIGHT) {
   context.beginPath();
   context.roundRect(left, top, width, height, round);
+}
+
+// How each item looks at a tick: what the state has of it, how far the wave has come, and
+// whether it is selected or found.
+
+/**
+ * @typedef {object} Look
+ * @property {string} condition on, off, unknown or contradicted
+ * @property {boolean} predicted the state has it, and it was not read
+ * @property {number|null} reads what was read of it
+ * @property {number} own how the wave stands to the sensor's own literal: 0 has not
+ *   reached it, 1 has, 2 has at this very hop
+ * @property {number} complement the same for its complement
+ * @property {boolean} waving a wave is shown
+ * @property {boolean} chosen it is selected
+ * @property {boolean} found the search found it
+ * @property {boolean} dim there is a search, and it did not find it, or something else is
+ *   looked at
+ */
+
+/** Something that is the same for looks that are the same. */
+export const lookKey = (look) => Object.values(look).join();
+
+/**
+ * Return what gives each item its look.
+ *
+ * @param {object} frame
+ * @param {{hops: Map<number, number>, at: number}|null} wave
+ * @param {{sensor: number}|null} chosen
+ * @param {Set<number>|null} sought the sensors a search has found; null: there is none
+ * @param {Set<number>|null} seen the sensors that are looked at; null: all
+ */
+export function looks(frame, wave, chosen, sought, seen = null) {
+  const held = beliefs(frame);
+  const reached = reach(wave);
+  return ({ sensor }) => {
+    const found = sought?.has(sensor) ?? false;
+    return {
+      ...held[sensor],
+      own: reached(2 * sensor),
+      complement: reached(2 * sensor + 1),
+      waving: wave !== null,
+      chosen: chosen?.sensor === sensor,
+      found,
+      dim: (sought !== null && !found) || (seen !== null && !seen.has(sensor)),
+    };
+  };
+}
+
+function reach(wave) {
+  if (wave === null) return () => 0;
+  const now = Math.floor(wave.at);
+  return (literal) => {
+    const hop = wave.hops.get(literal);
+    if (hop === undefined || hop > now) return 0;
+    return hop === now ? 2 : 1;
+  };
+}
+
+// The hatching of what is predicted: stripes in a colour, as wide at every scale.
+
+const SIZE = 6; // pixels until the stripes repeat
+
+/** Make a pattern of stripes to fill with. */
+function hatching(context, colour) {
+  const tile = context.newTile?.(SIZE) ?? canvasTile(); // an SVG has tiles of its own
+  tile.strokeStyle = colour;
+  tile.globalAlpha = 0.45;
+  tile.lineWidth = 1.8;
+  tile.beginPath();
+  for (const shift of [-SIZE, 0, SIZE]) {
+    tile.moveTo(shift, SIZE);
+    tile.lineTo(shift + SIZE, 0);
+  }
+  tile.stroke();
+  return context.createPattern(tile.canvas, "repeat");
+}
+
+function canvasTile() {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [SIZE, SIZE];
+  return canvas.getContext("2d");
 }

@@ -1,19 +1,17 @@
 // What a drawing of the order is painted from, and how: behind, the lines; then the nodes;
 // above them a wave on its way. The screen and a picture that is kept are painted alike.
 
-import { paintClasses, paintStripes } from "./background.js";
-import { HEIGHT } from "./layout.js";
-import { paintLink } from "./links.js";
 import { sensorOf } from "../base/literals.js";
-import { lookKey, looks } from "./looks.js";
-import { paintPulses } from "./pulses.js";
+import { HEIGHT } from "./layered_drawing.js";
+import { paintClasses, paintLink, paintPulses, paintStripes } from "./lines.js";
+import { lookKey, looks } from "./nodes.js";
 
 const RING = 5; // by how much what marks a node stands out
 
 /**
  * @typedef {object} Scene
  * @property {object[]} bands the layers
- * @property {Map<string, object>} places where each item is drawn, by key
+ * @property {Map<number, object>} places where each item is drawn, by sensor
  * @property {Map<object, object>} curves of the links
  * @property {object[]} ways that pulses go
  * @property {object} frame
@@ -38,11 +36,9 @@ export function paintLines(context, scene, { camera, width, dots, painter: { col
   aim(context, camera, dots);
   const { focus, sought } = scene;
   if (focus.edges.has("same")) paintClasses(context, scene.places, colours);
-  const isFar = ({ sensors }) =>
-    focus.sensors !== null && !sensors.some((one) => focus.sensors.has(one));
-  const isSought = ({ sensors }) => sensors.some((one) => sought.has(one));
+  const isFar = ({ sensor }) => focus.sensors !== null && !focus.sensors.has(sensor);
   const isFaint = ({ from, to }) =>
-    isFar(from) || isFar(to) || (sought !== null && !isSought(from) && !isSought(to));
+    isFar(from) || isFar(to) || (sought !== null && !sought.has(from.sensor) && !sought.has(to.sensor));
   const chosen = [];
   for (const [link, c] of scene.curves) {
     if (!focus.edges.has(link.kind)) continue;
@@ -55,7 +51,7 @@ export function paintLines(context, scene, { camera, width, dots, painter: { col
 /**
  * Paint the nodes that look otherwise than before.
  *
- * @param {Map<string, string>|null} shown how each was painted last, by key; null: none was,
+ * @param {Map<number, string>|null} shown how each was painted last, by sensor; null: none was,
  *   and nothing is there to be wiped away
  */
 export function paintNodes(context, scene, { camera, dots, painter }, shown = null) {
@@ -66,8 +62,8 @@ export function paintNodes(context, scene, { camera, dots, painter }, shown = nu
     const look = lookOf(place.item);
     if (shown !== null) {
       const key = lookKey(look);
-      if (shown.get(place.item.key) === key) continue;
-      shown.set(place.item.key, key);
+      if (shown.get(place.item.sensor) === key) continue;
+      shown.set(place.item.sensor, key);
       const [wide, high] = [place.width + 2 * RING, HEIGHT + 2 * RING];
       context.clearRect(place.x - wide / 2, place.y - high / 2, wide, high);
     }
@@ -91,9 +87,7 @@ function aim(context, { scale, left, top }, dots) {
 function isChosen(link, chosen) {
   if (chosen === null) return false;
   const { sensor, edge } = chosen;
-  return link.edges.some(({ source, target }) =>
-    edge
-      ? edge.source === source && edge.target === target
-      : sensorOf(source) === sensor || sensorOf(target) === sensor,
-  );
+  const { source, target } = link.edge;
+  if (edge) return edge.source === source && edge.target === target;
+  return sensorOf(source) === sensor || sensorOf(target) === sensor;
 }

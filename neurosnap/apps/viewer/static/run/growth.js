@@ -1,7 +1,7 @@
 // What the run has grown: asked for until all of it is known, and shown as a table.
 
-import { counted, find, make } from "../base/dom.js";
-import { Gathering } from "../base/gathering.js";
+import { Gathering } from "../base/api.js";
+import { counted, find, make, table } from "../base/dom.js";
 
 /** The births of a run, and the panel that lists them. */
 export class GrowthView {
@@ -79,18 +79,9 @@ export class GrowthView {
     const so = done ? "" : ` Read up to tick ${readTo} so far.`;
     const grown = births.length ? counted(births.length, "sensor") : "No sensor";
     const note = `${grown} grown, room for ${room} more.${so}`;
-    const titles = [["Tick"], ["Sensor"], ["Learned from", "number"], ["Retired", "number"]];
-    const head = titles.map(([title, className = ""]) =>
-      make("th", { scope: "col", className }, title),
-    );
-    const table = make(
-      "table",
-      { id: "grown-list" },
-      make("caption", { className: "unseen" }, "The sensors that were grown"),
-      make("thead", {}, make("tr", {}, ...head)),
-      make("tbody", {}, ...births.map((birth) => this._row(birth))),
-    );
-    find("grown").replaceChildren(make("p", { className: "quiet" }, note), table);
+    const titles = ["Sensor", "Tick", "Learned from", "Retired"];
+    const all = table("The sensors that were grown", titles, births.map((birth) => this._row(birth)), { id: "grown-list" });
+    find("grown").replaceChildren(make("p", { className: "quiet" }, note), all);
   }
 
   _row({ tick, exact, sensor, name, history, retired }) {
@@ -98,14 +89,12 @@ export class GrowthView {
     when.addEventListener("click", () => this._on.seek(tick));
     const open = make("button", { type: "button" }, name);
     open.addEventListener("click", () => this._on.pick(sensor));
-    return make(
-      "tr",
-      {},
-      make("td", {}, when),
-      make("th", { scope: "row" }, open),
-      make("td", { className: "number" }, history === null ? "not known" : counted(history, "tick")),
-      make("td", { className: "number" }, retired === null ? "–" : `tick ${retired}`),
-    );
+    return [
+      open,
+      when,
+      history === null ? "not known" : counted(history, "tick"),
+      retired === null ? "–" : `tick ${retired}`,
+    ];
   }
 }
 

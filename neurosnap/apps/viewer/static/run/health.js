@@ -1,8 +1,8 @@
 // Which sensors of a home seem broken, and how much is known of them: asked for until all
 // of the readings are counted.
 
-import { counted, find, make, write } from "../base/dom.js";
-import { Gathering } from "../base/gathering.js";
+import { Gathering } from "../base/api.js";
+import { counted, find, make, table, write } from "../base/dom.js";
 
 /** The panel of the sensors' health. */
 export class HealthView {
@@ -30,28 +30,16 @@ export class HealthView {
     const bad = alarms.length ? `: ${counted(alarms.length, "alarm")}` : "";
     write(find("tab-health"), `Health${bad}`);
     const so = done ? "" : `; read up to tick ${readTo} so far`;
-    const head = ["Sensor", "Health"].map((title) => make("th", { scope: "col" }, title));
-    const table = make(
-      "table",
-      {},
-      make("caption", { className: "unseen" }, "The health of the sensors"),
-      make("thead", {}, make("tr", {}, ...head)),
-      make("tbody", {}, ...sensors.map(row)),
-    );
+    const all = table("The health of the sensors", ["Sensor", "Health"], sensors.map(row));
     find("health").replaceChildren(
       make("p", { className: "quiet" }, `${progress}${so}`),
       ...alarms.map((alarm) => make("p", { className: "alarm" }, alarm)),
-      table,
+      all,
     );
   }
 }
 
 function row({ sensor, known, health }) {
   const words = health > 0 ? `${Math.round(100 * health)} %` : "in alarm";
-  return make(
-    "tr",
-    {},
-    make("th", { scope: "row" }, sensor),
-    make("td", {}, known ? words : "not known yet"),
-  );
+  return [sensor, known ? words : "not known yet"];
 }

@@ -1,5 +1,9 @@
 // A run that is under way: what is new comes as differences, and is put together again.
 
+import { keep, told } from "../base/address.js";
+import { fetchRuns, run } from "../base/api.js";
+import { find, make, write } from "../base/dom.js";
+
 /**
  * Return the frame that a change leads to; undefined if what it changes is not known.
  *
@@ -49,4 +53,80 @@ export function follow(open, onEvent, onLink) {
     if (!event.live) stream.close(); // it would be opened again and again otherwise
     onEvent(event);
   });
+}
+
+// Whether the server is there, and the recording: asked for as long as the page is seen.
+// Not by a stream: a browser has six connections to a server, for all its tabs together.
+
+const EVERY = 2000; // milliseconds
+
+/**
+ * Ask again and again.
+ *
+ * @param {() => Promise<object>} ask says itself if nobody answers
+ * @param {(trouble: string|null) => void} onTrouble told what has become of the recording;
+ *   null: it is there
+ */
+export function attend(ask, onTrouble) {
+  setInterval(() => {
+    if (!document.hidden) ask().then(({ trouble }) => onTrouble(trouble), () => {});
+  }, EVERY);
+}
+
+// Which of the server's recordings is looked at: one is chosen in the head of the page, and
+// the page is opened anew with it.
+
+/** Show the recordings there are, where there are several; return them. */
+export async function chooseRun() {
+  const runs = await fetchRuns();
+  const choice = find("run");
+  choice.hidden = runs.length < 2;
+  choice.replaceChildren(
+    ...runs.map(({ name, live }, number) =>
+      make("option", { value: number }, live ? `${name} (live)` : name),
+    ),
+  );
+  choice.value = run;
+  choice.addEventListener("change", () => {
+    keep({ run: choice.value === "0" ? null : choice.value });
+    location.reload();
+  });
+  addEventListener("hashchange", () => {
+    if ((told().get("run") ?? "0") !== run) location.reload();
+  });
+  return runs;
+}
+
+// Says that what is shown is not what was asked for: it is being read, or cannot be.
+
+const PATIENCE = 150; // milliseconds that pass for at once
+
+/** The sign over the diagram. */
+export class Lateness {
+  /** A tick is asked for, while another is shown; null: none is. */
+  wait(asked, shown) {
+    clearTimeout(this._timer);
+    const still = shown === null ? "" : `; this is tick ${shown}`;
+    this._timer = setTimeout(() => this._say(`reading tick ${asked}${still}`, true), PATIENCE);
+  }
+
+  /** A tick that was asked for is not to be had, and another is still shown. */
+  miss(asked, shown) {
+    clearTimeout(this._timer);
+    if (shown === null || shown === asked) this.end();
+    else this._say(`this is tick ${shown}, not tick ${asked}`, false);
+  }
+
+  /** What is shown is what was asked for. */
+  end() {
+    clearTimeout(this._timer);
+    this._say("", false);
+  }
+
+  _say(text, isBusy) {
+    write(find("late"), text);
+    find("late").hidden = text === "";
+    find("late").classList.toggle("busy", isBusy);
+    document.body.classList.toggle("late", text !== "");
+  }
 }

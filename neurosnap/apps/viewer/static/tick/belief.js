@@ -2,19 +2,10 @@
 // from the readings and the learned order: it may hold what was not read, and holds nothing
 // where readings and order contradict each other.
 
+import { bitWord, conditions, few, isComplement, literalName, reachOf, sensorOf } from "../base/literals.js";
 import { unread } from "../run/growth.js";
-import { bitWord, conditions, few, literalName, sensorOf } from "../base/literals.js";
-import { reachOf } from "../base/reach.js";
 
 const NAMED = 2;
-
-const COUNTED = {
-  on: "read on",
-  off: "read off",
-  predicted: "predicted",
-  contradicted: "contradicted",
-  unknown: "unknown",
-};
 
 /**
  * What there is of each sensor of a frame.
@@ -31,32 +22,18 @@ export function beliefs(frame) {
   });
 }
 
-/** How many of some sensors are on and off, as read, and predicted, contradicted, unknown. */
-export function countKinds(found, sensors) {
-  const counts = { on: 0, off: 0, predicted: 0, contradicted: 0, unknown: 0 };
-  for (const sensor of sensors) {
-    const { condition, predicted } = found[sensor];
-    counts[predicted ? "predicted" : condition] += 1;
-  }
-  return counts;
-}
-
-/** The same of all sensors of a frame but those that are not read any more, or not yet. */
+/** How many sensors of a frame are what, but for those that are not read any more, or not yet. */
 export function countAll(frame) {
   // What the decision changed holds from the next tick on.
   const changed = new Map(frame.changed.map(({ sensor, retires }) => [sensor, retires]));
-  const found = beliefs(frame);
-  const read = [...found.keys()].filter((one) => changed.get(one) ?? !unread(frame, one));
-  const counts = countKinds(found, read);
-  return { ...counts, on: read.filter((one) => found[one].condition === "on").length };
+  const counts = { on: 0, predicted: 0, contradicted: 0, unknown: 0 };
+  beliefs(frame).forEach(({ condition, predicted }, sensor) => {
+    if (!(changed.get(sensor) ?? !unread(frame, sensor))) return;
+    if (condition !== "off") counts[condition] += 1;
+    if (predicted) counts.predicted += 1;
+  });
+  return counts;
 }
-
-/** Counts in words; what there is none of is left out. */
-const countWords = (counts) =>
-  Object.entries(COUNTED)
-    .filter(([kind]) => counts[kind] > 0)
-    .map(([kind, words]) => `${counts[kind]} ${words}`)
-    .join(", ");
 
 /** Says of one sensor after the other why it is believed, for one frame. */
 export class Reasons {
@@ -101,11 +78,6 @@ export class Reasons {
     return predicted ? "predicted" : "read";
   }
 
-  /** How many of some sensors are what, in words. */
-  count(sensors) {
-    return countWords(countKinds(this._found, sensors));
-  }
-
   /** Who says what else than was read. */
   _against(sensor, reads) {
     const both = [2 * sensor, 2 * sensor + 1];
@@ -129,8 +101,25 @@ export class Reasons {
   }
 }
 
-/** What to say of an item under the pointer. */
-export function tellItem({ kind, name, sensors }, reasons) {
-  if (kind !== "sensor") return `${name}: ${reasons.count(sensors)}`;
-  return `${name}: ${reasons.of(sensors[0])}`;
+// What would be believed if a sensor were on, or off: all that its literals imply.
+
+const FOLLOWING = 5; // sensors that are named
+
+/**
+ * Say what a literal implies of other sensors.
+ *
+ * @param {number} literal
+ * @param {object} graph
+ * @param {string[]} names
+ * @returns {string} such as "on: power; off: door, red"
+ */
+export function consequences(literal, graph, names) {
+  const all = [...reachOf(graph).above([literal]).keys()];
+  const others = all.filter((one) => sensorOf(one) !== sensorOf(literal));
+  const [off, on] = [true, false].map((isOff) => others.filter((one) => isComplement(one) === isOff));
+  const words = [["on", on], ["off", off]].flatMap(([word, some]) => {
+    const named = few(some.map((one) => names[sensorOf(one)]), FOLLOWING);
+    return some.length ? [`${word}: ${named}`] : [];
+  });
+  return words.join("; ") || "nothing follows";
 }

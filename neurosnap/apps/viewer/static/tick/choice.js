@@ -1,12 +1,11 @@
 // What is selected: a sensor with its edges, or an edge with its weights.
 
 import { find, make, write } from "../base/dom.js";
-import { EdgeView } from "./edge.js";
-import { consequences } from "./consequences.js";
-import { edgeList } from "./edge_list.js";
-import { unread } from "../run/growth.js";
-import { bitWord, conditions, few, literalName, sensorOf } from "../base/literals.js";
+import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
 import { term } from "../base/terms.js";
+import { unread } from "../run/growth.js";
+import { consequences } from "./belief.js";
+import { EdgeView } from "./edge.js";
 
 const NAMED = 8; // members of a class that are listed
 
@@ -121,4 +120,61 @@ export class ChoiceView {
     const standing = sensorOf(this._node(sensor, graph)?.class ?? 2 * sensor);
     return standing === sensor ? "No edges yet." : `Its edges are those of ${this._names[standing]}.`;
   }
+}
+
+// The edges of a sensor in groups, by what they say of it.
+
+const FEW = 6; // edges of a group that are listed before all are asked for
+
+/** What an edge says of one of its two sensors. */
+function groupOf({ source, target }, sensor) {
+  if (isComplement(target)) return "excludes";
+  if (isComplement(source)) return "one of the two is on";
+  return sensorOf(source) === sensor ? "implies" : "implied by";
+}
+
+/**
+ * List the edges of a sensor.
+ *
+ * @param {number} sensor
+ * @param {object} graph
+ * @param {string[]} names
+ * @param {(edge: object) => void} pick
+ * @returns {HTMLElement[]} a heading and a list for each group there is
+ */
+function edgeList(sensor, graph, names, pick) {
+  const own = graph.edges
+    .map(({ source, target }) => drawn(source, target))
+    .filter(({ source, target }) => sensorOf(source) === sensor || sensorOf(target) === sensor);
+  const groups = Map.groupBy(own, (edge) => groupOf(edge, sensor));
+  return [...groups].flatMap(([title, edges]) => group(title, edges, sensor, names, pick));
+}
+
+function group(title, edges, sensor, names, pick) {
+  const list = make("ul", { className: "edges", ariaLabel: title });
+  const add = (some) =>
+    list.append(
+      ...some.map((edge) => {
+        const { source, target } = edge;
+        const other = sensorOf(source) === sensor ? target : source;
+        const whole = `${literalName(names, source)} → ${literalName(names, target)}`;
+        const open = make(
+          "button",
+          { type: "button", className: "link", title: whole },
+          names[sensorOf(other)],
+        );
+        open.addEventListener("click", () => pick(edge));
+        return make("li", {}, open);
+      }),
+    );
+  add(edges.slice(0, FEW));
+  const heading = make("h3", {}, `${title} `, make("span", { className: "quiet" }, edges.length));
+  if (edges.length <= FEW) return [heading, list];
+  const more = make("button", { type: "button" }, `Show all ${edges.length}`);
+  more.addEventListener("click", () => {
+    more.remove();
+    add(edges.slice(FEW));
+    list.children[FEW].querySelector("button").focus();
+  });
+  return [heading, list, more];
 }

@@ -1,10 +1,10 @@
 // An edge: the four weights of its square and the threshold, at this tick and over time.
 // It holds while the weight that speaks against it stays below the threshold.
 
-import { Chart, INKS } from "../time/chart.js";
 import { make, number, write } from "../base/dom.js";
 import { complementOf, literalName } from "../base/literals.js";
 import { term } from "../base/terms.js";
+import { Chart, INKS } from "../time/chart.js";
 
 const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
 

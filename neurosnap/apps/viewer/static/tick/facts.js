@@ -1,10 +1,9 @@
 // What there is to say about a tick, in a few lines.
 
 import { find, make, write } from "../base/dom.js";
-import { changedWords, unread } from "../run/growth.js";
 import { few } from "../base/literals.js";
-import { stepsOf } from "./plan.js";
 import { term } from "../base/terms.js";
+import { changedWords, unread } from "../run/growth.js";
 
 const WORDS = ["did", "plan", "why", "grown", "contradicted", "not read"];
 const NUMBERS = ["edges", "height", "depth", "pulses"];
@@ -77,4 +76,18 @@ export class FactsView {
     if (named) return named;
     return incoherent ? "what was observed contradicts what was learned" : "nothing";
   }
+}
+
+// A plan: its steps in a row, those that were taken, this one, and those to come.
+
+/** Return a list of the steps of a plan. */
+function stepsOf({ steps, at, more }, actions) {
+  const items = steps.map((action, place) => {
+    const item = make("li", { className: place < at ? "done" : "" }, actions[action]);
+    if (place === at) item.setAttribute("aria-current", "step");
+    return item;
+  });
+  if (more > 0) items.push(make("li", { className: "more" }, `${more} more`));
+  const label = `Plan: step ${at + 1} of ${steps.length + more}`;
+  return make("ol", { className: "plan", ariaLabel: label }, ...items);
 }

@@ -2,9 +2,9 @@
 // or would rather read.
 
 import { find, make, write } from "../base/dom.js";
-import { unread } from "../run/growth.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
 import { term } from "../base/terms.js";
+import { unread } from "../run/growth.js";
 
 const RARELY = 250; // milliseconds between two updates while it plays
 const NAMED = 8; // members of a class that the first of them names

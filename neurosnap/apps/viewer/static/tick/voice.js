@@ -3,8 +3,8 @@
 
 import { GONE } from "../base/api.js";
 import { find, write } from "../base/dom.js";
-import { changedWords } from "../run/growth.js";
 import { conditions, few } from "../base/literals.js";
+import { changedWords } from "../run/growth.js";
 
 const PATIENCE = 600; // milliseconds of rest before anything is said
 const NAMED = 5;

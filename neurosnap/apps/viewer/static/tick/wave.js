@@ -4,7 +4,6 @@
 import { counted, find, make, write } from "../base/dom.js";
 import { literalName } from "../base/literals.js";
 import { term } from "../base/terms.js";
-import { deepest, whyShallow } from "./wave_advice.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
@@ -227,4 +226,48 @@ export class WaveView {
     const there = [...this._hops.values()].filter((at) => at <= hop).length;
     return `${what}Hop ${hop} of ${this._wave.depth}: ${there} of ${all}`;
   }
+}
+
+// Why a wave of a tick goes nowhere, and which other one goes deep.
+
+/** The wave that goes deepest, of those that start in the present state if any of them does. */
+function deepest(waves) {
+  const deep = waves.filter(({ depth }) => depth > 0);
+  const here = deep.filter(({ imagined }) => !imagined);
+  const offered = here.length > 0 ? here : deep;
+  return offered.reduce((best, wave) => (wave.depth > (best?.depth ?? 0) ? wave : best), null);
+}
+
+/** Why a state wave has depth 0; empty: it has more, or it is no state wave. */
+function whyShallow(frame, wave) {
+  if (wave === null || wave.kind !== "state" || wave.depth > 0 || !wave.settled) return "";
+  const isRead = (_, sensor) => sensor < frame.sensors && !frame.retired.includes(sensor);
+  const bits = frame.bits.filter(isRead);
+  const unread = bits.filter((bit) => bit === null).length;
+  if (unread === 0) return `All ${counted(bits.length, "sensor")} were read: nothing to infer.`;
+  const missing = `${counted(unread, "sensor")} ${unread === 1 ? "was" : "were"} not read`;
+  return `${missing}, and no reading implies anything of ${unread === 1 ? "it" : "them"}.`;
+}
+
+// What a page begins with where no link says it: a wave that goes deep, if the run has one
+// near its end.
+
+const LOOKED_AT = 60; // ticks at the end
+const DEEP = 3; // hops
+
+/**
+ * Find it.
+ *
+ * @param {{first: number, ticks: number}} run
+ * @param {(from: number, to: number) => Promise<object[]>} fetchFrames
+ * @returns {Promise<number|null>} the tick, null: there is none
+ */
+export async function deepTick({ first, ticks }, fetchFrames) {
+  const frames = await fetchFrames(Math.max(first, ticks - LOOKED_AT + 1), ticks);
+  let [best, tick] = [DEEP - 1, null];
+  for (const frame of frames) {
+    const depth = deepest(frame.waves)?.depth ?? 0;
+    if (depth > best) [best, tick] = [depth, frame.tick];
+  }
+  return tick;
 }

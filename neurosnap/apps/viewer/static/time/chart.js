@@ -1,14 +1,14 @@
 // Curves over ticks: a line where one is, the values under the pointer, and a range of
 // ticks that is dragged.
 
-import uPlot from "../vendor/uplot/uPlot.esm.js";
+import { font, palette } from "../base/colours.js";
 import { make } from "../base/dom.js";
-import { font, palette } from "../base/palette.js";
 
 /** The colours of curves, in their order. */
 export const INKS = ["first", "second", "third", "fourth"];
 const DASHES = [[], [6, 3], [2, 3], [8, 3, 2, 3]]; // told apart by these, too
 
+const { uPlot } = window; // its file is no module
 const DRAGGED = 5; // pixels from where it is no click any more
 // What is plotted by ticks is counted: no axis has halves.
 const WHOLE = Array.from({ length: 10 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** k)).flat();
@@ -23,29 +23,22 @@ export class Chart {
    * @param {string[]} look.labels one a curve
    * @param {boolean} [look.limit] the last curve is a limit: thin, in the colour of text
    * @param {boolean} [look.whole] all values are whole, from 0 up
-   * @param {boolean} [look.gaps] where a value is missing, so is the curve
-   * @param {object} [on] without it, the pointer does nothing
+     * @param {object} [on] without it, the pointer does nothing
    * @param {(tick: number) => void} on.seek told the tick that was clicked
    * @param {(from: number, to: number) => void} on.range told the ticks that were dragged over
    * @param {(tick: number|null, values: (number|null)[]) => void} [on.hover] told the tick
    *   under the pointer, and the value of each curve that is nearest to it
    * @param {string} [on.together] charts of the same name show the pointer together
    */
-  constructor(home, { labels, limit = false, whole = false, gaps = true }, on = null) {
+  constructor(home, { labels, limit = false, whole = false }, on = null) {
     this._home = home;
-    this._look = { labels, limit, whole, gaps };
+    this._look = { labels, limit, whole };
     this._on = on;
     this._now = make("div", { className: "now" });
     this._tick = null;
     this._ends = null;
-    this._hidden = new Set();
     this._sizes = new ResizeObserver(() => this._resize());
     this._sizes.observe(home);
-  }
-
-  /** What is drawn: ticks, then the values of each curve. */
-  get data() {
-    return this._data;
   }
 
   /**
@@ -67,12 +60,6 @@ export class Chart {
   at(tick) {
     this._tick = tick;
     this._place();
-  }
-
-  /** Draw a curve, by its number, or do not. */
-  show(k, isShown) {
-    this._hidden[isShown ? "delete" : "add"](k);
-    this._drawn?.setSeries(k + 1, { show: isShown });
   }
 
   /**
@@ -141,8 +128,8 @@ export class Chart {
   }
 
   _curve(label, k, colours) {
-    const { labels, limit, gaps } = this._look;
-    const all = { label, points: { show: false }, show: !this._hidden.has(k), spanGaps: !gaps };
+    const { labels, limit } = this._look;
+    const all = { label, points: { show: false } };
     if (limit && k === labels.length - 1) return { ...all, stroke: colours.ink, width: 1 };
     const [ink, dash] = [INKS[k % INKS.length], DASHES[k % DASHES.length]];
     return { ...all, stroke: colours[ink], width: 1.6, dash };

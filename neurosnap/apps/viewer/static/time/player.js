@@ -2,8 +2,11 @@
 // screen's own frames while it plays. The part after the point is how far the tick has
 // gone, which is what a wave is shown by.
 
+import { keep, keepSoon, told } from "../base/address.js";
+import { find, make, write } from "../base/dom.js";
+
 /** Ticks a second that can be chosen. */
-export const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 60];
+const SPEEDS = [0.5, 1, 2, 5, 10, 20];
 
 const LONGEST = 250; // milliseconds a single step may stand for: a tab may have slept
 // Milliseconds it begins with: half a frame. Where ticks come as fast as frames, each then
@@ -111,4 +114,123 @@ export class Player {
     if (this._on.ready(Math.floor(next))) this._to(next);
     requestAnimationFrame(this._advance);
   };
+}
+
+// The time line: a slider over the whole recording, buttons around it, and the tick in
+// the page's address.
+
+const PLAY = "M4 2.5v11L13 8z";
+const PAUSE = "M4 3h3v10H4zM9 3h3v10H9z";
+const PATIENCE = 500; // milliseconds of rest before the address is written
+
+/** The footer, bound to a player. */
+export class Timeline {
+  /** @param {import("./player.js").Player} player */
+  constructor(player) {
+    this._player = player;
+    this._slider = find("time");
+    this._slider.addEventListener("input", () => player.seek(Number(this._slider.value)));
+    const speeds = SPEEDS.map((speed) => make("option", { value: speed }, `${speed}/s`));
+    find("speed").append(...speeds);
+    find("speed").addEventListener("change", (event) =>
+      player.setSpeed(Number(event.target.value)),
+    );
+    find("play").addEventListener("click", () => player.toggle());
+    find("back").addEventListener("click", () => player.step(-1));
+    find("on").addEventListener("click", () => player.step(1));
+    find("start").addEventListener("click", () => player.step(-Infinity));
+    find("end").addEventListener("click", () => player.step(Infinity));
+    find("follow").addEventListener("click", () => player.follow());
+  }
+
+  /** Show what the player does. */
+  showPlayer() {
+    const { first, last, playing, speed, following } = this._player;
+    this._slider.min = first;
+    this._slider.max = Math.max(first, last);
+    this._slider.disabled = last < first;
+    find("speed").value = speed;
+    find("follow").setAttribute("aria-pressed", following);
+    find("play").querySelector("path").setAttribute("d", playing ? PAUSE : PLAY);
+    find("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+    this.showTick();
+  }
+
+  /** Show where the player is. */
+  showTick() {
+    const { tick, last, first } = this._player;
+    const text = last < first ? "no tick" : `tick ${tick} of ${last}`;
+    this._slider.value = tick;
+    this._slider.setAttribute("aria-valuetext", text);
+    write(find("tick"), text);
+    clearTimeout(this._timer);
+    this._timer = setTimeout(() => this._keep(), PATIENCE);
+  }
+
+  /**
+   * Have the address say where one stays. Not at once: browsers refuse to have it written
+   * too often. Who follows has no tick there: the page opened anew would not follow.
+   */
+  _keep() {
+    const { tick, first, last, playing, following } = this._player;
+    if (playing || last < first) return;
+    keep({ t: following ? null : tick });
+  }
+}
+
+// The range of ticks one looks at: playing repeats it, curves and raster show it alone, and
+// the address holds it.
+
+/** The range, null: all ticks. */
+export class TickRange {
+  /**
+   * @param {() => void} change told of every change
+   */
+  constructor(change) {
+    this._change = () => {}; // who is told is not there yet
+    this._ends = [1, 0];
+    this.chosen = null;
+    find("range").addEventListener("click", () => this.set(null));
+    this.restore();
+    this._change = change;
+  }
+
+  /** Between which ticks one can move. */
+  setEnds(first, last) {
+    this._ends = [first, last];
+  }
+
+  /** The first and the last tick to show: of a link they may be of a longer run. */
+  get shown() {
+    const [first, last] = this._ends;
+    return this.chosen?.map((tick) => Math.min(Math.max(tick, first), last)) ?? this._ends;
+  }
+
+  /** Choose two ticks, the earlier first, and all between them; null: all there are. */
+  set(chosen) {
+    this._take(chosen);
+    keepSoon({ range: this.chosen && this.chosen.join("-") });
+  }
+
+  /** Let it begin (0) or end (1) at a tick; where the other end is passed, that goes. */
+  setEnd(which, tick) {
+    const ends = [...this.shown];
+    ends[which] = tick;
+    if (ends[0] > ends[1]) ends[1 - which] = this._ends[1 - which];
+    this.set(ends);
+  }
+
+  /** Take the range that the address says. */
+  restore() {
+    const [, from, to] = /^(\d+)-(\d+)$/.exec(told().get("range") ?? "") ?? [];
+    this._take(from === undefined || Number(from) > Number(to) ? null : [Number(from), Number(to)]);
+  }
+
+  _take(chosen) {
+    if (String(chosen) === String(this.chosen)) return;
+    this.chosen = chosen;
+    for (const id of ["range", "range-compare"]) find(id).hidden = chosen === null;
+    write(find("range"), chosen ? `↻ ${chosen[0]} to ${chosen[1]} ×` : "");
+    this._change();
+  }
 }

@@ -1,23 +1,21 @@
 // What happens over time: a small plot for each kind of number, all over the same ticks.
 
-import uPlot from "../vendor/uplot/uPlot.esm.js";
-import { keepSoon, told } from "../base/address.js";
-import { countAll } from "../tick/belief.js";
-import { Chart, INKS } from "./chart.js";
+import { Gathering } from "../base/api.js";
 import { find, make, number, write } from "../base/dom.js";
 import { term } from "../base/terms.js";
+import { countAll } from "../tick/belief.js";
+import { Chart, INKS } from "./chart.js";
 
+const { uPlot } = window; // its file is no module
 const POINTS = 600;
 const RARELY = 100; // milliseconds between two readings while it plays: nobody reads faster
-const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
 
 // What belongs together is plotted together; the rest by itself.
 const PLOTS = [
   ["edges"], ["err"], ["depth", "longest", "height"], ["pulses"],
   ["on", "predicted", "contradicted", "unknown"], ["distance"],
 ];
-/** What the columns are called. */
-export const TITLES = {
+const TITLES = {
   edges: "Edges",
   err: "Err",
   depth: "Depth",
@@ -32,7 +30,7 @@ export const TITLES = {
 };
 
 /** A value of a series, and which tick it is of where that is another. */
-export const valueWords = ({ tick, value }, asked) =>
+const valueWords = ({ tick, value }, asked) =>
   number(value) + (tick === asked || value === null ? "" : ` at ${tick}`);
 
 /** The panel of plots. */
@@ -41,45 +39,29 @@ export class Plots {
    * @param {HTMLElement} home
    * @param {string[]} columns those there are
    * @param {object} on
-   * @param {(column: string, from: number, to: number, points: number) => Promise} on.fetchSeries
+   * @param {(from: number, to: number, points: number) => Promise} on.fetchSeries
    * @param {(tick: number) => void} on.seek
    * @param {(from: number, to: number) => void} on.range
    */
   constructor(home, columns, on) {
     this._on = on;
     this._range = [1, 0];
-    this._asking = false;
-    this.isReading = true; // not all of it is there yet
+    this._gathering = new Gathering(() => this._ask());
     this._frame = null;
     this._told = 0;
     this._under = null; // the tick under the pointer
-    this._hidden = new Set(told().get("hide")?.split(","));
     this._plots = PLOTS.map((own) => ({
       columns: own.filter((column) => columns.includes(column)),
     })).filter((plot) => plot.columns.length > 0);
     home.replaceChildren(...this._plots.map((plot) => this._figure(plot)));
-    this._offer();
-    for (const plot of this._plots) this._hide(plot);
   }
 
   /** Show ticks `first` to `last`. */
   async load(first, last) {
     this._range = [first, last];
-    if (this._asking || last < first) return; // whoever is asking looks at the range again
-    this._asking = true;
-    this.isReading = true;
-    find("plots").ariaBusy = true;
-    this._say();
-    try {
-      while (!(await this._ask())) {
-        await new Promise((soon) => setTimeout(soon, AGAIN));
-      }
-      this.isReading = false;
-    } finally {
-      this._asking = false;
-      find("plots").ariaBusy = false;
-      this._say();
-    }
+    if (last < first) return;
+    this._wait(true);
+    await this._gathering.load().catch(() => this._wait(false)); // said where it was asked
   }
 
   /** Show which tick one is at; the values, while it plays, now and then. */
@@ -97,36 +79,30 @@ export class Plots {
     for (const plot of this._plots) plot.chart.recolour();
   }
 
-  /** What is plotted, a row a tick: of a long run only some. */
-  rows() {
-    const there = this._plots.filter(({ chart }) => chart.data);
-    if (there.length === 0) return [["tick"]];
-    const all = uPlot.join(there.map(({ chart }) => chart.data));
-    const titles = there.flatMap((plot) => plot.columns);
-    return [["tick", ...titles], ...all[0].map((_, at) => all.map((values) => values[at] ?? null))];
-  }
-
   /** Ask for everything once; tell whether all is there now. */
   async _ask() {
     const [first, last] = this._range;
-    let done = true;
+    const { done, columns } = await this._on.fetchSeries(first, last, POINTS);
     for (const plot of this._plots) {
-      const series = [];
-      for (const column of plot.columns) {
-        series.push(await this._on.fetchSeries(column, first, last, POINTS));
-      }
-      done &&= series.every((one) => one.done);
+      const series = plot.columns.map((column) => columns[column]);
       plot.chart.set(uPlot.join(series.map(({ ticks, values }) => [ticks, values])), [first, last]);
       this._tell(plot);
     }
-    return done && String(this._range) === String([first, last]);
+    const isAll = done && String(this._range) === String([first, last]);
+    this._wait(!isAll);
+    return isAll;
+  }
+
+  _wait(isReading) {
+    find("plots").ariaBusy = isReading;
+    this._say();
   }
 
   _figure(plot) {
     const home = make("div", { className: "plot" });
     plot.under = []; // the values under the pointer
     plot.values = plot.columns.map(() => make("b", {}, "–"));
-    plot.names = plot.columns.map((column, k) => {
+    const names = plot.columns.map((column, k) => {
       const swatch = make("i", { className: `swatch ${INKS[k]}` });
       return make("span", {}, swatch, term(column, TITLES[column]), " ", plot.values[k], " ");
     });
@@ -140,46 +116,9 @@ export class Plots {
         together: "plots",
       },
     );
-    plot.figure = make("figure", {}, make("figcaption", {}, ...plot.names), home);
-    return plot.figure;
-  }
-
-  /** List the curves to choose from; the list goes once one is elsewhere. */
-  _offer() {
-    const list = find("curves");
-    const all = this._plots.flatMap((plot) => plot.columns);
-    list.querySelector("div").replaceChildren(...all.map((column) => this._choice(column)));
-    list.addEventListener("focusout", ({ relatedTarget: next }) => {
-      if (!list.contains(next)) list.open = false;
-    });
-    list.addEventListener("keydown", (event) => {
-      if (event.key !== "Escape" || !list.open) return;
-      event.stopPropagation(); // it means no more than that
-      list.open = false;
-      list.querySelector("summary").focus();
-    });
-  }
-
-  /** A box that has a curve drawn, or not. */
-  _choice(column) {
-    const box = make("input", { type: "checkbox", checked: !this._hidden.has(column) });
-    box.addEventListener("change", () => {
-      this._hidden[box.checked ? "delete" : "add"](column);
-      keepSoon({ hide: [...this._hidden].join(",") || null });
-      this._hide(this._plots.find(({ columns }) => columns.includes(column)));
-    });
-    return make("label", {}, box, " ", TITLES[column]);
-  }
-
-  /** Draw those curves of a plot that are wanted; a plot of none goes. */
-  _hide({ columns, chart, names, figure }) {
-    columns.forEach((column, k) => {
-      chart.show(k, !this._hidden.has(column));
-      names[k].hidden = this._hidden.has(column);
-    });
-    const shown = names.filter(({ hidden }) => !hidden).length;
-    figure.hidden = shown === 0;
-    figure.style.flexGrow = 2 + shown; // room for the names
+    const figure = make("figure", {}, make("figcaption", {}, ...names), home);
+    figure.style.flexGrow = 2 + names.length; // room for the names
+    return figure;
   }
 
   /** Say what the columns are under the pointer, or else at this tick. */

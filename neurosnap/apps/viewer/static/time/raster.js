@@ -1,14 +1,13 @@
 // Every sensor over time: a row a sensor, a column a tick. A map of the run, to go by.
 
+import { Gathering } from "../base/api.js";
+import { palette } from "../base/colours.js";
 import { counted, find, make, write } from "../base/dom.js";
-import { palette } from "../base/palette.js";
 import { term } from "../base/terms.js";
 
-const AGAIN = 700; // milliseconds until what is not read yet is asked for once more
 const HIGH = 13; // pixels of a row
 const NAMES = 170; // pixels of the names
 const SENSORS = 200; // rows at a time
-const RANGES = [["all", ""], ["1000", "1,000 ticks"], ["200", "200 ticks"], ["50", "50 ticks"]];
 // As the server numbers them.
 const WORDS = [
   "not recorded", "unknown", "off", "on", "off, predicted", "on, predicted",
@@ -30,16 +29,12 @@ export class RasterView {
     this._on = on;
     this._range = [1, 0];
     this._frame = null;
+    this._gathering = new Gathering(() => this._ask());
     this._cursor = null; // the square that the keys are at: `{tick, sensor}`
     this._canvas = make("canvas", { tabIndex: 0, role: "img" });
     this._now = make("i", { className: "now" });
     this._at = make("i", { className: "at", hidden: true });
     this._says = make("p", { className: "quiet", ariaLive: "polite" });
-    this._span = make(
-      "select",
-      { ariaLabel: "How many ticks are shown" },
-      ...RANGES.map(([value, text]) => make("option", { value }, text)),
-    );
     this._part = make("select", { ariaLabel: "Which sensors are shown", hidden: true });
     const key = make("ul", { className: "key", ariaLabel: "What the colours mean" });
     for (const value of [3, 2, 5, 4, 6, 1]) {
@@ -47,12 +42,10 @@ export class RasterView {
       const words = WORDS[value].includes("predicted") ? term("predicted", WORDS[value]) : WORDS[value];
       key.append(make("li", {}, swatch, words));
     }
-    const bar = make("div", { className: "bar" }, this._span, this._part, key, this._says);
+    const bar = make("div", { className: "bar" }, this._part, key, this._says);
     this._map = make("div", { className: "map" }, this._canvas, this._now, this._at);
     find("raster").replaceChildren(bar, this._map);
-    for (const select of [this._span, this._part]) {
-      select.addEventListener("change", () => this._load());
-    }
+    this._part.addEventListener("change", () => this._load());
     this._canvas.addEventListener("pointermove", (event) => this._tell(this._under(event)));
     this._canvas.addEventListener("pointerleave", () => this._tell(this._cursor));
     this._canvas.addEventListener("click", (event) => this._go(this._under(event)));
@@ -60,11 +53,10 @@ export class RasterView {
     new ResizeObserver(() => this._resized()).observe(this._map);
   }
 
-  /** Show ticks `first` to `last`, or some of them around the one that is shown. */
-  load(first, last, isAll) {
+  /** Show ticks `first` to `last`. */
+  load(first, last) {
     this._range = [first, last];
-    write(this._span.options[0], isAll ? "all ticks" : `ticks ${first} to ${last}`);
-    return this._load();
+    this._load();
   }
 
   /** A tick is shown. */
@@ -74,29 +66,12 @@ export class RasterView {
     const parts = Math.ceil(frame.sensors / SENSORS);
     if (this._part.options.length !== parts) this._offer(frame.sensors);
     this._place();
-    if (was === null || (this._span.value !== "all" && !this._isSeen(frame.tick))) this._load();
+    if (was === null) this._load();
   }
 
   /** The tab has come up. */
   open() {
     this._load();
-  }
-
-  /** Not all of it is there yet. */
-  get isReading() {
-    return this._loading || !this._known?.done;
-  }
-
-  /** What is shown, a row a tick. */
-  rows() {
-    if (!this._shown) return [["tick"]];
-    const { sensor, sensors, columns, step, first, rows } = this._shown;
-    const names = Array.from({ length: rows }, (_, row) => this._names[sensor + row]);
-    const body = Array.from({ length: columns }, (_, column) => [
-      first + column * step,
-      ...names.map((_, row) => WORDS[this._bytes[column * sensors + row]]),
-    ]);
-    return [["tick", ...names], ...body];
   }
 
   /** The scheme of colours has changed. */
@@ -115,37 +90,20 @@ export class RasterView {
     this._part.hidden = starts.length < 2;
   }
 
-  /** The ticks to show: all, or some around the one that is shown. */
-  get _ticks() {
-    const [first, last] = this._range;
-    const span = Number(this._span.value);
-    if (Number.isNaN(span) || this._frame === null) return [first, last];
-    const from = Math.max(first, Math.min(this._frame.tick - span / 2, last - span + 1));
-    return [Math.floor(from), Math.min(last, Math.floor(from) + span - 1)];
+  /** Ask for the values until all of them have been read; nothing while they are not seen. */
+  _load() {
+    this._gathering.load().catch(() => {}); // said where it was asked
   }
 
-  /** Ask for the values until all of them have been read; nothing while they are not seen. */
-  async _load() {
-    this._due = true;
-    if (this._loading || find("raster").hidden || this._range[1] < this._range[0]) return;
-    if (this._frame === null) return;
-    this._loading = true;
-    try {
-      for (let done = false; (!done || this._due) && !find("raster").hidden; ) {
-        this._due = false;
-        const [from, to] = this._ticks;
-        const columns = Math.min(2000, Math.max(1, this._map.clientWidth - NAMES));
-        const sensor = Number(this._part.value || 0);
-        this._known = await this._on.fetchRaster({ from, to, columns, sensor, sensors: SENSORS });
-        this._draw();
-        done = this._known.done;
-        if (!done) await new Promise((soon) => setTimeout(soon, AGAIN));
-      }
-    } catch {
-      // Said where it was asked.
-    } finally {
-      this._loading = false;
-    }
+  async _ask() {
+    const isSeen = !find("raster").hidden && this._frame !== null;
+    if (!isSeen || this._range[1] < this._range[0]) return true;
+    const [from, to] = this._range;
+    const columns = Math.min(2000, Math.max(1, this._map.clientWidth - NAMES));
+    const sensor = Number(this._part.value || 0);
+    this._known = await this._on.fetchRaster({ from, to, columns, sensor, sensors: SENSORS });
+    this._draw();
+    return this._known.done;
   }
 
   /** How many of the sensors asked for there are by now: others are still to be grown. */

@@ -3,8 +3,8 @@
 // there. The server counts them for stretches of ticks a few pixels wide. A range of ticks
 // is chosen by dragging over it.
 
+import { Gathering } from "../base/api.js";
 import { counted, find, make, shape, write } from "../base/dom.js";
-import { Gathering } from "../base/gathering.js";
 
 const HEIGHT = 16;
 const STRETCH = 3; // pixels

@@ -1,0 +1,244 @@
+"""What a run had learned by a tick: its snapshot, its order drawn, and its evidence.
+
+A recording has a key-frame every so many ticks; from there the observations that were
+recorded are learned again, as the coordinator did. Snapshots that were come by on the
+way are kept: from there a tick further on, or a little back, is not far.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from hashlib import blake2b
+
+import msgspec
+import numpy as np
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.apps.viewer.api import Arrow, Edge, Graph, Node, Weighed
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.learning import Learning, snapshot_in
+from neurosnap.recording.read.tick_index import TickIndex
+
+_STRIDE = 100
+"""Ticks between two snapshots that are kept on the way."""
+_ROOM = 64 * 2**20
+"""Bytes of snapshots that are kept, at most; the last few in any case."""
+_A_PAIR = 12
+"""Bytes a pair of sensors takes in a snapshot, about."""
+
+_AROUND = 500
+"""Ticks before and after the one asked for that are learned through again."""
+_NEAR = 100
+_FAR = 100
+"""Points of these ticks, and of the key-frames."""
+
+
+class SnapshotCache:
+    """What was learned, by tick. To be used by one thread at a time.
+
+    Args:
+        tick_index: The recording.
+        options: The run's.
+    """
+
+    def __init__(self, tick_index: TickIndex, options: RunOptions) -> None:
+        self.tick_index = tick_index
+        self._options = options
+        self._kept: OrderedDict[int, Learning] = OrderedDict()
+        pairs = len(options.sensors) ** 2 // 2
+        self._most = max(3, _ROOM // (_A_PAIR * pairs + 1024))
+        self._most = min(self._most, 256)
+
+    def at(self, tick: int) -> Learning:
+        """Return what was learned by a tick; not to be changed.
+
+        Cost: as `walk`.
+
+        Raises:
+            RecordingError: As from `walk`.
+        """
+        return next(self.walk(tick, tick))
+
+    def walk(self, first: int, last: int) -> Iterator[Learning]:
+        """Yield what was learned by each tick.
+
+        It is the same object each time, and is only right until the next is asked for.
+        Cost: O(N²/2) time for each tick since the nearest that is known, and the
+        unpacking of the chunks they are in.
+
+        Args:
+            first: 0 for before the first tick.
+            last: Not before `first`.
+
+        Raises:
+            RecordingError: While iterating: an observation that is needed is not
+                recorded, or a key-frame that is needed cannot be read.
+        """
+        learning = self._nearest(first, _STRIDE)
+        if not self._leads(learning.tick, first):
+            learning = self._nearest(first, 0)
+        if learning.tick >= first:
+            yield learning
+        ahead = self.tick_index.observations(learning.tick + 1, last)
+        decisions = (
+            self.tick_index.decisions(learning.tick + 1, last) if learning.grows else {}
+        )
+        for tick in learning.learn_to(last, ahead, decisions):
+            if tick % _STRIDE == 0 or tick == last:
+                self._keep(learning)
+            if tick >= first:
+                yield learning
+
+    def weigh(self, frame: wire.KeyFrame) -> Snapshot:
+        """Return the snapshot of a key-frame.
+
+        Raises:
+            RecordingError: It holds none, or one of other sensors.
+        """
+        path = self.tick_index.recording.path
+        return snapshot_in(frame, self.tick_index.bands(frame), self._options, path)
+
+    def _leads(self, known: int, tick: int) -> bool:
+        """Return whether every observation is there from one tick to another."""
+        there = [each.tick for each in self.tick_index.observations(known + 1, tick)]
+        return there == list(range(known + 1, tick + 1))
+
+    def _nearest(self, tick: int, far: int) -> Learning:
+        """Return a copy of what is known of the nearest tick up to one.
+
+        Args:
+            tick: The one asked for.
+            far: How far from it what was kept may be, before a key-frame is looked for.
+        """
+        known = max((kept for kept in self._kept if kept <= tick), default=-1)
+        if tick - known > far or known < 0:
+            frame = self.tick_index.keyframe(tick)
+            if frame is not None and frame.tick > known:
+                learning = self._blank()
+                learning.restore(frame, self.tick_index.bands(frame))
+                return learning
+        if known < 0:
+            return self._blank()
+        self._kept.move_to_end(known)
+        return self._kept[known].copy()
+
+    def _blank(self) -> Learning:
+        return Learning(self.tick_index.recording.path, self._options)
+
+    def _keep(self, learning: Learning) -> None:
+        self._kept[learning.tick] = learning.copy()
+        self._kept.move_to_end(learning.tick)
+        while len(self._kept) > self._most:
+            self._kept.popitem(last=False)
+
+
+def graph_id(graph: PocGraph, body: Body) -> str:
+    """Return what tells one order from another.
+
+    The Hasse wiring says all there is to draw, classes included, but for which sensors
+    are read.
+    """
+    wires = blake2b(graph.wires("hasse").tobytes(), digest_size=8)
+    wires.update(repr((body.grown, body.retired)).encode())
+    return wires.hexdigest()
+
+
+def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
+    """Return the order of `graph`, whose id is `name`, with its layers. O(N²) time.
+
+    Sensors still to be grown are not drawn, and retired ones where they are still in
+    the order.
+    """
+    names = body.sensors
+    pairs = np.argwhere(graph.hasse())
+    shown = sorted({*body.read, *(pairs >> 1).ravel().tolist()})
+    standing = graph.representative
+    heights = graph.heights()
+    below, above = pairs.T
+    chosen = (below <= above ^ 1) & (standing[below] != standing[above])
+    return Graph(
+        id=name,
+        tick=tick,
+        height=graph.height(),
+        nodes=[
+            Node(
+                sensor=sensor,
+                name=names[sensor],
+                layer=int(heights[2 * sensor]),
+                complement_layer=int(heights[2 * sensor + 1]),
+                group=int(standing[2 * sensor]),
+            )
+            for sensor in shown
+        ],
+        edges=[
+            Arrow(source=a, target=b, kind="inhibit" if b & 1 else "excite")
+            for a, b in pairs[chosen].tolist()
+        ],
+        classes=[members for members in graph.classes() if members[0] % 2 == 0],
+    )
+
+
+def weighed(
+    cache: SnapshotCache, source: int, target: int, tick: int, ends: tuple[int, int]
+) -> Edge:
+    """Return what is known of ``source -> target`` at a tick and around it.
+
+    Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
+
+    Args:
+        cache: What was learned.
+        source: A literal.
+        target: Another.
+        tick: The tick.
+        ends: The first and the last tick there is.
+
+    Raises:
+        InvalidValueError: There is no such literal, or both are of one sensor.
+        RecordingError: An observation or a key-frame that is needed is not there.
+    """
+    now = _weigh(tick, cache.at(tick).snapshot, source, target)
+    around = {each.tick: each for each in _far(cache, source, target)}
+    around |= {each.tick: each for each in _near(cache, source, target, tick, ends)}
+    around[tick] = now
+    over = [around[each] for each in sorted(around)]
+    return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
+
+
+def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:
+    found = snapshot.evidence(source, target)
+    return Weighed(
+        tick=tick,
+        weights=(found.both, found.against, found.other, found.neither),
+        threshold=found.limit,
+        total=found.total,
+        holds=found.holds,
+        since=found.since,
+    )
+
+
+def _near(
+    cache: SnapshotCache, source: int, target: int, tick: int, ends: tuple[int, int]
+) -> Iterator[Weighed]:
+    """Yield ticks around one, evenly apart, as far as they can be learned."""
+    first = max(ends[0], tick - _AROUND)
+    last = min(ends[1], tick + _AROUND)
+    apart = max(1, -(-(last - first + 1) // _NEAR))
+    try:
+        for learned in cache.walk(first, last):
+            if (learned.tick - tick) % apart == 0:
+                yield _weigh(learned.tick, learned.snapshot, source, target)
+    except RecordingError:
+        return  # what is known by then is shown
+
+
+def _far(cache: SnapshotCache, source: int, target: int) -> Iterator[Weighed]:
+    """Yield key-frames, evenly apart."""
+    for frame in cache.tick_index.keyframes(_FAR):
+        try:
+            snapshot = cache.weigh(frame)
+        except (RecordingError, InvalidValueError):
+            continue
+        yield _weigh(frame.tick, snapshot, source, target)

@@ -1,0 +1,68 @@
+// Where one is in time, and what is shown over it: the player with its slider, the strip,
+// the range, the plots and the raster.
+
+import { find } from "../base/dom.js";
+import { Player, TickRange, Timeline } from "./player.js";
+import { Plots } from "./plots.js";
+import { RasterView } from "./raster.js";
+import { Strip } from "./strip.js";
+
+/** The footer, and the panels over time. */
+export class TimeView {
+  /**
+   * @param {string[]} names
+   * @param {{columns: string[]}} run
+   * @param {object} on
+   * @param {Function} on.fetchSeries
+   * @param {Function} on.fetchMarks
+   * @param {Function} on.fetchRaster
+   * @param {(tick: number) => boolean} on.ready whether a tick can be shown at once
+   * @param {() => void} on.move told of every new position
+   * @param {(sensor: number) => void} on.pick
+   * @param {(alarms: object[]) => void} on.alarms told the alarms of all ticks
+   */
+  constructor(names, run, on) {
+    const range = (from, to) => this.range.set([from, to]);
+    const seek = (tick) => this.player.seek(tick);
+    this.player = new Player({ ready: on.ready, move: on.move, change: () => this.timeline.showPlayer() });
+    this.timeline = new Timeline(this.player);
+    this.strip = new Strip({ fetchMarks: on.fetchMarks, seek, range, alarms: on.alarms });
+    this.plots = new Plots(find("plots"), run.columns, { fetchSeries: on.fetchSeries, seek, range });
+    this.raster = new RasterView(names, { fetchRaster: on.fetchRaster, seek, pick: on.pick });
+    this.range = new TickRange(() => this._showRange());
+  }
+
+  /** Show where the player is. */
+  showTick() {
+    this.timeline.showTick();
+  }
+
+  /** Show a tick. */
+  at(frame) {
+    this.plots.at(frame, this.player.playing);
+    this.raster.at(frame);
+  }
+
+  /** Between which ticks one can move. */
+  setEnds(first, last) {
+    this.player.setRange(first, last);
+    this.range.setEnds(first, last);
+    this._showRange();
+    this.strip.load(first, last).catch(() => {}); // said where it was asked
+  }
+
+  /** The scheme of colours has changed. */
+  recolour() {
+    this.plots.recolour();
+    this.raster.recolour();
+  }
+
+  /** Show the ticks one looks at over time, and repeat them. */
+  _showRange() {
+    const { shown, chosen } = this.range;
+    this.player.range = chosen && shown;
+    this.strip.choose(chosen);
+    this.plots.load(...shown);
+    this.raster.load(...shown);
+  }
+}

@@ -1,0 +1,465 @@
+"""The learned order on the page: what is drawn, looked at, and said of it."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from playwright.async_api import Page, expect
+
+from neurosnap import wire
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.run_facts import options_of
+from neurosnap.recording.replay.replay import Replay
+from neurosnap.sensorium import unpack
+from tests.support.browser_pages import IN_BROWSER, go_to, opened
+from tests.support.recorded_runs import (
+    TICKS,
+    told,
+)
+from tools.browser import wait_shown
+
+pytestmark = IN_BROWSER
+
+SEEN = """async () => {
+    const { page } = await import("/main.js");
+    const { sensors } = page.order.diagram._focus;
+    return sensors && [...sensors].sort((a, b) => a - b);
+}"""
+LAID = """async () => {
+    const { page } = await import("/main.js");
+    const items = page.order.diagram._drawing.items;
+    return items.map(({ sensor }) => sensor).sort((a, b) => a - b);
+}"""
+SVG = "{http://www.w3.org/2000/svg}"
+READ = 31  # of the run with silent sensors: one is predicted, one unknown
+WAYS = [[1, 5, 9, 14, 20], [TICKS, 3, 20], [20, 21, 22, 20]]
+
+
+def between_classes(hasse: frozenset[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return what implies what, but for what is also implied by it."""
+
+    def above(literal: int) -> set[int]:
+        reached, ahead = set[int](), [literal]
+        while ahead:
+            one = ahead.pop()
+            found = {b for a, b in hasse if a == one} - reached
+            reached |= found
+            ahead += found
+        return reached
+
+    return {(a, b) for a, b in hasse if a not in above(b)}
+
+
+async def test_the_order_and_its_height_are_those_a_replay_derives(
+    planner_log: Path,
+) -> None:
+    truth = told(planner_log)
+    async with opened(planner_log) as page:
+        for tick in (3, 17, TICKS):
+            await go_to(page, tick)
+            drawn = await page.evaluate(
+                """async () => (await import("/main.js")).page.order.diagram._drawing.links
+                    .map(({ edge }) => edge)
+                    .map(({ source, target }) => [source, target])"""
+            )
+            both = {pair for a, b in drawn for pair in ((a, b), (b ^ 1, a ^ 1))}
+            assert both == between_classes(truth[tick].hasse)
+            facts = await page.inner_text("#diagram-facts")
+            assert facts.endswith(f"height {truth[tick].height}")
+
+
+@pytest.mark.slow
+async def test_no_two_nodes_overlap_and_what_is_implied_stands_above(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        places, edges = await page.evaluate(
+            """async () => {
+                const { diagram } = (await import("/main.js")).page.order;
+                const places = diagram._laid.places;
+                const of = (item) => places.get(item.sensor).y;
+                return [
+                    [...places.values()].map(({ x, y, width }) => [x, y, width]),
+                    diagram._drawing.links.filter(({ edge: { source, target } }) =>
+                        source % 2 === 0 && target % 2 === 0,
+                    ).map(({ from, to }) => [of(from), of(to)]),
+                ];
+            }"""
+        )
+    for k, (x, y, width) in enumerate(places):
+        for other_x, other_y, other_width in places[:k]:
+            aside = abs(x - other_x) >= (width + other_width) / 2
+            assert aside or abs(y - other_y) >= 20
+    assert edges
+    assert all(above < below for below, above in edges)
+
+
+@pytest.mark.slow
+async def test_whatever_is_equivalent_says_to_what(planner_log: Path) -> None:
+    replay = Replay(Recording.open(planner_log))
+    for _ in replay.ticks():
+        pass
+    sensorium = replay.core.snapshot.sensorium
+    first, *others = max(replay.core.graph.classes(), key=len)
+    assert len(others) > 10
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        await page.click("#tab-sensors")
+        implies = page.locator("#outline td.implies")
+        for literal in others:
+            said = f"{sensorium.name(literal)} ≡ {sensorium.name(first)}"
+            await expect(implies.nth(literal >> 1)).to_contain_text(said)
+        more = f" and {len(others) - 8} more"
+        await expect(implies.nth(first >> 1)).to_contain_text(more)
+        await page.locator("#outline tbody button").nth(others[0] >> 1).click()
+        await expect(page.locator("#choice-body")).to_contain_text(
+            f"Its edges are those of {sensorium.name(first & ~1)}."
+        )
+
+
+async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None:
+    rows = np.array(
+        [
+            unpack(each.message.bits, 7)
+            for each in Recording.open(path_log).messages(("observe",))
+            if isinstance(each.message, wire.Observation)
+        ]
+    )
+    async with opened(path_log, "#t=30") as page:
+        edge, place = await page.evaluate(
+            """async () => {
+                const { diagram } = (await import("/main.js")).page.order;
+                const { along } = await import("/order/lines.js");
+                for (const [link, c] of diagram._curves) {
+                    const place = diagram._camera.over(along(c, 0.5));
+                    // Not one that passes behind a node there.
+                    const found = diagram._at(place.x, place.y);
+                    if (found?.link === link) return [link.edge, place];
+                }
+            }"""
+        )
+        box = await page.locator("#drawing").bounding_box()
+        assert box is not None
+        await page.mouse.click(box["x"] + place["x"], box["y"] + place["y"])
+        for tick in (30, 12):
+            await go_to(page, tick)
+            await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
+            seen = await page.locator("#edge td").all_inner_texts()
+            a, b = (
+                rows[:tick, edge[end] >> 1] ^ bool(edge[end] & 1)
+                for end in ("source", "target")
+            )
+            counts = [a & b, a & ~b, ~a & b, ~a & ~b]
+            assert seen[:4] == [str(int(each.sum())) for each in counts]
+            assert float(seen[4]) == pytest.approx(0.08 * tick, abs=1e-4)
+        await page.wait_for_selector("#choice .uplot canvas")
+        await page.keyboard.press("Escape")
+        await expect(page.locator("#choice")).to_be_hidden()
+        for button in ("right", "middle"):
+            x, y = box["x"] + place["x"], box["y"] + place["y"]
+            await page.mouse.click(x, y, button=button)
+            await expect(page.locator("#choice")).to_be_hidden()
+
+
+@pytest.mark.slow
+async def test_what_is_shown_already_is_not_painted_again(path_log: Path) -> None:
+    async with opened(path_log, "#t=20") as page:
+        for tick in (20, 3):  # both orders are known from then on
+            await go_to(page, tick)
+        painted = await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const { order: { diagram }, time: { player } } = page;
+                let [nodes, shown] = [0, 0];
+                const { paint } = diagram._painter;
+                diagram._painter.paint = function (...given) {
+                    nodes += 1;
+                    paint.apply(this, given);
+                };
+                const show = diagram.show;
+                diagram.show = function (...given) {
+                    shown += 1;
+                    show.apply(this, given);
+                };
+                player.seek(20);
+                for (let k = 0; k < 3; k += 1) page.move();
+                return [nodes, shown];
+            }"""
+        )
+    assert painted == [7, 1]
+
+
+async def said(page: Page, sensor: int) -> tuple[str, str, str]:
+    """Return what the table says: the reading, the state, and what is believed why."""
+    row = page.locator("#outline tbody tr").nth(sensor)
+    reads, state, belief = [
+        await row.locator(f"td.{what}").inner_text()
+        for what in ("reads", "state", "belief")
+    ]
+    return reads, state, belief
+
+
+@pytest.mark.slow
+async def test_each_kind_of_belief_is_said_in_the_table_and_at_the_node(
+    unread_log: Path,
+) -> None:
+    async with opened(unread_log, "#t=30") as page:
+        await page.click("#tab-sensors")
+        assert await said(page, 0) == ("on", "on", "read")
+        assert await said(page, 1) == ("on", "on", "read")
+        await go_to(page, 31)
+        assert await said(page, 0) == ("on", "on", "read")
+        predicted = ("unknown", "on", "predicted: not read; s0 says on")
+        assert await said(page, 1) == predicted
+        assert await said(page, 2) == ("unknown", "unknown", "unknown")
+        await go_to(page, 32)
+        broken = ("off", "contradicted", "contradicted: reads off; s0 says on")
+        assert await said(page, 1) == broken
+        box = await page.locator("#drawing").bounding_box()
+        place = await page.evaluate(
+            """async () => {
+                const { diagram } = (await import("/main.js")).page.order;
+                return diagram._camera.over(diagram._laid.places.get(1));
+            }"""
+        )
+        assert box is not None
+        await page.mouse.move(box["x"] + place["x"], box["y"] + place["y"])
+        await expect(page.locator("#drawing")).to_have_attribute(
+            "title", "s1: reads off; s0 says on"
+        )
+
+
+def related(log: Path, tick: int, sensor: int) -> list[int]:
+    """Return the sensors that have a literal above or below one of a sensor's."""
+    hasse = told(log)[tick].hasse
+    reached, ahead = {2 * sensor, 2 * sensor + 1}, [2 * sensor, 2 * sensor + 1]
+    while ahead:
+        one = ahead.pop()
+        found = {b for a, b in hasse if a == one} - reached
+        reached |= found
+        ahead += found
+    return sorted({literal >> 1 for literal in reached})
+
+
+async def pick(page: Page, sensor: int) -> None:
+    await page.click("#tab-sensors")
+    await page.locator("#outline tbody button").nth(sensor).click()
+
+
+async def test_a_selected_sensor_leaves_clear_what_is_above_and_below_it(
+    planner_log: Path,
+) -> None:
+    sensor = 3
+    truth = related(planner_log, TICKS, sensor)
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        assert await page.evaluate(SEEN) is None
+        await expect(page.locator("#focus-depth")).to_be_disabled()
+        await pick(page, sensor)
+        assert await page.evaluate(SEEN) == truth
+        await page.select_option("#focus-depth", "1")
+        near = await page.evaluate(SEEN)
+        await page.select_option("#focus-depth", "2")
+        farther = await page.evaluate(SEEN)
+        assert sensor in near
+        assert set(near) < set(farther) <= set(truth) < set(range(40))
+        dim = await page.evaluate(
+            """async () => {
+                const { page: { order: { diagram }, frame } } = await import("/main.js");
+                const { looks } = await import("/order/nodes.js");
+                const look = looks(frame, null, null, null, diagram._focus.sensors);
+                return diagram._drawing.items
+                    .filter((item) => look(item).dim).map(({ sensor }) => sensor);
+            }"""
+        )
+        assert set(dim) == set(range(40)) - set(farther)
+        await page.keyboard.press("Escape")
+        assert await page.evaluate(SEEN) is None
+
+
+@pytest.mark.slow
+async def test_what_is_looked_at_is_laid_out_alone(planner_log: Path) -> None:
+    sensor = 3
+    truth = related(planner_log, TICKS, sensor)
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        place = await page.evaluate(
+            """async () => {
+                const { diagram } = (await import("/main.js")).page.order;
+                return diagram._camera.over(diagram._laid.places.get(3));
+            }"""
+        )
+        box = await page.locator("#drawing").bounding_box()
+        assert box is not None
+        await page.mouse.dblclick(box["x"] + place["x"], box["y"] + place["y"])
+        assert await page.evaluate(LAID) == truth
+        shown = f"{len(truth)} of them shown"
+        await expect(page.locator("#diagram-facts")).to_contain_text(shown)
+        await page.press("body", "f")
+        assert await page.evaluate(LAID) == list(range(40))
+        await page.press("body", "f")
+        assert await page.evaluate(LAID) == truth
+        await page.keyboard.press("Escape")
+        assert await page.evaluate(LAID) == list(range(40))
+
+
+@pytest.mark.slow
+async def test_edges_are_left_out_by_kind(planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        kinds = await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                return page.order.diagram._drawing.links.map(({ kind }) => kind);
+            }"""
+        )
+        chip = page.locator("#focus-edges button")
+        await expect(chip.nth(0)).to_have_text(f"excites {kinds.count('excite')}")
+        await expect(chip.nth(1)).to_have_text(f"inhibits {kinds.count('inhibit')}")
+        await pick(page, 3)
+        whole = await page.evaluate(SEEN)
+        await chip.nth(0).focus()
+        await page.keyboard.press("Enter")
+        await expect(chip.nth(0)).to_have_attribute("aria-pressed", "false")
+        fewer = await page.evaluate(SEEN)
+        assert set(fewer) < set(whole)
+
+
+@pytest.mark.slow
+async def test_only_what_is_predicted_or_contradicted_is_kept(
+    unread_log: Path,
+) -> None:
+    async with opened(unread_log, "#t=31") as page:
+        chip = page.locator("#focus-only button")
+        there = page.locator("#focus-only button:visible")
+        await expect(there).to_have_text(["on 2", "predicted 1"])  # of others is none
+        await chip.nth(2).click()
+        assert await page.evaluate(SEEN) == [1]
+        await page.click("#focus-alone")
+        assert await page.evaluate(LAID) == [1]
+        await chip.nth(2).click()
+        await page.press("body", "ArrowRight")
+        await wait_shown(page, 32)
+        await chip.nth(1).click()
+        assert await page.evaluate(LAID) == [0, 1]  # each says the other is wrong
+
+
+async def saved(page: Page, button: str, folder: Path) -> Path:
+    """Click a button and keep the file it gives."""
+    async with page.expect_download() as coming:
+        await page.click(button)
+    download = await coming.value
+    path = folder / download.suggested_filename
+    await download.save_as(path)
+    return path
+
+
+@pytest.mark.slow
+async def test_the_svg_names_every_sensor_and_is_the_same_again(
+    unread_log: Path, tmp_path: Path
+) -> None:
+    names = RunView(unread_log).options.sensors
+    async with opened(unread_log, f"#t={READ}") as page:
+        first = (await saved(page, "#save-svg", tmp_path)).read_bytes()
+        assert (await saved(page, "#save-svg", tmp_path)).read_bytes() == first
+    root = ElementTree.fromstring(first)
+    title = root.find(f"{SVG}title")
+    assert title is not None
+    assert title.text == f"Learned order of {unread_log.name}, tick {READ}"
+    texts = [text.text for text in root.iter(f"{SVG}text")]
+    assert set(names) <= set(texts)
+    assert "?" in texts  # of what is unknown
+    tiles = {f"url(#{tile.get('id')})" for tile in root.iter(f"{SVG}pattern")}
+    hatched = [path for path in root.iter(f"{SVG}path") if path.get("fill") in tiles]
+    assert len(hatched) == 1  # what is predicted
+    assert all("NaN" not in str(mark.attrib) for mark in root.iter())
+
+
+async def places(page: Page, tick: int) -> dict[str, Any]:
+    """Return where each sensor stands, and is seen, at a tick."""
+    await go_to(page, tick)
+    found: dict[str, Any] = await page.evaluate(
+        """async (tick) => {
+            const { page } = await import("/main.js");
+            const { diagram } = page.order;
+            const frame = () => new Promise(requestAnimationFrame);
+            while (page.frame.tick !== tick || page.order.graph?.id !== page.frame.graph
+                || diagram._graph?.id !== page.order.graph.id
+                || diagram._places !== diagram._laid.places) await frame();
+            const found = {};
+            for (const [key, place] of diagram._laid.places) {
+                found[key] = [place.x, place.y, diagram._camera.over(place)];
+            }
+            return found;
+        }""",
+        tick,
+    )
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["csv", "planner"])
+async def test_it_is_the_same_whichever_way_one_came(
+    name: str, csv_log: Path, planner_log: Path
+) -> None:
+    log = {"csv": csv_log, "planner": planner_log}[name]
+    async with opened(log, "#t=20") as page:
+        expected = await places(page, 20)
+    assert len(expected) > 1
+    others = []
+    for way in WAYS:
+        async with opened(log, f"#t={way[0]}") as page:
+            seen = [await places(page, tick) for tick in way]
+        assert seen[-1] == expected
+        others += seen
+    assert any(other != expected for other in others)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("still", [False, True])
+async def test_what_moves_glides_unless_one_wants_no_motion(
+    planner_log: Path, still: bool
+) -> None:
+    async with opened(planner_log, "#t=1", still=still) as page:
+        await places(page, 1)
+        shown = await page.evaluate(
+            """async () => {
+                const { Glide } = await import("/order/screen.js");
+                const at = (x) => new Map([["s0", { x, y: 0 }], ["s1", { x: 5, y: 5 }]]);
+                const seen = [];
+                await new Promise((done) => {
+                    const glide = new Glide((places) => {
+                        seen.push(places.get("s0").x);
+                        if (places.get("s0").x === 100) done();
+                    });
+                    glide.start(new Map([["s0", { x: 0, y: 0 }]]), at(100));
+                });
+                return seen;
+            }"""
+        )
+    assert shown == sorted(shown)
+    assert shown[-1] == 100
+    assert shown[0] == (100 if still else 0)
+    assert (len(shown) == 1) == still
+
+
+async def test_of_too_many_sensors_those_are_drawn_that_are_asked_for(
+    large_log: Path,
+) -> None:
+    names = options_of(Recording.open(large_log)).sensors
+    async with opened(large_log, "#t=6") as page:
+        large = page.locator("#drawing-large")
+        await expect(large).to_contain_text("500 sensors are too many to be read")
+        assert await page.evaluate(LAID) == []
+        await page.fill("#search-text", names[210])
+        await expect(large).to_be_hidden()
+        assert await page.evaluate(LAID) == [210]
+        await page.press("#search-text", "Enter")
+        await expect(page.locator("#choice-title")).to_have_text(names[210])
+        await page.select_option("#focus-depth", "1")
+        near = await page.evaluate(LAID)
+        assert 210 in near
+        assert 1 < len(near) <= 160
+        await page.fill("#search-text", "")
+        await page.keyboard.press("Escape")
+        await page.press("body", "Escape")
+        await expect(large).to_be_visible()

@@ -1,0 +1,807 @@
+"""Recordings on the page: several, growing, replaced, gone, or empty."""
+
+import asyncio
+import re
+import shutil
+from pathlib import Path
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+from playwright.async_api import Page, Route, expect
+
+from neurosnap.apps.viewer.api import Runs
+from neurosnap.apps.viewer.comparison import TickDifference, difference
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.session import ViewSession
+from neurosnap.recording.read.recording import Recording
+from tests.support import browser_pages as pages
+from tests.support.browser_pages import (
+    IN_BROWSER,
+    derived,
+    go_to,
+    looked_at,
+    opened,
+    shown_tick,
+    states,
+)
+from tests.support.page_requests import get
+from tests.support.recorded_runs import (
+    TICKS,
+    csv_run,
+    in_chunks,
+    path_run,
+    recorded,
+    scripted_run,
+    without_states,
+)
+from tools.browser import started, wait_shown
+
+pytestmark = IN_BROWSER
+
+LISTED = 50  # edges and classes
+LONG = 300  # more ticks than a block of frames has
+FAR = 290
+FAILED = "Failed to load resource"
+CUT = re.compile("^This recording is not whole: ")
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Two runs of the same readings; the second learns later, and stops earlier."""
+    folder = tmp_path_factory.mktemp("compare")
+    run = csv_run(folder / "rows.csv", TICKS)
+    other = folder / "other"
+    other.mkdir()
+    cautious = replace(run, threshold=0.01, snapshot="discounted", decay=0.9)
+    return recorded(run, folder / "run.mcap"), recorded(cautious, other / "run.mcap")
+
+
+@pytest.mark.slow
+async def test_each_recording_of_a_server_is_asked_by_its_number(
+    logs: tuple[Path, Path],
+) -> None:
+    async with serving(*map(ViewSession, logs)) as address:
+        _, body = await get(address, "/api/runs")
+        runs = msgspec.json.decode(body, type=Runs).runs
+        assert [each.name for each in runs] == [
+            f"{logs[0].parent.name}/run.mcap",
+            "other/run.mcap",
+        ]
+        for number, log in enumerate(logs):
+            _, body = await get(address, f"/api/graph?tick=30&run={number}")
+            own = msgspec.json.decode(body)["id"]
+            assert own == RunView(log).graph(30).id
+        _, body = await get(address, "/api/difference?tick=30&other=1&then=20")
+        found = msgspec.json.decode(body, type=TickDifference)
+        assert found == difference(RunView(logs[0]), 30, RunView(logs[1]), 20)
+        for query, words in {
+            "run=2": "run: must be in [0, 1], got 2",
+            "run=x": "run: must be a whole number from 0 up",
+        }.items():
+            status, body = await get(address, f"/api/run?{query}")
+            assert status == 400
+            assert words in body.decode()
+        status, body = await get(address, "/api/partings?other=7")
+        assert (status, b"other: must be in [0, 1]" in body) == (400, True)
+
+
+@pytest.mark.slow
+async def test_another_recording_is_chosen_and_a_link_leads_to_it(
+    logs: tuple[Path, Path],
+) -> None:
+    async with opened(logs[0], "#t=12", "light", logs[1]) as page:
+        assert await page.locator("#run option").all_inner_texts() == [
+            f"{logs[0].parent.name}/run.mcap",
+            "other/run.mcap",
+        ]
+        await expect(page.locator("#what")).to_contain_text(
+            RunView(logs[0]).recording.swarm
+        )
+        await page.select_option("#run", "1")
+        await expect(page.locator("#what")).to_contain_text(
+            RunView(logs[1]).recording.swarm
+        )
+        await wait_shown(page, 12)
+        assert await page.evaluate("location.hash") == "#t=12&run=1"
+        assert await page.locator("#run").input_value() == "1"
+
+
+async def test_it_says_where_two_recordings_part(
+    logs: tuple[Path, Path],
+) -> None:
+    views = [RunView(log) for log in logs]
+    frames = [view.frames(1, TICKS) for view in views]
+    parted = next(
+        one.tick for one, other in zip(*frames, strict=True) if one.state != other.state
+    )
+    async with opened(logs[0], "#t=30", "light", logs[1]) as page:
+        await page.click("#tab-compare")
+        parts = page.locator("#compare ul").first
+        await expect(parts).to_contain_text("readings: the same")
+        await expect(parts).to_contain_text(f"believed states part at tick {parted}")
+        found = difference(views[0], 30, views[1], 30)
+        assert found.here.count > 0
+        heading = page.get_by_text("Implied here, not in other/run.mcap")
+        await expect(heading).to_contain_text(str(found.here.count))
+        await parts.get_by_role("button", name=f"tick {parted}").first.click()
+        await wait_shown(page, parted)
+        felt = difference(views[0], parted, views[1], parted).felt
+        assert felt
+        shown = page.get_by_role("table", name="Sensors that differ")
+        await expect(shown.locator("tbody tr")).to_have_count(len(felt))
+        await shown.get_by_role("button", name=felt[0].name).click()
+        assert await page.inner_text("#choice-title") == felt[0].name
+
+
+@pytest.mark.slow
+async def test_it_says_what_was_learned_between_two_ticks(path_log: Path) -> None:
+    view = RunView(path_log)
+    names = view.options.sensors
+    pairs = ((tick, then) for tick in range(30, 40) for then in range(3, 30))
+    tick, then, found = next(
+        (tick, then, found)
+        for tick, then in pairs
+        if 0 < (found := difference(view, tick, view, then)).here.count <= LISTED
+    )
+    async with opened(path_log, f"#t={tick}") as page:
+        await page.click("#tab-compare")
+        await page.get_by_label("Tick to compare with").fill(str(then))
+        learned = page.locator("#compare section").filter(
+            has_text=f"Implied at tick {tick}, not at tick {then} "
+        )
+        edges = learned.get_by_role("button")
+        await expect(edges).to_have_count(len(found.here.edges))
+        first = found.here.edges[0]
+        text = await edges.first.inner_text()
+        assert names[first.source >> 1] in text
+        assert names[first.target >> 1] in text
+        await edges.first.click()
+        assert await page.inner_text("#choice-title") == "Selected edge"
+        await page.get_by_label("Tick to compare with").fill("")
+        await go_to(page, 31)
+        await expect(page.locator("#compare")).to_contain_text(
+            "Implied at tick 31, not at tick 30"
+        )
+
+
+@pytest.fixture
+def another_log(tmp_path: Path) -> Path:
+    return recorded(path_run(seed=9), tmp_path / "another.mcap")
+
+
+def cut_short(log: Path, target: Path, part: float) -> Path:
+    """Keep a part of a recording's chunks."""
+    whole = in_chunks(log, target.with_suffix(".whole"), 1000)
+    chunks = Recording.open(whole).files[0].layout.chunks
+    offset = chunks[int(len(chunks) * part)].offset
+    target.write_bytes(whole.read_bytes()[:offset])
+    return target
+
+
+@pytest.mark.slow
+async def test_another_recording_takes_the_place_of_the_one_before(
+    path_log: Path, another_log: Path, tmp_path: Path
+) -> None:
+    log = cut_short(path_log, tmp_path / "run.mcap", 0.7)
+    other = cut_short(another_log, tmp_path / "other.mcap", 0.4)
+    first, then = RunView(log).last, RunView(other).last
+    assert 0 < then < first < TICKS
+    # A tick may be asked for that the shorter recording, there already, does not have.
+    beyond = "status of 400"
+    live = opened(log, f"#t={first}", grows=lambda: True, but_for=beyond)
+    async with live as page:
+        await wait_shown(page, first)
+        await page.click("#tab-sensors")
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                page.choose({ edge: { source: 0, target: 2, kind: "excite" } });
+            }"""
+        )
+        await page.wait_for_selector(f'#choice-body[data-tick="{first}"]')
+        other.replace(log)
+        await expect(page.locator("#tick")).to_have_text(f"tick {then} of {then}")
+        assert await states(page, then) == derived(another_log)[then]
+        await page.wait_for_selector(f'#choice-body[data-tick="{then}"]')
+        pressed = page.locator("#follow")
+        await expect(pressed).to_have_attribute("aria-pressed", "false")
+
+
+@pytest.mark.slow
+async def test_a_tick_that_is_asked_for_too_early_leaves_no_blank_page(
+    path_log: Path, tmp_path: Path
+) -> None:
+    whole = in_chunks(path_log, tmp_path / "whole.mcap", 1000)
+    log = cut_short(path_log, tmp_path / "run.mcap", 0)
+    async with (
+        serving(ViewSession(log, lambda: True)) as address,
+        looked_at(address.url) as page,
+    ):
+        await page.goto(f"{address.url}#t=5")
+        await expect(page.locator("#tick")).to_have_text("no tick")
+        with log.open("ab") as file:
+            file.write(whole.read_bytes()[log.stat().st_size :])
+        await wait_shown(page, 1)
+        await expect(page.locator("#tick")).to_have_text(f"tick 1 of {TICKS}")
+        await expect(page.locator("#notice")).to_be_hidden()
+
+
+@pytest.mark.slow
+async def test_news_is_taken_in_one_after_the_other(
+    path_log: Path, tmp_path: Path
+) -> None:
+    log = cut_short(path_log, tmp_path / "run.mcap", 0.5)
+    async with (
+        serving(ViewSession(log, lambda: True)) as address,
+        looked_at(address.url) as page,
+    ):
+        # The only news is the test's own.
+        await page.add_init_script(
+            "window.EventSource = class extends EventTarget { close() {} };"
+        )
+        await page.goto(address.url)
+        await page.wait_for_selector("#drawing[data-tick]", state="attached")
+        await expect(page.locator("#badge")).to_have_text("live")
+        live = await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const real = window.fetch;
+                const answered = new Promise((answer) => {
+                    window.fetch = async (what, given) => {
+                        const response = await real(what, given);
+                        if (what === "api/run") response.clone().json().then(answer);
+                        return response;
+                    };
+                });
+                const { ticks } = page.run;
+                page.receive({ reset: true });
+                page.receive({ reset: false, frames: [], ticks, live: false, cut: null });
+                await answered;
+                await page.received;
+                await new Promise(requestAnimationFrame);
+                window.fetch = real;
+                return page.run.live;
+            }"""
+        )
+        assert not live
+        await expect(page.locator("#badge")).to_contain_text("ended")
+
+
+@pytest.mark.slow
+async def test_a_link_that_is_back_may_be_to_another_recording(path_log: Path) -> None:
+    async with opened(path_log) as page:
+        told = await page.evaluate(
+            """async () => {
+                const { follow } = await import("/run/live.js");
+                const [stream, told] = [new EventTarget(), []];
+                const tell = (what) => told.push(what);
+                follow(() => stream, tell, tell);
+                for (const name of ["open", "error", "error", "open"]) {
+                    stream.dispatchEvent(new Event(name));
+                }
+                return told;
+            }"""
+        )
+    assert told == [True, False, False, True, {"reset": True}]
+
+
+@pytest.mark.slow
+async def test_a_browser_that_has_gone_spoils_no_later_test(
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with started() as gone:
+        pass
+    assert not gone.is_connected()
+    monkeypatch.setattr(pages, "shared", [gone])
+    async with opened(path_log, "#t=3") as page:
+        assert await shown_tick(page) == 3
+
+
+@pytest.mark.slow
+async def test_what_was_strange_is_said() -> None:
+    with pytest.raises(AssertionError, match=r"strange: \['something odd'\]"):
+        async with looked_at("about:blank") as page, page.expect_console_message():
+            await page.evaluate("console.error('something odd')")
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(path_run(LONG), tmp_path_factory.mktemp("long") / "long.mcap")
+
+
+@pytest.fixture(scope="module")
+def other_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("other")
+    return recorded(csv_run(folder / "rows.csv"), folder / "other.mcap")
+
+
+async def is_old(page: Page, old: bool = True) -> None:
+    """Wait until what is shown is marked as old, or no longer is."""
+    await expect(page.locator("body.old")).to_have_count(int(old))
+
+
+async def test_a_recording_that_is_deleted_is_said_to_be(
+    long_log: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    shutil.copy(long_log, log)
+    async with opened(log, "#t=5", but_for=FAILED) as page:
+        log.unlink()
+        notice = page.locator("#notice")
+        await expect(notice).to_contain_text("run.mcap was deleted or moved")
+        await is_old(page)
+        await page.fill("#time", str(FAR))
+        await expect(page.locator("#late")).to_have_text(
+            f"this is tick 5, not tick {FAR}"
+        )
+        assert "not recorded" not in await notice.inner_text()
+
+
+@pytest.mark.slow
+async def test_what_is_asked_for_once_a_recording_is_gone_is_no_gap(
+    long_log: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    shutil.copy(long_log, log)
+    async with serving(ViewSession(log)) as address:
+        log.unlink()
+        status, body = await get(address, f"/api/frames?from={FAR}&to={FAR}")
+        assert status == 500
+        assert b"run.mcap was deleted or moved" in body
+
+
+@pytest.mark.slow
+async def test_a_recording_that_is_replaced_is_never_mixed_with_the_one_before(
+    long_log: Path, other_log: Path, tmp_path: Path
+) -> None:
+    log, other = tmp_path / "run.mcap", tmp_path / "other.mcap"
+    shutil.copy(long_log, log)
+    shutil.copy(other_log, other)
+    async with opened(log, "#t=5", but_for=FAILED) as page:
+        other.replace(log)
+        await expect(page.locator("#notice")).to_contain_text(
+            "run.mcap was replaced by another recording: reload the page"
+        )
+        await is_old(page)
+        await page.fill("#time", str(FAR))
+        await expect(page.locator("#late")).to_have_text(
+            f"this is tick 5, not tick {FAR}"
+        )
+        await page.reload()
+        await wait_shown(page, 5)
+        await expect(page.locator("#what")).to_contain_text("rows.csv")
+        await expect(page.locator("#notice")).to_be_hidden()
+        await is_old(page, False)
+        await page.wait_for_selector("#plots .u-over")  # it is read through, too
+
+
+async def test_a_server_that_is_gone_is_said_to_be_until_it_is_back(
+    long_log: Path,
+) -> None:
+    async with opened(long_log, "#t=5", but_for=FAILED) as page:
+        await page.route("**/api/*", lambda route: route.abort())
+        notice = page.locator("#notice")
+        await expect(notice).to_contain_text("the server does not answer")
+        await is_old(page)
+        await page.unroute("**/api/*")
+        await expect(notice).to_be_hidden()
+        await is_old(page, False)
+
+
+@pytest.mark.slow
+async def test_the_next_start_lets_in_who_was_let_in_before(long_log: Path) -> None:
+    async with serving(ViewSession(long_log)) as address:
+        pass
+    async with serving(ViewSession(long_log), last=address) as again:
+        assert again == address
+        async with serving(ViewSession(long_log), last=address) as beside:
+            assert beside.port != address.port
+        async with looked_at(again.url) as page:
+            await page.goto(again.url + "#t=5")
+            await wait_shown(page, 5)
+            assert await page.evaluate("location.href") == (
+                f"http://127.0.0.1:{again.port}/#t=5"
+            )
+
+
+@pytest.mark.slow
+async def test_a_slow_seek_shows_that_it_lasts(long_log: Path) -> None:
+    held: list[Route] = []
+    came = asyncio.Event()
+
+    async def hold(route: Route) -> None:
+        held.append(route)
+        came.set()
+
+    async with opened(long_log, "#t=5") as page:
+        await page.route(re.compile(rf"api/frames\?from={FAR}"), hold)
+        await page.fill("#time", str(FAR))
+        late = page.locator("#late")
+        await expect(late).to_have_text(f"reading tick {FAR}; this is tick 5")
+        await came.wait()
+        for route in held:
+            await route.continue_()
+        await wait_shown(page, FAR)
+        await expect(late).to_be_hidden()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("site", "words"),
+    [
+        ("none", "This browser has not been let in yet."),
+        ("cross-site", "Copy the link, and paste it into the address bar."),
+    ],
+)
+async def test_who_is_not_let_in_is_told_what_to_do(
+    long_log: Path, site: str, words: str
+) -> None:
+    async with serving(ViewSession(long_log)) as address:
+        told = [f"Sec-Fetch-Site: {site}", "Sec-Fetch-Dest: document"]
+        status, body = await get(address, "/", *told, token=False)
+        assert status in (401, 403)
+        assert words in body.decode()
+        assert address.token not in body.decode()
+
+
+@pytest.mark.slow
+async def test_a_link_brings_what_was_looked_at(planner_log: Path) -> None:
+    async with opened(planner_log, "#t=12") as page:
+        await page.click("#tab-sensors")
+        await page.locator("#outline tbody button").nth(3).click()
+        name = await page.inner_text("#choice-title")
+        waves = await page.locator("#wave-which option").evaluate_all(
+            "(all) => all.map(({ value }) => value)"
+        )
+        await page.select_option("#wave-which", waves[1])
+        await page.click("#nearer")
+        view = await page.evaluate(
+            "import('/main.js').then(({ page }) => page.order.diagram.view)"
+        )
+        await expect(page).to_have_url(re.compile("look="))
+        link = await page.evaluate("location.hash")
+        await page.goto("about:blank")
+        await page.go_back()
+        await page.evaluate(
+            "(link) => { location.hash = link; location.reload(); }", link
+        )
+        await wait_shown(page, 12)
+        assert await page.inner_text("#choice-title") == name
+        assert await page.locator("#wave-which").input_value() == waves[1]
+        assert await page.locator("#sensors").is_visible()
+        again = await page.evaluate(
+            "import('/main.js').then(({ page }) => page.order.diagram.view)"
+        )
+        for part in ("x", "y", "scale"):
+            assert again[part] == pytest.approx(view[part], rel=1e-2, abs=1)
+        await page.click("#fit")
+        await expect(page).not_to_have_url(re.compile("look="))
+
+
+@pytest.mark.slow
+async def test_a_link_to_an_edge_selects_it_and_a_bad_one_is_said(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, "#t=12&edge=0-2") as page:
+        await expect(page.locator("#choice-title")).to_have_text("Selected edge")
+    async with opened(planner_log, "#t=12&edge=0-9999") as page:
+        await expect(page.locator("#notice")).to_have_text(
+            "there is no edge 0-9999 here"
+        )
+    async with opened(planner_log, "#t=12&sensor=nobody&look=x&tab=none") as page:
+        await go_to(page, 12)
+        await expect(page.locator("#notice")).to_have_text(
+            "there is no sensor nobody here"
+        )
+
+
+@pytest.fixture
+def empty_log(tmp_path: Path) -> Path:
+    whole = scripted_run([[True] * 3] * 3, tmp_path / "whole.mcap", source="-")
+    return without_states(whole, tmp_path / "empty.mcap", {1, 2, 3})
+
+
+@pytest.mark.slow
+async def test_a_recording_without_a_tick_says_so(empty_log: Path) -> None:
+    async with (
+        serving(ViewSession(empty_log)) as address,
+        looked_at(address.url) as page,
+    ):
+        await page.goto(address.url)
+        await expect(page.locator("#notice")).to_have_text("no tick was recorded")
+        await expect(page.locator("#what")).to_contain_text("standard input, 3 sensors")
+        await page.click("#save-svg")
+        await expect(page.locator("#said")).to_have_text("there is no tick to save")
+
+
+async def plots_are_there(page: Page) -> None:
+    """Wait until the page has all it wants to plot."""
+    await page.evaluate(
+        """async () => {
+            const { page } = await import("/main.js");
+            while (document.querySelector("#plots").ariaBusy === "true") await new Promise(requestAnimationFrame);
+        }"""
+    )
+
+
+@pytest.mark.slow
+async def test_a_tick_that_was_not_recorded_is_said_and_stepped_over(
+    path_log: Path, tmp_path: Path
+) -> None:
+    log = without_states(path_log, tmp_path / "gap.mcap", {10, 11, 12})
+    async with opened(log, "#t=9") as page:
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        notice = page.locator("#notice")
+        for tick in (10, 11, 12):
+            await page.keyboard.press("ArrowRight")
+            await expect(notice).to_have_text(f"tick {tick} was not recorded")
+            await expect(page.locator("body")).to_have_attribute("aria-busy", "false")
+            assert await shown_tick(page) == 9
+        await page.keyboard.press("ArrowRight")
+        await wait_shown(page, 13)
+        await expect(notice).to_be_hidden()
+        await go_to(page, 8)
+        await page.select_option("#speed", "20")
+        await page.click("#play")
+        await wait_shown(page, TICKS)
+        await expect(notice).to_be_hidden()
+        assert not any("frames" in url for url in asked)
+
+
+@pytest.mark.slow
+async def test_a_server_that_is_gone_is_not_asked_again_and_again(
+    path_log: Path,
+) -> None:
+    async with opened(path_log) as page:
+        asked = await page.evaluate(
+            """async () => {
+                const { FrameCache } = await import("/run/frames.js");
+                const later = [];
+                const set = window.setTimeout;
+                window.setTimeout = (act) => later.push(act);
+                const asked = [];
+                const frameCache = new FrameCache(async (from) => {
+                    asked.push(from);
+                    throw new Error("gone");
+                });
+                frameCache.last = 300;
+                const frame = async () => {
+                    frameCache.prefetch(5);
+                    await frameCache.at(5).catch(() => {});
+                };
+                for (let k = 0; k < 20; k += 1) await frame();
+                for (const act of later) act();
+                await frame();
+                window.setTimeout = set;
+                return asked;
+            }"""
+        )
+    assert asked == [120, 5, 120, 5]
+
+
+@pytest.mark.slow
+async def test_the_tick_that_is_wanted_does_not_wait_for_its_block(
+    path_log: Path,
+) -> None:
+    async with opened(path_log) as page:
+        asked, tick = await page.evaluate(
+            """async () => {
+                const { FrameCache } = await import("/run/frames.js");
+                const asked = [];
+                const frameCache = new FrameCache(async (from, to) => {
+                    asked.push([from, to]);
+                    if (from !== to) await new Promise(() => {}); // it takes long
+                    return [{ tick: from }];
+                });
+                frameCache.last = 300;
+                frameCache.ask(130);
+                return [asked, (await frameCache.at(150)).tick];
+            }"""
+        )
+    assert asked == [[120, 239], [150, 150]]
+    assert tick == 150
+
+
+@pytest.mark.slow
+async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
+    path_log: Path, tmp_path: Path
+) -> None:
+    whole = in_chunks(path_log, tmp_path / "whole.mcap", 4000)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
+    last = RunView(cut).last
+    async with opened(cut) as page:
+        await wait_shown(page, 1)
+        await plots_are_there(page)
+        notice = page.locator("#notice")
+        await expect(notice).to_have_text(CUT)
+        await page.evaluate(
+            """() => {
+                const real = window.fetch;
+                const answer = async () => Response.json({ error: "not so" }, { status: 500 });
+                const gone = async () => { throw new TypeError("gone"); };
+                const ways = [answer, gone, real];
+                const never = () => new Promise(() => {}); // it would say that it is there
+                window.fetch = (what) => {
+                    if (what === "api/presence") return never();
+                    return (what.startsWith("api/raster") ? ways.shift() ?? real : real)(what);
+                };
+            }"""
+        )
+        await page.click("#tab-raster")
+        await expect(notice).to_have_text(re.compile(f"{CUT.pattern}.* · not so$"))
+        await page.click("#tab-raster")
+        await expect(notice).to_have_text(re.compile("not so · .* does not answer"))
+        await go_to(page, last)  # its order was not asked for before, and is answered
+        await expect(notice).to_have_text(re.compile(f"{CUT.pattern}.* · not so$"))
+        await page.click("#tab-raster")
+        await expect(notice).not_to_contain_text("not so")
+        await expect(notice).to_have_text(CUT)
+
+
+@pytest.mark.slow
+async def test_a_question_that_is_dropped_while_it_is_answered_is_no_error(
+    path_log: Path,
+) -> None:
+    async with opened(path_log) as page:
+        said = await page.evaluate(
+            """async () => {
+                const { fetchEdge } = await import("/base/api.js");
+                const drop = new AbortController();
+                const real = window.fetch;
+                window.fetch = async (what, { signal }) => {
+                    const body = new ReadableStream({
+                        start: (into) => signal.addEventListener("abort", () =>
+                            into.error(signal.reason)),
+                        pull: () => drop.abort(),
+                    });
+                    return new Response(body);
+                };
+                const said = await fetchEdge(0, 2, 1, drop.signal).catch(({ name }) => name);
+                window.fetch = real;
+                return said;
+            }"""
+        )
+    assert said == "AbortError"
+
+
+@pytest.mark.slow
+async def test_an_edge_says_nothing_of_a_tick_that_was_left(path_log: Path) -> None:
+    async with opened(path_log, "#t=20") as page:
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                page.choose({ edge: page.order.graph.edges[0] });
+            }"""
+        )
+        await page.wait_for_selector('#choice-body[data-tick="20"]')
+        asked = await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const [set, clear] = [window.setTimeout, window.clearTimeout];
+                const waiting = new Set();
+                page.choice._edge._ask = () => {};
+                window.setTimeout = (act, wait) => {
+                    const id = set(act, wait);
+                    if (`${act}`.includes("_ask")) waiting.add(id);
+                    return id;
+                };
+                window.clearTimeout = (id) => {
+                    waiting.delete(id);
+                    clear(id);
+                };
+                const asked = [1, -1].map((ticks) => {
+                    page.time.player.step(ticks);
+                    return waiting.size;
+                });
+                [window.setTimeout, window.clearTimeout] = [set, clear];
+                return asked;
+            }"""
+        )
+    assert asked == [1, 0]
+
+
+@pytest.mark.slow
+async def test_the_plot_of_an_edge_is_one_and_is_taken_away(path_log: Path) -> None:
+    async with opened(path_log, "#t=20") as page:
+        session = await page.context.new_cdp_session(page)
+
+        async def listening() -> int:
+            found = await session.send("Runtime.evaluate", {"expression": "window"})
+            window = {"objectId": found["result"]["objectId"]}
+            all_ = await session.send("DOMDebugger.getEventListeners", window)
+            return sum(each["type"] == "dppxchange" for each in all_["listeners"])
+
+        await plots_are_there(page)
+        alone = await listening()
+        for source, target in [(0, 2), (2, 4)]:
+            await page.evaluate(
+                """async (edge) => {
+                    document.querySelector("#choice-body").dataset.tick = "";
+                    (await import("/main.js")).page.choose({ edge });
+                }""",
+                {"source": source, "target": target, "kind": "excite"},
+            )
+            for tick in (20, 21, 22):
+                await go_to(page, tick)
+                await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
+                assert await listening() == alone + 1
+        await page.keyboard.press("l")
+        assert await listening() == alone + 1
+        await page.click("#choice-close")
+        assert await listening() == alone
+
+
+@pytest.mark.slow
+async def test_a_plot_says_of_which_tick_a_value_is_where_some_were_thinned_out(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, "#t=20") as page:
+        await plots_are_there(page)
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const curve = { ticks: [1, 19, 30], values: [4, 9, 7] };
+                const columns = new Proxy({}, { get: () => curve });
+                page.time.plots._on.fetchSeries = async () => ({ columns, done: true });
+                await page.time.plots.load(1, 40);
+            }"""
+        )
+        captions = page.locator("#plots figcaption")
+        told = {20: "9 at 19", 30: "7", 19: "9", 18: "4 at 1", 31: "7 at 30"}
+        for tick, value in told.items():
+            await go_to(page, tick)
+            await expect(captions.nth(1)).to_have_text(f"Err {value} ")
+            await expect(captions.nth(5)).to_have_text(f"Distance to target {value} ")
+
+
+@pytest.mark.slow
+async def test_the_address_is_written_once_one_stays(path_log: Path) -> None:
+    async with opened(path_log, "#t=5") as page:
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const real = history.replaceState;
+                window.written = [];
+                history.replaceState = function (...given) {
+                    window.written.push(given[2]);
+                    real.apply(history, given);
+                };
+                for (let k = 0; k < 30; k += 1) page.time.player.step(1);
+            }"""
+        )
+        await wait_shown(page, 35)
+        await expect(page).to_have_url(re.compile(r"#t=35$"))
+        assert await page.evaluate("window.written") == ["/#t=35"]
+        assert (
+            await page.evaluate(
+                """async () => {
+                const { page } = await import("/main.js");
+                page.time.player.follow();
+                page.time.timeline._keep();
+                return location.hash;
+            }"""
+            )
+            == ""
+        )
+
+
+@pytest.mark.slow
+async def test_it_opens_where_nothing_can_be_kept(path_log: Path) -> None:
+    async with (
+        serving(ViewSession(path_log)) as address,
+        looked_at(address.url) as page,
+    ):
+        await page.add_init_script(
+            """Object.defineProperty(window, "localStorage", {
+                get() { throw new DOMException("blocked", "SecurityError"); },
+            });"""
+        )
+        await page.goto(address.url)
+        await wait_shown(page, 1)
+        for theme in ("dark", "light"):
+            await page.keyboard.press("l")
+            await expect(page.locator("html")).to_have_attribute("data-theme", theme)

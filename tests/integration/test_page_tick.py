@@ -1,0 +1,708 @@
+"""What the page says of one tick: its state, waves, plans, words and images."""
+
+import io
+import random
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from PIL import Image
+from playwright.async_api import Page, expect
+
+from neurosnap import wire
+from neurosnap.apps.viewer.comparison import difference
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.run_facts import options_of
+from tests.support.browser_pages import IN_BROWSER, derived, go_to, opened, states
+from tests.support.home_runs import FLUSH
+from tests.support.lamp import BIRTH, GROWN
+from tests.support.recorded_runs import (
+    TICKS,
+    csv_run,
+    recorded,
+)
+from tests.support.run_options import options_for
+from tools.browser import wait_shown, wait_until
+
+pytestmark = IN_BROWSER
+
+GOAL = "x_below_1"  # the first literal of what the planner wants
+SCENES = 60  # ticks in the world of the lamp
+PLANNED = 36  # a plan of two steps begins, and nothing gets in its way
+LAKE = "neurosnap/FrozenLake-v0"
+IMAGES = 20  # ticks of the run that records images
+EVERY = 6
+
+
+@pytest.mark.parametrize("name", ["csv", "planner"])
+async def test_the_slider_restores_what_a_replay_derives(
+    name: str, csv_log: Path, planner_log: Path
+) -> None:
+    log = {"csv": csv_log, "planner": planner_log}[name]
+    truth = derived(log)
+    if name == "csv":
+        assert "contradicted" in {word for words in truth.values() for word in words}
+    chosen = [1, 2, 13, 24, 25, 26, TICKS]
+    random.Random(1).shuffle(chosen)
+    async with opened(log) as page:
+        await page.click("#tab-sensors")
+        for tick in chosen:
+            await go_to(page, tick)
+            assert await states(page, tick) == truth[tick]
+
+
+async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:
+    log = Recording.open(planner_log)
+    hops: dict[int, list[int]] = {}
+    deepest = (0, 0)  # depth, wave
+    ticks = {}
+    for each in log.messages(("wave", "settle", "reach")):
+        match each.message:
+            case wire.WaveStart(wave=wave, tick=tick, signal=signal) if signal:
+                hops[wave], ticks[wave] = [], (tick, signal[0])
+            case wire.CellReport(wave=wave, hops=reached) if wave in hops:
+                hops[wave] += reached
+            case wire.Reached(wave=wave, depth=depth):
+                deepest = max(deepest, (depth, wave))
+            case _:
+                pass
+    depth, wave = deepest
+    assert depth >= 2
+    tick, first = ticks[wave]
+    names = options_of(log).sensors
+    async with opened(planner_log, f"#t={tick}") as page:
+        await page.select_option("#wave-which", names[first >> 1] + "*" * (first & 1))
+        assert await page.get_attribute("#wave-hop", "max") == str(depth)
+        for hop in range(depth + 1):
+            await page.fill("#wave-hop", str(hop))
+            there = sum(at <= hop for at in hops[wave])
+            says = (
+                f"Hop {hop} of {depth}: {there} of {len(hops[wave])} literals reached"
+            )
+            await expect(page.locator("#wave-says")).to_contain_text(says)
+        await page.click("#wave-play")  # back to the state
+        await page.keyboard.press("Escape")
+        await page.press("body", "w")
+        await expect(page.locator("#wave-says")).to_contain_text(
+            f"Hop {depth} of {depth}"
+        )
+
+
+@pytest.mark.slow
+async def test_who_wants_no_motion_gets_the_wave_at_its_end(planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS}", still=True) as page:
+        await page.select_option("#wave-which", GOAL)
+        await page.press("body", "w")
+        depth = await page.get_attribute("#wave-hop", "max")
+        assert await page.input_value("#wave-hop") == depth
+        assert not await page.evaluate(
+            """async () => (await import("/main.js")).page.wave._started !== null"""
+        )
+
+
+@pytest.mark.slow
+async def test_a_wave_that_is_not_there_still_has_a_name(planner_log: Path) -> None:
+    async with opened(planner_log, "#t=1") as page:
+        await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                page.wave.show({ ...page.frame, waves: [] });
+            }"""
+        )
+        option = page.locator("#wave-which option")
+        await expect(option).to_have_text("state: not at this tick")
+
+
+@pytest.mark.slow
+async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -> None:
+    run_view = RunView(planner_log)
+    stage = run_view.scene.stage
+    assert stage is not None
+    assert stage.target is not None
+    target = f"({', '.join(map(str, stage.coordinates[stage.target]))})"
+    async with opened(planner_log) as page:
+        world = page.locator("#world svg")
+        assert await world.locator("rect").count() == 9
+        assert await world.locator("circle.target").count() == 2  # a ring in a ring
+        agent = world.locator("circle.agent")
+        for frame in run_view.frames(1, TICKS):
+            await go_to(page, frame.tick)
+            assert frame.place is not None
+            x, y = stage.coordinates[frame.place]
+            place = f"({x}, {y})"
+            said = f"A grid of 9 places: at {place}, target {target}"
+            await expect(world).to_have_attribute("aria-label", said)
+            await expect(agent).to_have_attribute("cx", f"{x + 0.5}")
+
+
+async def test_what_was_not_read_and_what_is_contradicted_is_said_and_drawn(
+    unread_log: Path,
+) -> None:
+    truth = derived(unread_log)
+    # At 31 only the first sensor is read, at 32 what is read breaks the rule.
+    assert truth[31] == ["on", "on", "unknown"]
+    assert truth[32] == ["contradicted", "contradicted", "unknown"]
+    async with opened(unread_log, "#t=30") as page:
+        await page.click("#tab-sensors")
+        for tick, reads, unread, contradicted, changed in [
+            (30, ["on", "on", "on"], "none", "nothing", ""),
+            (31, ["on", "unknown", "unknown"], "s1, s2", "nothing", ": s2 unknown"),
+            (
+                32,
+                ["on", "off", "unknown"],
+                "s2",
+                "s0, s1",
+                ": s0 contradicted, s1 contradicted",
+            ),
+        ]:
+            await go_to(page, tick)
+            assert await states(page, tick) == truth[tick]
+            assert await page.locator("#outline td.reads").all_inner_texts() == reads
+            facts = page.locator("#now dd")
+            assert await facts.nth(0).inner_text() == contradicted
+            assert await facts.nth(1).inner_text() == unread
+            drawn = await page.evaluate(
+                """async () => {
+                    const { diagram } = (await import("/main.js")).page.order;
+                    return [0, 1, 2].map((sensor) =>
+                        diagram._shown.get(sensor).split(",")[0]);
+                }"""
+            )
+            assert drawn == truth[tick]
+            await expect(page.locator("#said")).to_have_text(f"tick {tick}{changed}")
+        await page.locator("#outline tbody button").nth(2).click()
+        has = page.locator("#choice-body dd")
+        assert await has.nth(0).inner_text() == "unknown"
+        assert await has.nth(1).inner_text() == "unknown"
+
+
+@pytest.mark.slow
+async def test_unknown_and_contradicted_are_told_apart_without_colour(
+    unread_log: Path,
+) -> None:
+    async with opened(unread_log, "#t=32") as page:
+        signs = await page.evaluate(
+            """async () => {
+                const { NodePainter } = await import("/order/nodes.js");
+                const context = document.createElement("canvas").getContext("2d");
+                const item = { name: "s", sensor: 0 };
+                const place = { x: 50, y: 50, width: 60, item };
+                return ["on", "off", "unknown", "contradicted"].map((condition) => {
+                    const said = [];
+                    context.fillText = (text) => said.push(text);
+                    context.setLineDash = (dash) => said.push(dash.length);
+                    const look = { condition, own: 0, complement: 0, share: [] };
+                    new NodePainter().paint(context, place, look, 1);
+                    return said;
+                });
+            }"""
+        )
+    # How the border is drawn, solid again, the name, and the sign at its end.
+    assert signs == [
+        [0, 0, "s", "∗"],
+        [0, 0, "s", "∗"],
+        [2, 0, "s", "?"],
+        [0, 0, "s", "!"],
+    ]
+
+
+@pytest.mark.slow
+async def test_a_plot_says_what_its_columns_are_at_the_tick(planner_log: Path) -> None:
+    run_view = RunView(planner_log)
+    (frame,) = run_view.frames(TICKS, TICKS)
+    far = run_view.scene.distance(frame.place)
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        captions = page.locator("#plots figcaption")
+        await expect(captions).to_have_text(
+            [
+                f"Edges {frame.edges} ",
+                re.compile(r"^Err \d+ $"),
+                f"Depth {frame.depth} Longest {frame.longest} Height {frame.height} ",
+                f"Pulses a tick {frame.pulses} ",
+                f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0 ",
+                f"Distance to target {far:.0f} ",
+            ]
+        )
+
+
+@pytest.fixture(scope="module")
+def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording in which a rule is broken at tick 25."""
+    folder = tmp_path_factory.mktemp("broken")
+    options = replace(csv_run(folder / "rows.csv"), watch=True, support=2)
+    return recorded(options, folder / "run.mcap")
+
+
+@pytest.mark.slow
+async def test_a_sensor_says_what_would_follow_if_it_were_on_or_off(
+    planner_log: Path,
+) -> None:
+    view = RunView(planner_log)
+    names = view.options.sensors
+    graph = view.snapshot(TICKS).poc_graph()
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        told = await page.evaluate(
+            """async () => {
+                const { consequences } = await import("/tick/belief.js");
+                const { page } = await import("/main.js");
+                const ids = [...Array(2 * page.names.length).keys()];
+                const far = page.names.map((_, sensor) => `s${sensor}`);
+                return ids.map((literal) => consequences(literal, page.order.graph, far));
+            }"""
+        )
+        for literal, words in enumerate(told):
+            above = np.zeros(2 * len(names), np.bool_)
+            above[literal] = True
+            above = graph.up(above)
+            above[[literal, literal ^ 1]] = False
+            expected = {
+                word: {f"s{sensor}" for sensor in np.flatnonzero(above[half::2])}
+                for half, word in enumerate(("on", "off"))
+            }
+            groups = [] if words == "nothing follows" else words.split("; ")
+            found = dict(group.split(": ") for group in groups)
+            assert set(found) == {word for word, some in expected.items() if some}
+            for word, text in found.items():
+                first, _, more = text.partition(" and ")
+                named = first.split(", ")
+                assert set(named) <= expected[word]
+                left = int(more.split()[0]) if more else 0
+                assert len(named) + left == len(expected[word])
+        await page.click("#tab-sensors")
+        await page.locator("#outline tbody button").first.click()
+        body = page.locator("#choice-body")
+        await expect(body).to_contain_text("if on")
+        await expect(body).to_contain_text("if off")
+
+
+@pytest.mark.slow
+async def test_two_that_exclude_each_other_say_so_both(planner_log: Path) -> None:
+    view = RunView(planner_log)
+    names = view.options.sensors
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        await page.click("#tab-sensors")
+        rows = page.locator("#outline tbody tr")
+        pairs = [
+            (arrow.source >> 1, arrow.target >> 1)
+            for arrow in view.graph(TICKS).edges
+            if not arrow.source & 1 and arrow.target & 1
+        ]
+        assert pairs
+        for one, other in pairs:
+            for here, there in ((one, other), (other, one)):
+                told = await rows.nth(here).locator(".implies").inner_text()
+                assert f"⊣ {names[there]}" in told.split("; ")
+
+
+@pytest.mark.slow
+async def test_what_was_learned_in_a_range_is_one_click_away(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, "#t=3&range=5-20") as page:
+        await page.click("#range-compare")
+        await wait_shown(page, 20)
+        await expect(page.locator("#tab-compare")).to_be_focused()
+        heads = page.locator("#compare .differences thead th")
+        await expect(heads.nth(0)).to_have_text("tick 20")
+        await expect(heads.nth(1)).to_have_text("tick 5")
+        # However long the lists beside it are, its rows stand together.
+        table = page.locator("#compare .differences > table")
+        assert await table.locator("tbody tr").count() == 3
+        box = await table.bounding_box()
+        assert box is not None
+        assert box["height"] < 120
+        await page.keyboard.press("x")
+        await expect(page.locator("#range-compare")).to_be_hidden()
+
+
+@pytest.mark.slow
+async def test_a_suspect_is_not_said_to_be_believed_without_a_doubt(
+    broken_log: Path,
+) -> None:
+    view = RunView(broken_log)
+    frame = next(one for one in view.frames(1, TICKS) if one.anomaly)
+    assert frame.anomaly is not None
+    suspects = {*frame.anomaly.culprits, *frame.anomaly.others}
+    async with opened(broken_log, f"#t={frame.tick}") as page:
+        await page.click("#tab-sensors")
+        buttons = page.locator("#outline tbody button")
+        for sensor in range(len(view.options.sensors)):
+            await buttons.nth(sensor).click()
+            doubted = "may be wrong" in await page.inner_text("#choice-body")
+            assert doubted == (sensor in suspects)
+        await go_to(page, frame.tick - 1)
+        await expect(page.locator("#choice-body")).not_to_contain_text("may be wrong")
+
+
+@pytest.mark.slow
+async def test_a_wave_that_goes_nowhere_does_not_hide_the_state(
+    path_log: Path, unread_log: Path
+) -> None:
+    shown = """async () => {
+        const { page } = await import("/main.js");
+        page.wave.run(0.5);
+        return page.wave.shown !== null;
+    }"""
+    async with opened(path_log, "#t=9") as page:
+        assert not await page.evaluate(shown)
+    async with opened(unread_log, "#t=31") as page:  # a sensor is predicted
+        await wait_shown(page, 31)
+        assert await page.evaluate(shown)
+
+
+@pytest.mark.slow
+async def test_a_tick_says_that_a_trajectory_begins(planner_log: Path) -> None:
+    begins = [f.tick for f in RunView(planner_log).frames(1, TICKS) if f.begins]
+    async with opened(planner_log, f"#t={begins[0]}") as page:
+        await expect(page.locator("#now-begins")).to_be_visible()
+        await go_to(page, begins[0] + 1)
+        await expect(page.locator("#now-begins")).to_be_hidden()
+
+
+async def test_a_sensor_is_drawn_and_listed_from_its_birth_on(lamp_log: Path) -> None:
+    async with opened(lamp_log, f"#t={BIRTH - 1}") as page:
+        facts = page.locator("#diagram-facts")
+        await expect(facts).to_contain_text("24 sensors,")
+        await expect(page.locator("#what")).to_contain_text(
+            "24 sensors, 1 grown, room for 2 more"
+        )
+        await page.click("#tab-sensors")
+        rows = page.locator("#outline tbody tr:visible")
+        await expect(rows).to_have_count(24)
+        await go_to(page, BIRTH)
+        await expect(facts).to_contain_text("25 sensors,")
+        await expect(rows).to_have_count(25)
+        await expect(rows.last.locator("th")).to_have_text(GROWN)
+        await expect(rows.last.locator(".born")).to_have_text(f"tick {BIRTH}")
+        await expect(page.locator("#now")).to_contain_text(f"grew {GROWN}")
+        await expect(page.locator("#said")).to_contain_text(f"grew {GROWN}")
+        await rows.last.locator("button").click()
+        await expect(page.locator("#choice-title")).to_have_text(GROWN)
+        await expect(page.locator("#choice-body")).to_contain_text(
+            f"tick {BIRTH}, learned from {BIRTH} ticks"
+        )
+        await go_to(page, 5)
+        await expect(page.locator("#choice-body")).to_contain_text("not grown yet")
+        for text, found in (("grown", "none"), (GROWN, "1 found")):
+            await page.fill("#search-text", text)
+            await expect(page.locator("#search-found")).to_have_text(found)
+
+
+@pytest.mark.slow
+async def test_one_goes_from_birth_to_birth_by_the_keyboard(lamp_log: Path) -> None:
+    async with opened(lamp_log, "#t=3") as page:
+        mark = page.locator("#strip .born")
+        await expect(mark).to_have_count(1)
+        line, at = await page.locator("#time").bounding_box(), await mark.bounding_box()
+        assert line is not None
+        assert at is not None
+        share = (at["x"] + at["width"] / 2 - line["x"] - 8) / (line["width"] - 16)
+        assert share == pytest.approx((BIRTH - 0.5) / SCENES, abs=0.01)
+        await page.keyboard.press("b")
+        await wait_shown(page, BIRTH)
+        await go_to(page, SCENES)
+        await page.keyboard.press("Shift+B")
+        await wait_shown(page, BIRTH)
+        await go_to(page, SCENES)
+        await page.focus("#birth-back")
+        await page.keyboard.press("Enter")
+        await wait_shown(page, BIRTH)
+        await go_to(page, SCENES)
+        await page.focus("#tab-plots")
+        for tab in ("raster", "sensors", "grown"):
+            await page.keyboard.press("ArrowRight")
+            await expect(page.locator(f"#tab-{tab}")).to_be_focused()
+        row = page.locator("#grown-list tbody tr")
+        await expect(row).to_contain_text(f"{BIRTH} ticks")
+        await row.locator("td button").focus()
+        await page.keyboard.press("Enter")
+        await wait_shown(page, BIRTH)
+        await row.locator("th button").focus()
+        await page.keyboard.press("Enter")
+        await expect(page.locator("#choice-title")).to_have_text(GROWN)
+
+
+@pytest.mark.slow
+async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(
+    lamp_log: Path,
+) -> None:
+    async with opened(lamp_log, f"#t={PLANNED}", still=True) as page:
+        which = page.locator("#wave-which")
+        here = await which.locator("> option").all_inner_texts()
+        assert here == [
+            "state",
+            *(f"consequences of {action}" for action in ("turn_a", "turn_b", "press")),
+        ]
+        ahead = await which.locator("optgroup option").all_inner_texts()
+        assert "imagined, 2 steps ahead: turn_a, press" in ahead
+        label = page.locator("#drawing-wave")
+        await expect(label).to_be_hidden()
+        await page.click("#wave-play")
+        await expect(label).to_have_text("state")
+        await which.select_option("turn_a, press")
+        await expect(label).to_have_text("imagined, 2 steps ahead: turn_a, press")
+        await expect(label).to_have_class("imagined")
+        await expect(page.locator("#wave-says")).to_contain_text(
+            "Imagined, 2 steps ahead: turn_a, press. Hop"
+        )
+        steps = page.locator(".plan li")
+        await expect(steps).to_have_text(["turn_a", "turn_b"])
+        await expect(steps.first).to_have_attribute("aria-current", "step")
+        await expect(page.locator(".plan")).to_have_attribute(
+            "aria-label", "Plan: step 1 of 2"
+        )
+        await go_to(page, PLANNED + 1)
+        await expect(steps.nth(1)).to_have_attribute("aria-current", "step")
+        await expect(steps.first).to_have_class("done")
+
+
+@pytest.mark.slow
+async def test_a_page_of_a_run_that_grows_nothing_has_none_of_it(
+    path_log: Path,
+) -> None:
+    async with opened(path_log, "#t=3") as page:
+        for what in ("#tab-grown", "#grown", ".plan", "#tab-health", "#health"):
+            await expect(page.locator(what)).to_have_count(0)
+        for what in ("#birth-on", "#birth-back"):
+            await expect(page.locator(what)).to_be_hidden()
+        await expect(page.locator("#now")).not_to_contain_text("grown")
+
+
+@pytest.mark.slow
+async def test_the_alarms_are_counted_on_the_tab_and_told_behind_it(
+    home_log: Path,
+) -> None:
+    async with opened(home_log) as page:
+        tab = page.locator("#tab-health")
+        await expect(tab).to_have_text("Health: 1 alarm")
+        await tab.click()
+        home = page.locator("#health")
+        await expect(home).to_contain_text("; 8 of 8 sensors known")
+        await expect(home.locator(".alarm")).to_contain_text("flush: silent since ")
+        rows = home.locator("tbody tr")
+        await expect(rows).to_have_count(8)
+        await expect(rows.nth(FLUSH)).to_contain_text("in alarm")
+
+
+@pytest.fixture(scope="module")
+def lake_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    options = options_for(LAKE, 5, ticks=IMAGES, cells="inline", frames=EVERY)
+    return recorded(options, tmp_path_factory.mktemp("lake") / "run.mcap")
+
+
+def images(log: Path) -> dict[int, bytes]:
+    return {
+        each.message.tick: each.message.data
+        for each in Recording.open(log).messages(("image",))
+        if isinstance(each.message, wire.Image)
+    }
+
+
+async def painted(page: Page) -> list[int]:
+    """Return the colours of the image that is shown, as the browser decoded it."""
+    await wait_until(page, "document.querySelector('#image-drawing').complete")
+    found: list[int] = await page.evaluate(
+        """() => {
+            const image = document.querySelector("#image-drawing");
+            const { naturalWidth: width, naturalHeight: height } = image;
+            const canvas = new OffscreenCanvas(width, height);
+            const context = canvas.getContext("2d");
+            context.drawImage(image, 0, 0);
+            return [...context.getImageData(0, 0, width, height).data];
+        }"""
+    )
+    return found
+
+
+@pytest.mark.slow
+async def test_the_latest_image_is_shown_with_its_tick(
+    lake_log: Path,
+) -> None:
+    recorded_images = images(lake_log)
+    assert sorted(recorded_images) == [1, 7, 13, 19]
+    async with opened(lake_log) as page:
+        shown = page.locator("#image-drawing")
+        # Back and forth: what is shown follows from the tick alone.
+        for tick in (1, 6, 7, 20, 12, 13, 2):
+            await go_to(page, tick)
+            of = tick - (tick - 1) % EVERY
+            await expect(page.locator("#image-tick")).to_have_text(f"tick {of}")
+            said = f"The environment at tick {of}, as it draws itself."
+            await expect(shown).to_have_attribute("alt", said)
+            await expect(shown).to_be_visible()
+            pixels = np.array(await painted(page), np.uint8).reshape(-1, 4)[:, :3]
+            image = Image.open(io.BytesIO(recorded_images[of])).convert("RGB")
+            np.testing.assert_array_equal(pixels, np.asarray(image).reshape(-1, 3))
+
+
+@pytest.mark.slow
+async def test_an_image_that_cannot_be_had_is_said_to(lake_log: Path) -> None:
+    async with opened(lake_log, but_for="status of 500") as page:
+        await page.route("**/api/image?tick=7", lambda route: route.fulfill(status=500))
+        await go_to(page, 8)
+        said = "the image of tick 7 cannot be had"
+        await expect(page.locator("#image-tick")).to_have_text(said)
+        await expect(page.locator("#image-drawing")).to_be_hidden()
+        await go_to(page, 14)
+        await expect(page.locator("#image-drawing")).to_be_visible()
+
+
+@pytest.mark.slow
+async def test_a_word_is_explained_by_pointer_keyboard_and_touch(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, "#t=30") as page:
+        tip = page.locator("#tip")
+        height = page.locator("#now .term", has_text="height")
+        await height.hover()
+        await expect(tip).to_contain_text("longest chain of implications")
+        await tip.hover()  # one may read it at leisure
+        await expect(tip).to_be_visible()
+        await page.mouse.move(400, 400)
+        await expect(tip).to_be_hidden()
+        await height.focus()
+        await expect(tip).to_be_visible()
+        assert await height.get_attribute("aria-describedby") == "tip"
+        await page.keyboard.press("Escape")
+        await expect(tip).to_be_hidden()
+
+
+@pytest.mark.slow
+async def test_every_word_that_is_marked_is_explained(planner_log: Path) -> None:
+    async with opened(planner_log, "#t=30") as page:
+        await page.click("#tab-sensors")
+        await page.locator("#outline th[scope=row] button").first.click()
+        await page.locator("#choice .edges button").first.click()
+        await page.wait_for_selector("#choice .term")
+        marked = await page.locator(".term").evaluate_all(
+            "(all) => all.map((one) => one.dataset.term)"
+        )
+        await page.click("#help")
+        known = await page.locator("#words-list dt").all_inner_texts()
+        assert len(set(marked)) > 20
+        assert set(marked) <= set(known)
+
+
+@pytest.mark.slow
+async def test_without_a_link_it_begins_with_a_wave_that_goes_deep(
+    planner_log: Path,
+) -> None:
+    frames = RunView(planner_log).frames(1, 60)
+    depths = [max(wave.depth for wave in frame.waves) for frame in frames]
+    deepest = frames[depths.index(max(depths))]
+    assert max(depths) > 2
+    async with opened(planner_log) as page:
+        await wait_shown(page, deepest.tick)
+        most = await page.get_attribute("#wave-hop", "max")
+        assert int(most or 0) == max(depths)
+
+
+@pytest.mark.slow
+async def test_what_a_tick_taught_is_said_and_can_be_looked_at(path_log: Path) -> None:
+    view = RunView(path_log)
+    taught = [(tick, difference(view, tick, view, tick - 1)) for tick in range(2, 20)]
+    tick, found = next(one for one in taught if one[1].here.count)
+    still = next(tick for tick, one in taught if not one.here.count + one.there.count)
+    more, fewer = found.here.count, found.there.count
+    async with opened(path_log, f"#t={tick}") as page:
+        changed = page.locator("#order-changed")
+        both = " ".join([f"+{more}"] * (more > 0) + [f"−{fewer}"] * (fewer > 0))
+        await expect(changed).to_have_text(f"{both} at this tick")
+        await changed.click()
+        await expect(page.locator("#compare")).to_contain_text(
+            f"Implied at tick {tick}, not at tick {tick - 1} {found.here.count}"
+        )
+        await go_to(page, still)
+        await expect(changed).to_be_hidden()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [
+        ("is:predicted", ["s1"]),
+        ("is:on", ["s0", "s1"]),
+        ("is:unknown", ["s2"]),
+        ("reads:unknown", ["s1", "s2"]),
+        ("reads:unknown is:on", ["s1"]),
+        ("s2 is:on", []),
+    ],
+)
+async def test_sensors_are_found_by_what_is_believed_and_read(
+    unread_log: Path, asked: str, found: list[str]
+) -> None:
+    async with opened(unread_log, "#t=31") as page:
+        await page.fill("#search-text", asked)
+        said = f"{len(found)} found" if found else "none"
+        await expect(page.locator("#search-found")).to_have_text(said)
+        for name in found:
+            await page.press("#search-text", "Enter")
+            await expect(page.locator("#choice-title")).to_have_text(name)
+        await page.fill("#search-text", "is:warm")
+        await expect(page.locator("#search-found")).to_contain_text(
+            "is: one of on, off"
+        )
+
+
+@pytest.mark.slow
+async def test_a_tick_without_a_decision_is_not_said_to_do_nothing(
+    path_log: Path, csv_log: Path
+) -> None:
+    last = RunView(path_log).last
+    async with opened(path_log, f"#t={last - 1}") as page:
+        did = page.locator("#now dd").first
+        await expect(did).not_to_contain_text("not decided")
+    async with opened(csv_log, "#t=9") as page:
+        facts = await page.locator("#now dt").all_inner_texts()
+        assert "did" not in facts  # nobody decides anything
+        assert "why" not in facts
+
+
+@pytest.mark.slow
+async def test_a_state_wave_that_goes_nowhere_says_why_and_offers_another(
+    planner_log: Path,
+) -> None:
+    async with opened(planner_log, f"#t={TICKS - 1}") as page:
+        depths = await page.evaluate(
+            """async () => (await import("/main.js")).page.frame.waves
+                .filter(({ imagined }) => !imagined).map(({ depth }) => depth)"""
+        )
+        why = "All 40 sensors were read: nothing to infer."
+        await expect(page.locator("#wave-why")).to_have_text(why)
+        deepest = max(depths)
+        assert deepest > 2
+        await expect(page.locator("#wave-deepest")).to_contain_text(f"{deepest} hops")
+        await page.press("#wave-deepest", "Enter")
+        assert await page.get_attribute("#wave-hop", "max") == str(deepest)
+        await expect(page.locator("#wave-why")).to_be_hidden()
+        await expect(page.locator("#wave-which")).to_be_focused()
+
+
+@pytest.mark.slow
+async def test_edges_are_listed_by_what_they_say(planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS}") as page:
+        sensor, count = await page.evaluate(
+            """async () => {
+                const { page } = await import("/main.js");
+                const counts = new Map();
+                for (const { source, target } of page.order.graph.edges) {
+                    for (const one of [source >> 1, target >> 1]) {
+                        counts.set(one, (counts.get(one) ?? 0) + 1);
+                    }
+                }
+                return [...counts].reduce((a, b) => (b[1] > a[1] ? b : a));
+            }"""
+        )
+        await page.click("#tab-sensors")
+        await page.locator("#outline tbody button").nth(sensor).click()
+        titles = await page.locator("#choice h3").all_inner_texts()
+        counts = [int(title.rpartition(" ")[2]) for title in titles]
+        assert sum(counts) == count
+        known = ("implies", "implied by", "excludes", "one of the two is on")
+        assert {title.rpartition(" ")[0] for title in titles} <= set(known)
+        for more in await page.locator("#choice button", has_text="Show all").all():
+            await more.click()
+        assert await page.locator("#choice .edges button").count() == count

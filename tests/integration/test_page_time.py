@@ -1,0 +1,630 @@
+"""Moving through a recording on the page, and what is shown over time."""
+
+import asyncio
+import random
+import re
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+from playwright.async_api import Locator, Page, expect
+
+from neurosnap.apps.viewer.api import COUNTED
+from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.run_facts import options_of
+from tests.support.browser_pages import (
+    IN_BROWSER,
+    derived,
+    go_to,
+    opened,
+    shown_tick,
+    states,
+)
+from tests.support.home_runs import FLUSH
+from tests.support.lamp import BIRTH
+from tests.support.patience import PATIENCE
+from tests.support.recorded_runs import (
+    TICKS,
+    csv_run,
+    in_chunks,
+    path_run,
+    recorded,
+    without_states,
+)
+from tools.browser import wait_shown, wait_until
+
+pytestmark = IN_BROWSER
+
+LONG = 2000
+END = 8  # pixels of the strip before its first tick and behind its last
+NAMES, HIGH = 170, 13  # pixels: the column of names, and a row
+READ = 31  # ticks, of which the last has a sensor that is predicted
+MARKED = 60  # ticks of the run in which a rule is broken
+
+
+async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
+    truth = derived(path_log)
+    async with opened(path_log, "#t=20") as page:
+        await page.click("#tab-sensors")
+        play = page.locator("#play")
+        await page.select_option("#speed", "5")
+        await play.click()
+        await expect(play).to_have_attribute("aria-label", "Pause")
+        await wait_until(page, "document.querySelector('#drawing').dataset.tick > 25")
+        await play.click()
+        await expect(play).to_have_attribute("aria-label", "Play")
+        tick = await shown_tick(page)
+        await wait_shown(page, tick)
+        assert await states(page, tick) == truth[tick]
+        await page.click("#on")
+        await wait_shown(page, tick + 1)
+        await page.click("#back")
+        await wait_shown(page, tick)
+        await page.select_option("#speed", "20")
+        await play.click()
+        await wait_shown(page, TICKS)
+        await expect(play).to_have_attribute("aria-label", "Play")
+        await page.click("#start")
+        await wait_shown(page, 1)
+
+
+@pytest.mark.slow
+async def test_a_frame_that_is_early_or_late_skips_no_tick(path_log: Path) -> None:
+    chance = random.Random(2)
+    frames = [(k + chance.uniform(-0.4, 0.4)) * 1000 / 60 for k in range(1, 600)]
+    async with opened(path_log) as page:
+        shown = await page.evaluate(
+            """async (frames) => {
+                const { Player } = await import("/time/player.js");
+                const on = { ready: () => true, move() {}, change() {} };
+                const player = new Player(on);
+                player.setRange(1, 1000);
+                player.setSpeed(60);
+                player.play();
+                const shown = [0, ...frames].map((frame) => {
+                    player._advance(frame);
+                    return player.tick;
+                });
+                player.pause();
+                return shown;
+            }""",
+            frames,
+        )
+    assert shown == list(range(1, 601))
+
+
+@pytest.mark.slow
+async def test_the_address_holds_the_tick(path_log: Path) -> None:
+    async with opened(path_log, "#t=17") as page:
+        await page.evaluate("location.hash = 't=9'")
+        await wait_shown(page, 9)
+        await go_to(page, 21)
+        await expect(page).to_have_url(re.compile(r"/#t=21$"))
+
+
+async def test_everything_goes_by_keyboard(path_log: Path) -> None:
+    async with opened(path_log) as page:
+        keys = page.keyboard
+        steps = [
+            ("End", TICKS),
+            ("ArrowLeft", TICKS - 1),
+            ("Shift+ArrowLeft", TICKS - 11),
+            ("ArrowRight", TICKS - 10),
+            ("Shift+ArrowRight", TICKS),
+            ("Home", 1),
+        ]
+        for key, tick in steps:
+            await keys.press(key)
+            await wait_shown(page, tick)
+        await page.focus("#time")
+        await keys.press("ArrowRight")  # our step, and not one more of the slider's own
+        await wait_shown(page, 2)
+        label = await page.get_attribute("#time", "aria-valuetext")
+        assert label == f"tick 2 of {TICKS}"
+        await page.evaluate("document.activeElement.blur()")
+        await keys.press("Space")
+        await expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
+        await keys.press("Space")
+        await expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+        await keys.press("?")
+        await expect(page.locator("dialog#keys")).to_be_visible()
+        await keys.press("Escape")
+        await expect(page.locator("dialog#keys")).to_be_hidden()
+        await keys.press("l")
+        await expect(page.locator("html")).to_have_attribute("data-theme", "dark")
+        await keys.press("t")
+        await expect(page.locator("#taller")).to_have_attribute("aria-pressed", "true")
+        await page.focus("#tab-raster")
+        await keys.press("ArrowRight")
+        await expect(page.locator("#sensors")).to_be_visible()
+        words = await page.locator("#outline thead .term").count()
+        assert words == 5
+        buttons = await page.locator("#dock > .bar .buttons button:visible").count()
+        for _ in range(buttons + 1 + words + 1):  # past the panel, too
+            await keys.press("Tab")
+        await keys.press("Enter")  # the first sensor of the table
+        await expect(page.locator("#choice-title")).to_have_text("below_1")
+
+
+@pytest.mark.slow
+async def test_the_slider_of_the_wave_goes_to_its_own_ends(planner_log: Path) -> None:
+    async with opened(planner_log, f"#t={TICKS - 1}") as page:
+        await page.select_option("#wave-which", "x_below_1")
+        depth = await page.get_attribute("#wave-hop", "max")
+        assert depth != "0"
+        await page.focus("#wave-hop")
+        for key, hop in [("Home", "0"), ("End", depth)]:
+            await page.keyboard.press(key)
+            assert await page.input_value("#wave-hop") == hop
+            label = await page.get_attribute("#time", "aria-valuetext")
+            assert label == f"tick {TICKS - 1} of {TICKS}"
+
+
+@pytest.mark.slow
+async def test_the_tick_is_said_by_the_voice_alone(path_log: Path) -> None:
+    async with opened(path_log) as page:
+        assert await page.locator("#tick").get_attribute("role") is None
+        loud = 'output, [aria-live], [role="status"]'
+        assert await page.locator("footer").locator(loud).count() == 0
+
+
+@pytest.mark.slow
+async def test_a_tick_is_said_to_whoever_cannot_see_it(csv_log: Path) -> None:
+    truth = derived(csv_log)
+    async with opened(csv_log, "#t=24") as page:
+        said = page.locator("#said")
+        await expect(said).to_have_text("tick 24")
+        await page.press("body", "ArrowRight")
+        changed = [
+            f"{name} {now}"
+            for name, was, now in zip("abc", truth[24], truth[25], strict=True)
+            if was != now
+        ]
+        assert changed
+        await expect(said).to_have_text(f"tick 25: {', '.join(changed)}")
+
+
+@pytest.mark.slow
+async def test_a_sensor_is_found_by_a_part_of_its_name(planner_log: Path) -> None:
+    async with opened(planner_log) as page:
+        await page.keyboard.press("/")
+        await page.keyboard.type("X_below_2")
+        found = page.locator("#search-found")
+        names = options_of(Recording.open(planner_log)).sensors
+        count = sum("x_below_2" in name for name in names)
+        await expect(found).to_have_text(f"{count} found")
+        await page.keyboard.press("Enter")
+        await expect(page.locator("#choice-title")).to_have_text("x_below_2")
+        await page.keyboard.press("Enter")
+        title = page.locator("#choice-title")
+        await expect(title).not_to_have_text("x_below_2")
+        await expect(title).to_contain_text("x_below_2")
+        await page.keyboard.press("Control+a")
+        await page.keyboard.type("nothing")
+        await expect(found).to_have_text("none")
+        await page.keyboard.press("Escape")
+        await expect(found).to_have_text("")
+
+
+async def test_a_live_run_appears_and_grows(planner_log: Path, tmp_path: Path) -> None:
+    whole = in_chunks(planner_log, tmp_path / "whole.mcap", 4000)
+    chunks = Recording.open(whole).files[0].layout.chunks
+    data, log = whole.read_bytes(), tmp_path / "live.mcap"
+    grown = [chunks[len(chunks) * part // 3].offset for part in (1, 2)]
+    log.write_bytes(data[: grown[0]])
+    live = True
+    truth = derived(whole)
+    async with opened(log, grows=lambda: live) as page:
+        await expect(page.locator("#badge")).to_have_text("live")
+        first = await shown_tick(page)
+        assert 1 < first < TICKS
+        with log.open("ab") as file:
+            file.write(data[grown[0] : grown[1]])
+        await wait_until(
+            page, f"document.querySelector('#drawing').dataset.tick > {first}"
+        )
+        await page.click("#tab-sensors")
+        second = int(await page.get_attribute("#time", "max") or "0")
+        await wait_shown(page, second)
+        assert await states(page, second) == truth[second]
+        with log.open("ab") as file:
+            file.write(data[grown[1] :])
+        live = False
+        await wait_shown(page, TICKS)
+        assert await states(page, TICKS) == truth[TICKS]
+        await expect(page.locator("#badge")).to_have_text(f"ended at tick {TICKS}")
+        await expect(page.locator("#notice")).to_be_hidden()
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of more ticks than a curve has points."""
+    run = path_run(LONG, cells="inline")
+    return recorded(run, tmp_path_factory.mktemp("long") / "long.mcap")
+
+
+async def drag(page: Page, what: Locator, across: tuple[float, float]) -> None:
+    """Drag over something, from one place in pixels to another."""
+    box = await what.bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    await page.mouse.move(box["x"] + across[0], y)
+    await page.mouse.down()
+    await page.mouse.move(box["x"] + sum(across) / 2, y)
+    await page.mouse.move(box["x"] + across[1], y)
+    await page.mouse.up()
+
+
+async def plotted(page: Page, curve: str) -> tuple[list[int], list[float | None]]:
+    """Return the ticks and the values of a curve, as they are drawn."""
+    ticks, values = await page.evaluate(
+        """async (curve) => {
+            const { page } = await import("/main.js");
+            for (const { columns, chart } of page.time.plots._plots) {
+                const at = columns.indexOf(curve);
+                if (at >= 0) return chart._data ? [chart._data[0], chart._data[at + 1]] : [[], []];
+            }
+        }""",
+        curve,
+    )
+    return ticks, values
+
+
+async def chosen(page: Page, first: int, last: int) -> None:
+    """Wait until a range is looked at, and the curves show it alone."""
+    await expect(page.locator("#range")).to_have_text(f"↻ {first} to {last} ×")
+    await drawn(page, first, last)
+
+
+async def drawn(page: Page, first: int, last: int) -> None:
+    """Wait until the curves show some ticks, and no other."""
+    async with asyncio.timeout(PATIENCE):
+        while (await plotted(page, "edges"))[0] != list(range(first, last + 1)):
+            await page.evaluate("new Promise(requestAnimationFrame)")
+
+
+@pytest.mark.slow
+async def test_dragging_over_the_strip_chooses_a_range(path_log: Path) -> None:
+    async with opened(path_log, "#t=30") as page:
+        strip = page.locator("#strip")
+        box = await strip.bounding_box()
+        assert box is not None
+        a_tick = (box["width"] - 2 * END) / TICKS
+        # From the middle of tick 5 to the middle of tick 12, backwards.
+        await drag(page, strip, (END + 11.5 * a_tick, END + 4.5 * a_tick))
+        await chosen(page, 5, 12)
+        assert await page.locator("#time").input_value() == "30"
+        band = page.locator("#strip .range")
+        left = float(await band.get_attribute("x") or 0)
+        width = float(await band.get_attribute("width") or 0)
+        assert [left, width] == pytest.approx([END + 4 * a_tick, 8 * a_tick], abs=1)
+        await page.click("#tab-raster")
+        await expect(page.locator("#raster canvas")).to_have_attribute(
+            "aria-label", "7 sensors over ticks 5 to 12. Arrows move, Enter goes there."
+        )
+        await page.wait_for_url("**/*range=5-12*")
+        await page.click("#range")
+        await expect(page.locator("#range")).to_be_hidden()
+        await expect(page.locator("#raster canvas")).to_have_attribute(
+            "aria-label", "7 sensors over ticks 1 to 40. Arrows move, Enter goes there."
+        )
+        await page.wait_for_url(lambda url: "range" not in url)
+
+
+@pytest.mark.slow
+async def test_playing_repeats_the_range(path_log: Path) -> None:
+    # The test hands out the screen's frames; the page takes them as its own.
+    async with opened(path_log, "#t=30&range=5-8") as page:
+        for tick in (5, 6, 7, 8):
+            await go_to(page, tick)  # so that it is here
+        await go_to(page, 30)
+        shown = await page.evaluate(
+            """async () => {
+                const { page: { time: { player } } } = await import("/main.js");
+                player.setSpeed(10);
+                player.play();
+                const ticks = [player.tick];
+                for (let now = 0; now <= 1000; now += 100) {
+                    player._advance(now);
+                    ticks.push(player.tick);
+                }
+                const { playing } = player;
+                player.pause();
+                return [ticks, playing];
+            }"""
+        )
+    assert shown == [[5, 5, 6, 7, 8, 5, 6, 7, 8, 5, 6, 7], True]
+
+
+@pytest.mark.slow
+async def test_keys_choose_a_range_and_leave_it(path_log: Path) -> None:
+    async with opened(path_log, "#t=10") as page:
+        await page.keyboard.press("[")
+        await chosen(page, 10, TICKS)
+        await go_to(page, 20)
+        await page.keyboard.press("]")
+        await chosen(page, 10, 20)
+        await go_to(page, 25)
+        await page.keyboard.press("[")  # behind its end
+        await chosen(page, 25, TICKS)
+        await go_to(page, 3)
+        await page.keyboard.press("]")
+        await chosen(page, 1, 3)
+        await page.keyboard.press("x")
+        await expect(page.locator("#range")).to_be_hidden()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("link", "range_"), [("30-99", (30, 40)), ("7-7", (7, 7)), ("98-99", (40, 40))]
+)
+async def test_a_link_brings_a_range_as_far_as_there_is_one(
+    path_log: Path, link: str, range_: tuple[int, int]
+) -> None:
+    async with opened(path_log, f"#t=9&range={link}") as page:
+        text = f"↻ {link.replace('-', ' to ')} ×"
+        await expect(page.locator("#range")).to_have_text(text)
+        await drawn(page, *range_)
+
+
+@pytest.mark.slow
+async def test_dragging_over_a_curve_shows_each_of_its_ticks(long_log: Path) -> None:
+    every = read(long_log).series(1, LONG, LONG).columns["pulses"].values
+    async with opened(long_log, "#t=1500") as page:
+        # Until all is read; of the last ticks one is drawn.
+        while not any(tick > LONG - 10 for tick in (await plotted(page, "edges"))[0]):
+            await page.evaluate("new Promise(requestAnimationFrame)")
+        over = page.locator("#plots .u-over").first
+        box = await over.bounding_box()
+        assert box is not None
+        at = (await plotted(page, "edges"))[0]
+        assert len(at) < LONG  # thinned out
+        await drag(page, over, (box["width"] * 0.5, box["width"] * 0.6))
+        text = await page.locator("#range").inner_text()
+        first, last = int(text.split()[1]), int(text.split()[3])
+        assert first == pytest.approx(LONG * 0.5, abs=20)
+        assert last == pytest.approx(LONG * 0.6, abs=20)
+        await chosen(page, first, last)
+        assert (await plotted(page, "pulses"))[1] == every[first - 1 : last]
+        await wait_shown(page, 1500)  # a drag goes nowhere
+
+
+@pytest.mark.slow
+async def test_what_is_under_the_pointer_is_told_in_all_plots(path_log: Path) -> None:
+    view = RunView(path_log)
+    async with opened(path_log, "#t=9") as page:
+        await expect(page.locator("#plots .u-over")).to_have_count(5)
+        over = page.locator("#plots .u-over").first
+        box = await over.bounding_box()
+        assert box is not None
+        tick = 30
+        x = box["width"] * (tick - 1) / (TICKS - 1)
+        await over.hover(position={"x": x, "y": box["height"] / 2})
+        at = page.locator("#plots-at")
+        await expect(at).to_have_text(f"under the pointer: tick {tick}")
+        (frame,) = view.frames(tick, tick)
+        captions = page.locator("#plots figcaption")
+        for k, told in enumerate(
+            [
+                f"Edges {frame.edges}",
+                "Err ",
+                f"Depth {frame.depth} Longest {frame.longest} Height {frame.height}",
+                f"Pulses a tick {frame.pulses}",
+                f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0",
+            ]
+        ):
+            await expect(captions.nth(k)).to_contain_text(told)
+        await page.mouse.move(1, 1)
+        await expect(at).to_have_text("")
+        (frame,) = view.frames(9, 9)
+        await expect(captions.first).to_have_text(f"Edges {frame.edges}")
+
+
+@pytest.mark.slow
+async def test_the_counts_of_a_tick_are_those_of_its_curves(
+    unread_log: Path, torn_log: Path, lamp_log: Path
+) -> None:
+    for log in (unread_log, torn_log, lamp_log):
+        columns = read(log).series(1, 999, 1000).columns
+        counted = [columns[name].values for name in COUNTED]
+        async with opened(log, "#t=1") as page:
+            told = await page.evaluate(
+                """async (names) => {
+                    const { countAll } = await import("/tick/belief.js");
+                    const { fetchFrames, fetchRun } = await import("/base/api.js");
+                    const frames = await fetchFrames(1, (await fetchRun()).ticks);
+                    const counts = frames.map(countAll);
+                    return names.map((name) => counts.map((count) => count[name]));
+                }""",
+                COUNTED,
+            )
+        assert told == counted
+        assert log != torn_log or counted[2][-1] == 3
+
+
+async def open_raster(page: Page) -> None:
+    await page.click("#tab-raster")
+    await page.wait_for_selector("#raster canvas[aria-label*=over]")
+
+
+@pytest.mark.slow
+async def test_the_pointer_tells_each_value_and_a_click_goes_there(
+    unread_log: Path,
+) -> None:
+    view = RunView(unread_log)
+    names = view.options.sensors
+    async with opened(unread_log, "#t=2") as page:
+        await open_raster(page)
+        canvas = page.locator("#raster canvas")
+        await expect(canvas).to_have_attribute(
+            "aria-label",
+            f"3 sensors over ticks 1 to {view.last}. Arrows move, Enter goes there.",
+        )
+        box = await canvas.bounding_box()
+        assert box is not None
+        wide = (box["width"] - NAMES) / view.last
+        says = page.locator("#raster [aria-live]")
+        for tick, sensor, words in [
+            (READ, 0, "on"),
+            (READ, 1, "on, predicted"),
+            (READ, 2, "unknown"),
+            (READ + 1, 1, "contradicted"),
+        ]:
+            x, y = NAMES + wide * (tick - 0.5), HIGH * (sensor + 0.5)
+            await canvas.hover(position={"x": x, "y": y})
+            await expect(says).to_have_text(f"{names[sensor]}, tick {tick}: {words}")
+        await canvas.click(position={"x": NAMES + wide * (READ - 0.5), "y": HIGH * 1.5})
+        await wait_shown(page, READ)
+        assert await page.inner_text("#choice-title") == names[1]
+
+
+@pytest.mark.slow
+async def test_keys_move_and_go(unread_log: Path) -> None:
+    names = RunView(unread_log).options.sensors
+    async with opened(unread_log, "#t=20") as page:
+        await open_raster(page)
+        await page.focus("#raster canvas")
+        await page.keyboard.press("ArrowDown")
+        await page.keyboard.press("ArrowRight")
+        says = page.locator("#raster [aria-live]")
+        await expect(says).to_contain_text(f"{names[1]}, tick 21: ")
+        await page.keyboard.press("Enter")
+        await wait_shown(page, 21)
+        assert await page.inner_text("#choice-title") == names[1]
+
+
+@pytest.fixture(scope="module")
+def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording in which a rule is broken."""
+    folder = tmp_path_factory.mktemp("marks")
+    options = replace(csv_run(folder / "rows.csv", MARKED), watch=True, support=2)
+    return recorded(options, folder / "run.mcap")
+
+
+def read(log: Path) -> History:
+    history = History(RunView(log))
+    while history.read_on():
+        pass
+    return history
+
+
+@pytest.mark.slow
+async def test_the_strip_shows_what_happened(broken_log: Path) -> None:
+    marks = read(broken_log).marks(1, MARKED, MARKED)
+    async with opened(broken_log) as page:
+        await page.wait_for_selector("#strip .anomalies")
+        drawn = await page.evaluate(
+            """() => [".anomalies", ".rewired", ".begins"].map(
+                (kind) => document.querySelectorAll(`#strip ${kind}`).length)"""
+        )
+        some = (marks.anomalies, marks.rewired, marks.begins)
+        assert drawn == [sum(map(bool, counts)) for counts in some]
+        said = await page.get_attribute("#strip", "aria-label")
+        assert f"{sum(marks.anomalies)} tick" in str(said)
+        box = await page.locator("#strip").bounding_box()
+        assert box is not None
+        first = marks.anomalies.index(1) + 1
+        across = 8 + (box["width"] - 16) * (first - 0.5) / MARKED
+        await page.locator("#strip").hover(position={"x": across, "y": 5})
+        title = await page.locator("#strip title").text_content()
+        assert str(title).startswith(f"tick {first}, ")
+        assert "1 tick with an anomaly" in str(title)
+        await page.locator("#strip").click(position={"x": across, "y": 5})
+        await wait_shown(page, first)
+
+
+async def test_n_and_p_go_from_anomaly_to_anomaly(broken_log: Path) -> None:
+    every = read(broken_log).marks(1, MARKED, MARKED).anomalies
+    ticks = [tick for tick, some in enumerate(every, 1) if some]
+    async with opened(broken_log, "#t=1") as page:
+        await page.wait_for_selector("#strip .anomalies")
+        for tick in ticks:
+            await page.keyboard.press("n")
+            await wait_shown(page, tick)
+        await page.keyboard.press("n")
+        await expect(page.locator("#said")).to_have_text(
+            "no anomaly or alarm after this tick"
+        )
+        await go_to(page, MARKED)
+        for tick in reversed(ticks):
+            await page.click("#anomaly-back")
+            await wait_shown(page, tick)
+
+
+@pytest.mark.slow
+async def test_targets_births_and_gaps_are_marked(
+    planner_log: Path, lamp_log: Path, path_log: Path, tmp_path: Path
+) -> None:
+    every = read(planner_log).marks(1, 999, 999).reached
+    reached = [tick for tick, some in enumerate(every, 1) if some]
+    gone = range(10, 14)
+    gaps = without_states(path_log, tmp_path / "gaps.mcap", gone)
+    for log, kind, ticks, words in [
+        (planner_log, "reached", reached, "target reached"),
+        (lamp_log, "born", [BIRTH], "1 sensor grown"),
+        (gaps, "missing", gone, "1 tick not recorded"),
+    ]:
+        last = RunView(log).last
+        async with opened(log, "#t=1") as page:
+            signs = page.locator(f"#strip .{kind}")
+            await expect(signs).to_have_count(len(ticks))
+            strip = await page.locator("#strip").bounding_box()
+            assert strip is not None
+            for sign, tick in zip(await signs.all(), ticks, strict=True):
+                place = 8 + (strip["width"] - 16) * (tick - 0.5) / last
+                box = await sign.bounding_box()
+                assert box is not None
+                assert abs(box["x"] - strip["x"] - place) < 8
+                await page.locator("#strip").hover(position={"x": place, "y": 9})
+                title = await page.locator("#strip title").text_content()
+                # A tick that is not there has no time.
+                assert re.match(rf"tick {tick}(, .+)?: .*{words}", str(title))
+
+
+@pytest.mark.slow
+async def test_an_alarm_is_marked_and_gone_to(home_log: Path) -> None:
+    raised = read(home_log).marks(1, 10**6, 1).alarms
+    *_, alarm = raised
+    assert alarm.sensor == FLUSH
+    assert alarm.until is None
+    async with opened(home_log, "#t=1") as page:
+        signs = page.locator("#strip .alarm")
+        await expect(signs).to_have_count(len(raised))
+        said = await page.get_attribute("#strip", "aria-label")
+        assert f"{len(raised)} alarm" in str(said)
+        await go_to(page, alarm.tick - 1)
+        told = read(home_log).marks(1, 10**6, 10**6).anomalies
+        assert alarm.tick not in [at for at, some in enumerate(told, 1) if some]
+        await page.keyboard.press("n")
+        await wait_shown(page, alarm.tick)
+        card = page.locator("#alarms")
+        await expect(card).to_contain_text(alarm.line)
+        await card.get_by_role("button", name="flush").click()
+        await expect(page.locator("#choice-title")).to_have_text("flush")
+        await go_to(page, alarm.tick - 1)
+        await expect(card).to_be_hidden()
+
+
+@pytest.mark.slow
+async def test_the_card_names_what_may_be_wrong(
+    broken_log: Path,
+) -> None:
+    view = RunView(broken_log)
+    frame = next(one for one in view.frames(1, MARKED) if one.anomaly)
+    assert frame.anomaly is not None
+    names = view.options.sensors
+    async with opened(broken_log, f"#t={frame.tick}") as page:
+        card = page.locator("#anomaly")
+        text = await card.inner_text()
+        for sensor in (*frame.anomaly.culprits, *frame.anomaly.others):
+            assert names[sensor] in text
+        assert frame.anomaly.broken[0].evidence in text
+        await card.locator("p button").first.click()
+        first = (*frame.anomaly.culprits, *frame.anomaly.others)[0]
+        assert await page.inner_text("#choice-title") == names[first]
+        await card.locator("li button").first.click()
+        assert await page.inner_text("#choice-title") == "Selected edge"
+        await go_to(page, frame.tick - 1)
+        await expect(card).to_be_hidden()

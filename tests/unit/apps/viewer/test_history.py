@@ -1,0 +1,397 @@
+"""What is read of a run in the background, against its messages and its frames."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from neurosnap import wire
+from neurosnap.apps.viewer.api import COLUMNS, COUNTED, RaisedAlarm
+from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.marks import Found
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.tick_messages import (
+    CONTRADICTED,
+    NOT_RECORDED,
+    OFF,
+    OFF_PREDICTED,
+    ON,
+    ON_PREDICTED,
+    UNKNOWN,
+)
+from neurosnap.apps.viewer.time_series import thinned
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.order.literals import from_words
+from neurosnap.protocol.anomaly_messages import told, with_support
+from neurosnap.protocol.anomaly_text import evidence
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.replay.replay import Replay
+from tests.support.lamp import LIMITED, lamp_options
+from tests.support.recorded_runs import TICKS as FEW
+from tests.support.recorded_runs import (
+    csv_run,
+    in_chunks,
+    path_run,
+    planner_run,
+    recorded,
+    seeker_run,
+    torn_run,
+    unread_run,
+    without_states,
+)
+
+TICKS, SUPPORT, SENSORS = 60, 2, 3
+GONE = range(4, 9)
+LAST = 32  # the last tick of the run that leaves sensors unread
+
+
+def read(log: Path, room: int = 1 << 20) -> History:
+    history = History(RunView(log), room)
+    while history.read_on():
+        pass
+    return history
+
+
+def column(history: History, name: str, last: int = FEW) -> list[float | None]:
+    found = history.series(1, last, 1000)
+    assert found.done
+    curve = found.columns[name]  # type: ignore[index]
+    assert curve.ticks == list(range(1, last + 1))
+    return curve.values
+
+
+# Marks ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["cells", "workers"])
+def log(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Return a recording in which a rule is broken, once after it was well tested."""
+    folder = tmp_path_factory.mktemp("marks")
+    options = csv_run(folder / "rows.csv", TICKS)
+    workers = int(request.param == "workers")
+    options = replace(options, watch=True, support=SUPPORT, workers=workers)
+    return recorded(options, folder / "run.mcap")
+
+
+def anomalies(path: Path) -> dict[int, wire.Anomaly]:
+    """Return those that are told, by tick."""
+    found = {}
+    for each in Recording.open(path).messages(("anomaly",)):
+        assert isinstance(each.message, wire.Anomaly)
+        if (rest := with_support(each.message, SUPPORT)) is not None:
+            found[rest.tick] = rest
+    return found
+
+
+def rewired(path: Path) -> list[int]:
+    """Return how many edges each tick changed, by the orders of a replay."""
+    replay, found, before = Replay(Recording.open(path)), [], None
+    for _ in replay.ticks():
+        graph = replay.core.graph
+        edges = from_words(graph.wires("hasse"), len(graph.edges))
+        before = np.zeros_like(edges) if before is None else before
+        found.append((int((edges != before).sum()) + 1) // 2)
+        before = edges
+    return found
+
+
+def test_a_stretch_a_tick_has_what_the_messages_say(log: Path) -> None:
+    marks = read(log).marks(1, TICKS, 1000)
+    ticks = range(1, TICKS + 1)
+    assert (marks.first, marks.last, marks.read_to, marks.done) == (
+        1,
+        TICKS,
+        TICKS,
+        True,
+    )
+    assert [tick for tick in ticks if marks.anomalies[tick - 1]] == [*anomalies(log)]
+    assert set(marks.anomalies) == {0, 1}
+    changed = rewired(log)
+    assert marks.rewired[1:] == changed[1:]  # the first tick wires everything whole
+    assert sum(changed[1:]) > 0
+    sent = [each.sent for each in Recording.open(log).messages(("observe",))]
+    assert marks.times == [pytest.approx(each / 1e9) for each in sent]
+    assert marks.begins == [1, *[0] * (TICKS - 1)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_chunks_of_any_size_make_the_same_marks(
+    log: Path, tmp_path: Path, seed: int
+) -> None:
+    expected = read(log).marks(1, TICKS, 1000)
+    split = in_chunks(log, tmp_path / "split.mcap", 1 + 700 * seed, seed)
+    assert read(split).marks(1, TICKS, 1000) == expected
+
+
+@pytest.mark.parametrize("bins", [1, 2, 7, 59])
+def test_fewer_stretches_add_up(log: Path, bins: int) -> None:
+    marks, each = read(log), read(log).marks(1, TICKS, TICKS)
+    few = marks.marks(1, TICKS, bins)
+    assert len(few.anomalies) == len(few.rewired) == len(few.times) == bins
+    assert sum(few.anomalies) == sum(each.anomalies)
+    assert sum(few.begins) == sum(each.begins)
+    assert max(few.rewired) == max(each.rewired)
+    part = marks.marks(11, 20, 10)
+    assert part.anomalies == each.anomalies[10:20]
+    assert part.rewired == each.rewired[10:20]
+
+
+def test_what_else_was_found_is_counted_and_gone_to(log: Path) -> None:
+    marks, told = read(log)._marks, sorted(anomalies(log))
+    alarms = [RaisedAlarm(tick, 0, f"alarm {tick}") for tick in (3, 3, 17, 60)]
+    found = Found(alarms, reached=[4, 60], born=[9, 9], missing=[1, 2, 30], done=False)
+    each = marks.marks(1, TICKS, TICKS, found)
+    ticks = range(1, TICKS + 1)
+    assert [tick for tick in ticks if each.reached[tick - 1]] == [4, 60]
+    assert each.born == [2 if tick == 9 else 0 for tick in ticks]
+    assert [tick for tick in ticks if each.missing[tick - 1]] == [1, 2, 30]
+    assert each.alarms == alarms
+    assert marks.marks(4, 59, 7, found).alarms == alarms[2:3]
+    assert not each.done
+    both = sorted({*told, 3, 17, 60})
+    for tick in range(TICKS + 2):
+        after = [one for one in both if one > tick]
+        before = [one for one in both if one < tick]
+        assert marks.beside(tick, 1, alarms).tick == min(after, default=None)
+        assert marks.beside(tick, -1, alarms).tick == max(before, default=None)
+
+
+def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
+    view, found = RunView(log), anomalies(log)
+    for frame in view.frames(1, TICKS):
+        if frame.tick not in found:
+            assert frame.anomaly is None
+            continue
+        assert frame.anomaly is not None
+        anomaly = found[frame.tick]
+        words = told(anomaly, view.options.sensors)
+        said = [one.evidence for one in frame.anomaly.broken]
+        assert said == [evidence(link) for link in words.broken]
+        assert frame.anomaly.culprits == list(anomaly.culprits)
+        both = {*frame.anomaly.culprits, *frame.anomaly.others}
+        assert both == {*anomaly.culprits, *anomaly.candidates}
+        pairs = [(one.source, one.target) for one in frame.anomaly.broken]
+        assert pairs == [*zip(anomaly.sources, anomaly.targets, strict=True)]
+
+
+def test_beginnings_of_trajectories_are_marked(tmp_path: Path) -> None:
+    options = lamp_options(LIMITED, ticks=40, cells="inline")
+    log = recorded(options, tmp_path / "run.mcap")
+    begins = [
+        each.message.tick
+        for each in Recording.open(log).messages(("observe",))
+        if isinstance(each.message, wire.Observation) and each.message.begins
+    ]
+    marks = read(log).marks(1, 40, 40)
+    assert [tick for tick in range(1, 41) if marks.begins[tick - 1]] == begins
+    assert len(begins) > 1
+
+
+# Raster -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def gaps_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("raster")
+    whole = unread_run(folder / "whole.mcap")
+    return without_states(whole, folder / "gaps.mcap", GONE)
+
+
+def expected(log: Path) -> dict[tuple[int, int], int]:
+    values = {}
+    for frame in RunView(log).frames(1, 99):
+        for sensor in range(len(frame.bits)):
+            read, held = frame.bits[sensor] is not None, frame.state[sensor]
+            if held is None:
+                torn = sensor in frame.contradicted
+                value = CONTRADICTED if torn else UNKNOWN
+            elif held:
+                value = ON if read else ON_PREDICTED
+            else:
+                value = OFF if read else OFF_PREDICTED
+            values[frame.tick, sensor] = value
+    return values
+
+
+def test_each_value_says_what_its_frame_does(gaps_log: Path) -> None:
+    found = read(gaps_log).raster(1, LAST, 100, 0, 10)
+    assert (found.first, found.step, found.columns) == (1, 1, LAST)
+    assert (found.sensors, found.read_to, found.done) == (SENSORS, LAST, True)
+    known = expected(gaps_log)
+    values = np.frombuffer(found.values, np.uint8).reshape(LAST, SENSORS)
+    for tick in range(1, LAST + 1):
+        for sensor in range(SENSORS):
+            told = values[tick - 1, sensor]
+            assert told == known.get((tick, sensor), NOT_RECORDED)
+    assert {ON, OFF, ON_PREDICTED, UNKNOWN, NOT_RECORDED} <= set(
+        values.ravel().tolist()
+    )
+
+
+def test_what_others_say_twice_of_an_unread_sensor_is_contradicted(
+    tmp_path: Path,
+) -> None:
+    log = torn_run(tmp_path / "torn.mcap")
+    last = RunView(log).last
+    found = read(log).raster(1, last, 100, 0, SENSORS)
+    values = np.frombuffer(found.values, np.uint8).reshape(last, SENSORS)
+    told = {
+        (tick + 1, sensor): value for (tick, sensor), value in np.ndenumerate(values)
+    }
+    assert told == expected(log)
+    (frame,) = RunView(log).frames(last, last)
+    assert frame.bits[1] is None
+    assert told[last, 1] == CONTRADICTED
+    assert told[last - 1, 1] == ON_PREDICTED
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "columns", "step"),
+    [(1, 32, 32, 1), (1, 32, 8, 4), (1, 32, 7, 5), (5, 20, 100, 1), (30, 99, 2, 2)],
+)
+def test_a_part_has_every_so_many_of_the_ticks(
+    gaps_log: Path, first: int, last: int, columns: int, step: int
+) -> None:
+    history = read(gaps_log)
+    whole = np.frombuffer(history.raster(1, LAST, 99, 0, 9).values, np.uint8)
+    part = history.raster(first, last, columns, 1, 1)
+    assert (part.first, part.step) == (first, step)
+    rows = whole.reshape(LAST, SENSORS)[first - 1 : last : step, 1]
+    assert part.columns == len(rows) <= columns
+    assert part.values == rows.tobytes()
+
+
+def test_what_there_is_no_room_for_is_thinned_out(gaps_log: Path) -> None:
+    whole = np.frombuffer(read(gaps_log).raster(1, LAST, 99, 0, 9).values, np.uint8)
+    thin = read(gaps_log, room=10 * SENSORS).raster(1, LAST, 99, 0, 9)
+    assert (thin.first, thin.step) == (1, 4)
+    assert thin.values == whole.reshape(LAST, SENSORS)[::4].tobytes()
+    later = read(gaps_log, room=10 * SENSORS).raster(6, LAST, 99, 0, 9)
+    assert (later.first, later.step) == (9, 4)
+
+
+def test_a_sensor_that_is_not_there_is_refused(gaps_log: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"sensor: must be in \[0, 2\], got 3"):
+        read(gaps_log).raster(1, LAST, 9, 3, 1)
+
+
+# Columns ------------------------------------------------------------------------------
+
+
+def test_a_column_is_what_was_recorded(tmp_path: Path) -> None:
+    log = recorded(path_run(), tmp_path / "run.mcap")
+    history = read(log)
+    states = [each.message for each in Recording.open(log).messages(("state",))]
+    for name in ("edges", "depth", "height", "pulses"):
+        told = [getattr(state, name) for state in states]
+        assert column(history, name) == told
+
+
+def test_sensors_are_counted_by_what_the_frames_say(tmp_path: Path) -> None:
+    whole = unread_run(tmp_path / "whole.mcap")
+    log = without_states(whole, tmp_path / "gaps.mcap", {5, 6})
+    view, history = RunView(log), read(log)
+    found = {name: column(history, name, LAST) for name in COUNTED}
+    assert history.marks(1, LAST, LAST).missing[4:6] == [1, 1]
+    assert sum(filter(None, found["predicted"])) > 0
+    assert sum(filter(None, found["contradicted"])) > 0
+    for frame in view.frames(1, 99):
+        neither = frame.state.count(None)
+        pairs = zip(frame.bits, frame.state, strict=True)
+        assert [found[name][frame.tick - 1] for name in COUNTED] == [
+            frame.state.count(1),
+            sum(bit is None and held is not None for bit, held in pairs),
+            len(frame.contradicted),
+            neither - len(frame.contradicted),
+        ]
+
+
+def test_the_target_is_reached_where_the_distance_falls_to_zero(tmp_path: Path) -> None:
+    history = read(recorded(planner_run(), tmp_path / "run.mcap"))
+    far = column(history, "distance")
+    pairs = zip([None, *far], far, strict=False)
+    there = [k for k, (was, now) in enumerate(pairs, 1) if now == 0 and was != 0]
+    reached = history.marks(1, FEW, FEW).reached
+    assert [tick for tick, some in enumerate(reached, 1) if some] == there
+    assert there
+
+
+def test_err_is_what_a_walk_through_all_pairs_counts(tmp_path: Path) -> None:
+    log = recorded(path_run(), tmp_path / "run.mcap")
+    run_view, found = RunView(log), column(read(log), "err")
+    sensors = len(run_view.options.sensors)
+    # Sensor k of a path is on below k + 1.
+    fields = [
+        [place <= sensor for place in range(sensors + 1)] for sensor in range(sensors)
+    ]
+    true = [row for on in fields for row in (on, [not bit for bit in on])]
+    for tick, value in enumerate(found, start=1):
+        edges = run_view.snapshot(tick).poc_graph().edges
+        wrong = 0
+        for a in range(2 * sensors):
+            for b in range(2 * sensors):
+                holds = all(y or not x for x, y in zip(true[a], true[b], strict=True))
+                wrong += a >> 1 != b >> 1 and bool(edges[a, b]) != holds
+        assert value == wrong
+
+
+@pytest.mark.parametrize("options", [seeker_run(), planner_run()])
+def test_distance_falls_to_zero_at_the_target_only(
+    tmp_path: Path, options: RunOptions
+) -> None:
+    log = recorded(options, tmp_path / "run.mcap")
+    run_view = RunView(log)
+    frames, found = run_view.frames(1, FEW), column(read(log), "distance")
+    stage = run_view.scene.stage
+    assert stage is not None
+    assert run_view.run(live=False).columns[-2:] == ("err", "distance")
+    for frame, value in zip(frames, found, strict=True):
+        assert frame.place is not None
+        assert (value == 0) == (frame.place == stage.target)
+    for before, after in itertools.pairwise(found):
+        assert before is not None
+        assert after is not None
+        assert abs(after - before) <= 1
+    moved = [f for f in frames if "better" in run_view.options.sensors and f.bits[-2]]
+    assert all(found[f.tick - 1] < found[f.tick - 2] for f in moved)  # type: ignore[operator]
+
+
+def test_where_the_truth_is_not_known_there_is_no_column_of_it(tmp_path: Path) -> None:
+    log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
+    assert tuple(read(log).series(1, FEW, 100).columns) == COLUMNS
+
+
+def test_what_is_not_read_yet_is_said_to_be_so(tmp_path: Path) -> None:
+    history = History(RunView(recorded(path_run(), tmp_path / "run.mcap")))
+    first = history.series(1, FEW, 100)
+    assert (first.columns["edges"].ticks, first.done) == ([], False)
+    assert history.read_on()
+    part = history.series(5, 9, 100)
+    assert (part.columns["edges"].ticks, part.done) == ([5, 6, 7, 8, 9], True)
+    assert not history.read_on()
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6, width=32) | st.just(float("nan")), max_size=300),
+    st.integers(4, 60),
+)
+def test_thinning_keeps_least_and_most_of_every_run(
+    values: list[float], points: int
+) -> None:
+    row = np.array(values, np.float32)
+    places = thinned(row, points)
+    assert list(places) == sorted(set(places.tolist()))
+    assert len(places) <= max(points, 0)
+    if len(values) <= points:
+        assert places.tolist() == list(range(len(values)))
+        return
+    known = row[np.isfinite(row)]
+    kept = row[places][np.isfinite(row[places])]
+    assert known.size == 0 or (kept.min(), kept.max()) == (known.min(), known.max())

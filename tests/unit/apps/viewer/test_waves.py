@@ -1,0 +1,204 @@
+"""What the page is told of births, imagined waves and plans."""
+
+import asyncio
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from neurosnap import wire
+from neurosnap.agent.experience import Plan
+from neurosnap.agent.plan_reason import plan_reason, plan_told
+from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.waves import first_shown, plan_at
+from neurosnap.runtime.run import run
+from tests.support.aliased_worlds import NAME as MAZE
+from tests.support.lamp import BIRTH, GROWN, Lamp, lamp_options
+from tests.support.lamp import NAME as LAMP
+from tests.support.run_options import options_for
+
+TICKS, SENSORS = 120, 24
+LEARNED = 60  # ticks after which every outcome in the lamp's world is guaranteed
+ACTIONS = ("down", "right", "in 3", "up")
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory: pytest.TempPathFactory) -> RunView:
+    path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
+    options = lamp_options(ticks=TICKS, cells="inline")
+    asyncio.run(run(options, path, asyncio.Event()))
+    return RunView(path)
+
+
+def test_a_sensor_is_there_from_its_birth_on(view: RunView) -> None:
+    frames = view.frames(1, TICKS)
+    assert {frame.sensors for frame in frames[: BIRTH - 1]} == {SENSORS}
+    assert {frame.sensors for frame in frames[BIRTH - 1 :]} == {SENSORS + 1}
+    told = [(c.tick, c.sensor, c.name) for frame in frames for c in frame.changed]
+    assert told == [(BIRTH, SENSORS, GROWN)]
+    assert len(view.graph(BIRTH - 1).nodes) == SENSORS
+    assert view.graph(BIRTH).nodes[-1].name == GROWN
+    assert frames[BIRTH - 2].graph != frames[BIRTH - 1].graph
+    assert view.graph(BIRTH).id == frames[BIRTH - 1].graph
+
+
+def test_births_are_known_once_the_recording_is_read(view: RunView) -> None:
+    history = History(RunView(view.path))
+    assert not history.grown().done
+    while history.read_on():
+        pass
+    grown = history.grown()
+    assert [(each.tick, each.name) for each in grown.births] == [(BIRTH, GROWN)]
+    assert (grown.room, grown.read_to, grown.done) == (2, TICKS, True)
+
+
+def after(state: list[api.Bit], steps: list[int]) -> list[int]:
+    """Return what the lamp's world is like after some steps from a state."""
+    lamp = Lamp()
+    lamp._on = [bit or 0 for bit in state[:3]]
+    for step in steps:
+        lamp.step(step)
+    return lamp._on
+
+
+def test_an_imagined_wave_says_where_in_the_world_it_starts(view: RunView) -> None:
+    """Of what has been learned all is true: so the world itself says the same."""
+    body, checked = view.options.body, set()
+    own, first = len(body.own), len(body.own) + len(body.actions)
+    for frame in view.frames(LEARNED, TICKS):
+        for wave in frame.waves:
+            if wave.kind == "state":
+                assert (wave.steps, wave.imagined) == (None, False)
+                continue
+            assert wave.steps is not None
+            *way, action = wave.steps
+            assert wave.signal[0] == 2 * (own + action)
+            assert wave.imagined == bool(way)
+            held = [
+                body.context[(literal >> 1) - first][1]
+                for literal in wave.signal[1:]
+                if (literal >> 1) - first < len(body.context)
+            ]
+            there = after(frame.state, way)
+            assert held == [2 * k + (not bit) for k, bit in enumerate(there)]
+            checked.add(len(wave.steps))
+    assert checked >= {1, 2, 3}
+
+
+@pytest.mark.parametrize("world", [LAMP, MAZE])
+def test_the_planner_finds_its_way_among_the_waves(world: str, tmp_path: Path) -> None:
+    """Also where a sensor looks at the step before, since places look alike."""
+    log, seen = tmp_path / "log.mcap", 0
+    more: dict[str, Any] = {"grow": 20, "imagine": 200, "explore": 0.1}
+    options = options_for(
+        world, 3, agent="planner", target=(), ticks=150, cells="inline", **more
+    )
+    asyncio.run(run(options, log, asyncio.Event()))
+    view = RunView(log)
+    for frame in view.frames(1, 150):
+        waves = [each for each in frame.waves if each.kind == "signal" and each.settled]
+        assert all(wave.steps for wave in waves)
+        ways = [tuple(wave.steps or ()) for wave in waves]
+        assert len(set(ways)) == len(ways)
+        assert [wave.imagined for wave in waves] == [len(way) > 1 for way in ways]
+        if waves and frame.plan and len(frame.plan.steps) > 1:
+            assert tuple(frame.plan.steps[:-1]) in ways
+            seen += 1
+    assert seen > 3
+
+
+def test_a_frame_has_the_waves_along_its_plan_and_the_oldest_of_the_others() -> None:
+    def wave(number: int, *steps: int) -> api.Wave:
+        fired = [(literal, 1) for literal in range(100)]
+        asked: dict[str, Any] = {"signal": [0], "depth": 1, "pulses": 99}
+        return api.Wave(
+            wave=number,
+            kind="signal",
+            hops=fired,
+            settled=True,
+            steps=[*steps],
+            imagined=len(steps) > 1,
+            **asked,
+        )
+
+    here = [wave(number, number) for number in (1, 2, 3)]
+    ahead = [wave(number, 1, number) for number in range(4, 2004)]
+    along = [wave(2004, 1, 2), wave(2005, 1, 2, 3), wave(2006, 1, 2, 1)]
+    plan = api.Plan(steps=[3, 1, 2, 3], at=1, more=0, why="")
+    shown = first_shown([*here, *ahead, *along], plan)
+    oldest = ahead[: api.MOST_IMAGINED - 2]
+    assert shown == [*here, *oldest, *along[:2]]
+    assert first_shown([*here, *ahead], None) == [*here, *ahead[: api.MOST_IMAGINED]]
+    assert first_shown(here, plan) == here
+
+
+def test_a_plan_keeps_the_steps_that_were_taken(view: RunView) -> None:
+    frames = view.frames(1, TICKS)
+    for before, now in itertools.pairwise(frames):
+        plan = now.plan
+        if plan is None:
+            assert ", in " not in now.why
+            continue
+        assert plan.steps[plan.at] == now.choice
+        assert plan.more == 0
+        left = len(plan.steps) - plan.at
+        assert f"in {left}: " in now.why
+        if plan.at:
+            assert before.plan is not None
+            assert before.plan.steps == plan.steps
+            assert before.plan.at == plan.at - 1
+    assert max(frame.plan.at for frame in frames if frame.plan) >= 2
+    # A block of frames that begins within a plan knows how the plan began.
+    late = next(frame for frame in frames if frame.plan and frame.plan.at == 2)
+    assert view.frames(late.tick, late.tick) == [late]
+
+
+@given(
+    st.lists(st.sampled_from(range(4)), min_size=1, max_size=9),
+    st.sampled_from(["", "to learn what down does there, ", "in 2: up, "]),
+)
+def test_a_reason_tells_its_plan(steps: list[int], why: str) -> None:
+    plan = Plan(tuple(steps), np.zeros((len(steps), 2), np.bool_), why)
+    told = plan_told(plan_reason(plan, ACTIONS), ACTIONS)
+    assert told == (len(steps), tuple(steps[:6]), why.removesuffix(", "))
+
+
+@pytest.mark.parametrize(
+    "why",
+    [
+        *("", "at random", "in 0: ", "in 2: down", "in 1: down, right", "in 1: left"),
+        *("in 7: down, up, up, up, up, up", "in 1: down, …", "thin 1: down"),
+    ],
+)
+def test_what_tells_of_no_plan_is_none(why: str) -> None:
+    assert plan_told(why, ACTIONS) is None
+
+
+def test_a_plan_of_many_steps_counts_those_it_does_not_name() -> None:
+    steps = (0, 1, 1, 0, 3, 0, 1, 3)
+    decisions = {}
+    for taken in range(3):
+        plan = Plan(steps[taken:], np.zeros((8 - taken, 2), np.bool_), "")
+        decisions[taken + 4] = wire.Decision(
+            taken + 4, steps[taken], plan_reason(plan, ACTIONS)
+        )
+    assert plan_at(6, decisions, (), ACTIONS) == api.Plan(
+        steps=list(steps), at=2, more=0, why=""
+    )
+    assert plan_at(4, decisions, (), ACTIONS) == api.Plan(
+        steps=list(steps[:6]), at=0, more=2, why=""
+    )
+    assert plan_at(7, decisions, (), ACTIONS) is None
+    anew = plan_at(6, decisions, {6}, ACTIONS)
+    assert anew is not None
+    assert (anew.steps, anew.at) == (list(steps[2:]), 0)
+    decisions[5] = wire.Decision(5, 3, decisions[5].why)  # another action was taken
+    found = plan_at(6, decisions, (), ACTIONS)
+    assert found is not None
+    assert found.at == 0
