@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
@@ -126,7 +126,7 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(recorded: Path) -
 
 
 def test_the_page_shows_what_is_told(recorded: Path) -> None:
-    view = History(RunView(recorded))
+    view = RunHistory(RunView(recorded))
     assert not view.health.done
     while view.read_on():
         assert not view.health.done

@@ -532,6 +532,13 @@ async def test_a_tick_that_was_not_recorded_is_said_and_stepped_over(
 ) -> None:
     log = without_states(path_log, tmp_path / "gap.mcap", {10, 11, 12})
     async with opened(log, "#t=9") as page:
+        await page.evaluate(  # the block of this tick comes behind the tick
+            """async () => {
+                const { page } = await import("/main.js");
+                while (page.frameCache.peek(10) === undefined)
+                    await new Promise(requestAnimationFrame);
+            }"""
+        )
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))
         notice = page.locator("#notice")

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from playwright.async_api import Locator, Page, expect
 
 from neurosnap.apps.viewer.api import COUNTED
-from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of
@@ -503,8 +503,8 @@ def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(options, folder / "run.mcap")
 
 
-def read(log: Path) -> History:
-    history = History(RunView(log))
+def read(log: Path) -> RunHistory:
+    history = RunHistory(RunView(log))
     while history.read_on():
         pass
     return history

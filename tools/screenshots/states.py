@@ -11,6 +11,7 @@ Step: TypeAlias = Callable[[Page], Awaitable[object]]
 
 PHONE = 390, 844
 """Pixels of a telephone."""
+_SOUGHT = "room1 is:contradicted"
 
 
 class State(NamedTuple):
@@ -79,17 +80,9 @@ STATES: dict[str, State] = {
         (_press("t"), _seen("#raster canvas[aria-label*='1 to 400']")),
     ),
     "large": State(
-        ("crowd",),
-        150,
-        "",
-        (lambda page: page.fill("#search-text", "room1 is:contradicted"),),
+        ("crowd",), 150, "", (lambda page: page.fill("#search-text", _SOUGHT),)
     ),
-    "focus": State(
-        ("crowd",),
-        150,
-        "sensor=room07_below_12",
-        (lambda page: page.select_option("#focus-depth", "1"),),
-    ),
+    "focus": State(("crowd",), 150, "sensor=room07_below_12"),
     "compare": State(
         ("path", "path-lax"),
         110,

@@ -314,7 +314,7 @@ class Edge(Weighed, frozen=True, kw_only=True):
     """By tick: at key-frames, and closer together near the tick."""
 
 
-class Curve(msgspec.Struct, frozen=True):
+class Points(msgspec.Struct, frozen=True):
     """One column over time, thinned out so that least and most stay."""
 
     ticks: list[int]
@@ -325,7 +325,7 @@ class Curve(msgspec.Struct, frozen=True):
 class Series(msgspec.Struct, frozen=True, kw_only=True):
     """All columns over time."""
 
-    columns: dict[Column, Curve]
+    columns: dict[Column, Points]
     done: bool
     """All that was asked for has been read; if not, ask again."""
 

@@ -19,7 +19,7 @@ _BATCH = 64
 """Ticks read at a time, at most: others wait for as long."""
 
 
-class History:
+class RunHistory:
     """What a run was over time, as far as it was read.
 
     Reading is for one thread at a time and may go on while others look.

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.events import wait_any, wait_at_most
@@ -52,7 +52,7 @@ class ViewSession:
     def _open(self) -> None:
         # Both or none: what is read through has a view of the same file.
         run_view = RunView(self._log)
-        self.history = History(RunView(self._log, run_view.scene))
+        self.history = RunHistory(RunView(self._log, run_view.scene))
         self.run_view = run_view
         self.live = self._is_live(self._grows())
 

@@ -16,7 +16,7 @@ from neurosnap.apps.viewer.api import (
     COUNTED,
     STATED,
     Column,
-    Curve,
+    Points,
     RasterPart,
 )
 from neurosnap.apps.viewer.run_view import RunView
@@ -88,7 +88,7 @@ class TimeSeries:
         self._values[:, self._filled : needed] = found
         self._filled = needed  # last: whoever looks meanwhile sees whole ticks
 
-    def curves(self, first: int, last: int, points: int) -> dict[Column, Curve]:
+    def curves(self, first: int, last: int, points: int) -> dict[Column, Points]:
         """Return all columns from one tick to another, thinned out.
 
         Args:
@@ -104,7 +104,7 @@ class TimeSeries:
             values = row[first - self._first : max(0, last - self._first + 1)]
             places = thinned(values, points)
             known = [_finite(value) for value in values[places].tolist()]
-            curves[column] = Curve((places + first).tolist(), known)
+            curves[column] = Points((places + first).tolist(), known)
         return curves
 
     def reached(self) -> list[int]:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from neurosnap import wire
 from neurosnap.apps.viewer.api import COLUMNS, COUNTED, RaisedAlarm
-from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.marks import Found
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import (
@@ -50,14 +50,14 @@ GONE = range(4, 9)
 LAST = 32  # the last tick of the run that leaves sensors unread
 
 
-def read(log: Path, room: int = 1 << 20) -> History:
-    history = History(RunView(log), room)
+def read(log: Path, room: int = 1 << 20) -> RunHistory:
+    history = RunHistory(RunView(log), room)
     while history.read_on():
         pass
     return history
 
 
-def column(history: History, name: str, last: int = FEW) -> list[float | None]:
+def column(history: RunHistory, name: str, last: int = FEW) -> list[float | None]:
     found = history.series(1, last, 1000)
     assert found.done
     curve = found.columns[name]  # type: ignore[index]
@@ -369,7 +369,7 @@ def test_where_the_truth_is_not_known_there_is_no_column_of_it(tmp_path: Path) -
 
 
 def test_what_is_not_read_yet_is_said_to_be_so(tmp_path: Path) -> None:
-    history = History(RunView(recorded(path_run(), tmp_path / "run.mcap")))
+    history = RunHistory(RunView(recorded(path_run(), tmp_path / "run.mcap")))
     first = history.series(1, FEW, 100)
     assert (first.columns["edges"].ticks, first.done) == ([], False)
     assert history.read_on()

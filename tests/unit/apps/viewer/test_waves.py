@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.experience import Plan
 from neurosnap.agent.plan_reason import plan_reason, plan_told
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.history import History
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.waves import first_shown, plan_at
 from neurosnap.runtime.run import run
@@ -49,7 +49,7 @@ def test_a_sensor_is_there_from_its_birth_on(view: RunView) -> None:
 
 
 def test_births_are_known_once_the_recording_is_read(view: RunView) -> None:
-    history = History(RunView(view.path))
+    history = RunHistory(RunView(view.path))
     assert not history.grown().done
     while history.read_on():
         pass

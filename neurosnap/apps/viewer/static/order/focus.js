@@ -87,7 +87,9 @@ export class Focus {
       return new Set(found.flatMap((literals) => [...literals.keys()].map(sensorOf)));
     };
     const around = within(Number(this._depth.value));
-    return isLarge && around.size > MOST ? within(1) : around;
+    if (!isLarge || around.size <= MOST) return around;
+    this._depth.value = "1"; // what is drawn is what it says
+    return within(1);
   }
 
   _count(graph, all, is) {
