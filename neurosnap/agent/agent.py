@@ -28,13 +28,12 @@ from neurosnap.agent.policy import (
     AgentKind,
     Exploration,
     Policy,
-    decided,
 )
 from neurosnap.agent.senses import Senses
+from neurosnap.agent.tick import Learn, Mind, Observed, Request, StateWave, tick
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
-from neurosnap.poc.learning.search import answered
-from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.learning.search import Question
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
 
@@ -74,18 +73,16 @@ class Agent:
         snapshot: Snapshot | None = None,
         memory: AgentMemory | None = None,
     ) -> None:
-        self.snapshot = (
-            EmpiricalSnapshot(Sensorium(body.sensors)) if snapshot is None else snapshot
-        )
-        if len(self.snapshot.sensorium) != len(body.sensors):
+        if snapshot is None:
+            snapshot = EmpiricalSnapshot(Sensorium(body.sensors))
+        if len(snapshot.sensorium) != len(body.sensors):
             rule = f"must have {len(body.sensors)} sensors, as the body"
-            raise ShapeError("snapshot", rule, len(self.snapshot.sensorium))
-        self._policy = policy
+            raise ShapeError("snapshot", rule, len(snapshot.sensorium))
+        memory = AgentMemory(body) if memory is None else memory
+        self._mind = Mind(snapshot, policy, memory)
         self._own = Sensorium(body.own)
         self._senses = Senses(body)
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
-        self._decision = Decision(0, -1, "the run begins")
-        self._memory = AgentMemory(body) if memory is None else memory
         self._seed, self._states = 0, STATES
         self._taken: tuple[int, ...] | None = None  # the environment's actions
 
@@ -227,12 +224,12 @@ class Agent:
         Raises:
             InvalidValueError: It does not imagine, or the target is not fit for it.
         """
-        experience = self._memory.experience
+        experience = self._mind.memory.experience
         if experience is None:
             rule = "must be one that imagines or grows sensors"
-            raise InvalidValueError("agent", rule, type(self._policy).__name__)
+            raise InvalidValueError("agent", rule, type(self._mind.policy).__name__)
         given = target, self._seed, explore, experience, self._states
-        self._policy = ImaginingPlanner(self.body, *given, curious=True)
+        self._mind.policy = ImaginingPlanner(self.body, *given, curious=True)
 
     def _sent(
         self,
@@ -243,7 +240,7 @@ class Agent:
         explore: float,
     ) -> Outing:
         """Go for a target, or explore, and be as before."""
-        before = self._policy
+        before = self._mind.policy
         self.aim(target, explore)
         wanted = list(target_literals(self.body, target)) if target else []
 
@@ -254,19 +251,24 @@ class Agent:
             return walk(self, env, steps, seed=seed, choices=self._taken, until=there)
         finally:
             before.grow(self.body)
-            self._policy = before
-            if self._memory.experience is not None:
-                self._memory.experience.aim()  # what there was is not that policy's
+            self._mind.policy = before
+            if self._mind.memory.experience is not None:
+                self._mind.memory.experience.aim()  # what there was is not that policy's
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What has been learned."""
+        return self._mind.snapshot
 
     @property
     def body(self) -> Body:
         """What is sensed and done by now."""
-        return self._memory.body
+        return self._mind.memory.body
 
     @property
     def decision(self) -> Decision:
         """The last decision; its tick is the snapshot's clock since the agent began."""
-        return self._decision
+        return self._mind.decision
 
     @property
     def state(self) -> NDArray[np.bool_]:
@@ -280,7 +282,7 @@ class Agent:
         Each cover that seemed to tell when an action switches one of these on, or off,
         has failed, and four times as often as not.
         """
-        return self._memory.chance
+        return self._mind.memory.chance
 
     def set_down(self) -> None:
         """Take in that it was moved by somebody: what comes next follows no action.
@@ -288,7 +290,8 @@ class Agent:
         To be told before an observation that begins a trajectory though the last one
         had not come to its end: after a limit on time, or a reset.
         """
-        self._decision = Decision(self._decision.tick, -1, "set down")
+        memory = self._mind.memory
+        memory.decision = Decision(memory.decision.tick, -1, "set down")
 
     def act(
         self,
@@ -318,30 +321,33 @@ class Agent:
             InvalidValueError: An entry is not 0 or 1, or no reading is known.
         """
         own, sure = self._own.observation(bits), self._checked(known)
-        last, tick = self._decision, self._decision.tick + 1
-        step = (-1 if begins else last.action, self.state)
+        step = (-1 if begins else self.decision.action, self.state)
         observation = self._senses.observe(own, *step)
         known = self._senses.known(sure, *step, self._known)
-        surprise = self._memory.observe(
-            last.action,
-            begins,
-            step[1],
-            self._graph(),
-            observation,
-            known,
-            self.snapshot,
-        )
-        state = self.snapshot.observe(observation, known)
-        answered(surprise, self._memory.history)
         self._known = sure
-        self._memory.settle(state)
-        action, why = decided(self._policy.decide(tick, state), self._graph().up)
-        changes = self._memory.changes
-        self._decision = Decision(tick, action, why, **changes)
-        if self._memory.follow(self._decision, self.snapshot):
-            self._senses = Senses(self.body)
-            self._policy.grow(self.body)
-        return self._decision
+        steps = tick(self._mind, Observed(observation, known, begins))
+        answer: object = None
+        try:
+            while True:
+                answer = self._answered(steps.send(answer))
+        except StopIteration as end:
+            if end.value:
+                self._senses = Senses(self.body)
+        return self.decision
+
+    def _answered(self, request: Request) -> object:
+        """Do at once what a tick needs done; return the answer."""
+        snapshot = self.snapshot
+        match request:
+            case Learn(seen):
+                return snapshot.learn(seen.bits, seen.known)
+            case StateWave(seen):
+                return snapshot.project(seen.known)
+            case Question():
+                return self._mind.memory.history.answer(request)
+            case _:
+                graph = snapshot.poc_graph()
+                return [graph.up(signal) for signal in request]
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
         """Return what an action taken here guarantees: ``(2N,)``.
@@ -357,7 +363,7 @@ class Agent:
         if not 0 <= number < len(self.body.choices):
             rule = f"must be one of {', '.join(self.body.actions)}"
             raise InvalidValueError("action", rule, action)
-        closure = self._graph().up(actions.signal(number, self.state))
+        closure = self.snapshot.poc_graph().up(actions.signal(number, self.state))
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound
 
@@ -369,9 +375,6 @@ class Agent:
         if not own.any():
             raise InvalidValueError("known", "must hold one at least", own.tolist())
         return own.copy()  # the next tick looks back at it
-
-    def _graph(self) -> PocGraph:
-        return self.snapshot.poc_graph()
 
 
 def _choice(body: Body, action: str) -> int:

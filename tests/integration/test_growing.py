@@ -84,7 +84,7 @@ class Grown:
         inner: Any = env.unwrapped
         if self.greedy:
             body = self.agent.body
-            self.agent._policy = Planner(body, self.literals(goal), 0, explore=0.0)
+            self.agent._mind.policy = Planner(body, self.literals(goal), 0, explore=0.0)
         else:
             self.agent.aim(self.literals(goal))
         self.agent.set_down()

@@ -451,6 +451,17 @@ class Snapshot(Archived):
             array([ True, False,  True, False])
         """
         self.learn(bits, known)
+        return self.project(known)
+
+    def project(self, known: ArrayLike | None = None) -> NDArray[np.bool_]:
+        """Adopt the coherent projection of the observation learned last as the state.
+
+        Args:
+            known: As it was learned.
+
+        Returns:
+            The new state: ``(2N,)`` bool, a copy.
+        """
         if known is None:
             kernels.project(self._bits, self._rows, self._state)
         else:

@@ -29,7 +29,7 @@ def blank(explorer: Agent) -> AgentMemory:
 
 
 def test_what_is_taken_up_again_is_all_there_was(explorer: Agent) -> None:
-    data, again = explorer._memory.to_bytes(), blank(explorer)
+    data, again = explorer._mind.memory.to_bytes(), blank(explorer)
     again.restore(data)
     assert again.body == explorer.body == body_in(blank(explorer).body, data)
     assert again.to_bytes() == data
@@ -43,7 +43,7 @@ def test_where_there_is_nothing_to_know_nothing_is_said() -> None:
 
 
 def test_whatever_is_missing_or_wrong_is_an_error(explorer: Agent) -> None:
-    arrays = unpack_arrays(explorer._memory.to_bytes())
+    arrays = unpack_arrays(explorer._mind.memory.to_bytes())
     for name in arrays:
         less = {key: array for key, array in arrays.items() if key != name}
         with pytest.raises(ValueError, match=r"."):
@@ -60,7 +60,7 @@ def test_whatever_is_missing_or_wrong_is_an_error(explorer: Agent) -> None:
 def test_numbers_of_another_body_are_an_error(
     explorer: Agent, name: str, value: int
 ) -> None:
-    arrays = unpack_arrays(explorer._memory.to_bytes())
+    arrays = unpack_arrays(explorer._mind.memory.to_bytes())
     wrong = np.full_like(arrays[name], value)
     assert wrong.size
     with pytest.raises(ValueError, match=f"{name}: must be"):
@@ -78,14 +78,14 @@ def test_what_was_taken_up_again_goes_on_to_the_same_bytes() -> None:
         assert seen is not None
         if tick % 60 == 0:
             memory = options.new_memory()
-            memory.restore(agent._memory.to_bytes())
+            memory.restore(agent._mind.memory.to_bytes())
             twin = agent_of(options, memory, agent.snapshot.to_bytes())
-            twin._decision = agent.decision
+            assert twin.decision == agent.decision
             taken_up += 1
         decision = agent.act(seen.bits, seen.begins)
         if taken_up:
             assert twin.act(seen.bits, seen.begins) == decision
-            assert twin._memory.to_bytes() == agent._memory.to_bytes()
+            assert twin._mind.memory.to_bytes() == agent._mind.memory.to_bytes()
             assert twin.snapshot.to_bytes() == agent.snapshot.to_bytes()
         seen = source.step(decision.action)
     source.close()

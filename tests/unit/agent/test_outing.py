@@ -53,7 +53,7 @@ def test_a_plan_to_explore_is_not_followed_by_whoever_wants_something_else() -> 
     agent, env = explorer(seed=1, target=["tile=goal"]), frozen_lake()
     for steps in range(1, 6):
         agent.learn(env, steps)
-        experience = agent._memory.experience
+        experience = agent._mind.memory.experience
         assert experience is not None
         assert experience.plan is None
 
@@ -82,7 +82,7 @@ def test_an_episode_that_was_cut_off_is_no_end() -> None:
     env = Continuing(gymnasium.wrappers.TimeLimit(cliff_walking(), 5))
     agent = Agent.of(env, "walker", grow=True, without=["right"])
     agent.run(env, 60)  # the goal is not reached without going right
-    experience = agent._memory.experience
+    experience = agent._mind.memory.experience
     assert experience is not None
     assert experience.ends == set()
 
@@ -90,7 +90,7 @@ def test_an_episode_that_was_cut_off_is_no_end() -> None:
 def test_where_episodes_end_is_remembered() -> None:
     agent, env = explorer(seed=1), frozen_lake()
     agent.learn(env, 300)
-    experience = agent._memory.experience
+    experience = agent._mind.memory.experience
     assert experience is not None
     assert 1 < len(experience.ends) <= 5  # four holes and the goal
 

@@ -74,16 +74,16 @@ class Explorer(Agent):
     def aim(self, target: Iterable[str | int], explore: float = 0.0) -> None:
         """Plan by imagined waves from now on; see `Agent.aim`."""
         super().aim(target, explore)
-        self._policy = _Counted(self._policy, self)
+        self._mind.policy = _Counted(self._mind.policy, self)
 
     def aim_greedily(self, target: Iterable[str | int]) -> None:
         """Plan one step ahead from now on."""
         planner = Planner(self.body, target, self._seed, explore=0.0)
-        self._policy = _Counted(planner, self)
+        self._mind.policy = _Counted(planner, self)
 
     def grow_whole_states(self) -> None:
         """Grow whole states from now on."""
-        self._memory.grow_by(WholeStates(self.body))
+        self._mind.memory.grow_by(WholeStates(self.body))
 
     def whole(self, stage: Stage) -> tuple[int, int, int]:
         """Hold what actions guarantee against a stage.

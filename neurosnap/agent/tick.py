@@ -1,0 +1,113 @@
+"""A tick, step by step, whoever answers what it asks.
+
+`tick` is a generator. It yields what it needs done, and is sent the answer: in a swarm
+the coordinator does that by messages, in one process the agent does it at once, and a
+replay gives the coordinator what was recorded. So all three go through the same steps,
+and the same observations lead to the same decisions.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.memory import AgentMemory
+from neurosnap.agent.policy import Policy, Signal
+from neurosnap.poc.learning.search import Question
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.wire import Decision
+
+
+@dataclass(slots=True)
+class Mind:
+    """What an agent has from tick to tick; `tick` alone changes it while one is on."""
+
+    snapshot: Snapshot
+    policy: Policy
+    memory: AgentMemory
+
+    @property
+    def decision(self) -> Decision:
+        """The last decision; its tick is the last whole one."""
+        return self.memory.decision
+
+
+class Observed(NamedTuple):
+    """An observation of all sensors."""
+
+    bits: NDArray[np.bool_]
+    """``(N,)``: the readings."""
+    known: NDArray[np.bool_] | None = None
+    """``(N,)``, which of them are known; None if all are."""
+    begins: bool = False
+    """It begins a trajectory: the last action did not lead to it."""
+    cut: bool = False
+    """It begins one, and no one saw what the last action would have led to."""
+    paused: bool = False
+    """Nothing is learned from it."""
+
+
+class Learn(NamedTuple):
+    """Request that the snapshot learns an observation; answered by nothing."""
+
+    observed: Observed
+
+
+class StateWave(NamedTuple):
+    """Request for the state: what is observed and all that it implies.
+
+    Its contradictions are left out. The answer is ``(2N,)``, and the snapshot has
+    adopted it by then.
+    """
+
+    observed: Observed
+
+
+Request: TypeAlias = Learn | StateWave | Question | list[Signal]
+"""What a tick needs done. A `Question` goes to the histories of the sensors, and is
+answered by an `Answer`; signals are answered by their `Closures`, as planning waves."""
+Tick: TypeAlias = Generator[Request, Any, bool]
+"""A tick under way; returns whether any sensor came or went with its decision."""
+
+
+def tick(mind: Mind, observed: Observed) -> Tick:
+    """Go through one tick, from an observation to the decision on it.
+
+    The steps are those of docs/design.md, "A tick"; the decision is `mind.decision`
+    at the end.
+
+    Args:
+        mind: As it was after the tick before.
+        observed: What every sensor reads now.
+    """
+    snapshot, memory, last = mind.snapshot, mind.memory, mind.decision
+    # 1. What came is held against what the last action guaranteed, by what was
+    #    believed before this observation.
+    surprise = memory.observe(
+        -1 if observed.cut else last.action,
+        observed.begins,
+        snapshot.state,
+        snapshot.poc_graph(),
+        observed.bits,
+        observed.known,
+        snapshot,
+    )
+    # 2. Weights, order and wiring follow the observation.
+    yield Learn(observed)
+    # 3. to 5. What was read spreads, and what has been reached gives the state.
+    state = yield StateWave(observed)
+    # 6. If the action did not guarantee what came, the histories are searched.
+    yield from surprise
+    memory.settle(state)
+    # 7. The policy asks for consequences, round after round.
+    number = last.tick + 1
+    action, why = yield from mind.policy.decide(number, state)
+    # 8. The decision also says which sensor is grown, or read no more, from the next
+    #    observation on. (9. The world acts.)
+    decision = Decision(number, action, why, **memory.changes)
+    changed = memory.follow(decision, snapshot)
+    if changed:
+        mind.policy.grow(memory.body)
+    return changed
