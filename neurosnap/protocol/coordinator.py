@@ -4,6 +4,14 @@
 was given, in order. That is what makes a recording checkable: fed with the recorded
 observations and reports, the same core must say the same again, byte for byte.
 
+What a tick consists of is said in `neurosnap.agent.tick`. The coordinator drives it: it
+turns what the tick asks for into messages, and goes on with the tick once their answers
+are whole.
+
+It has no lock. `neurosnap.runtime.parts.coordinator_loop` calls it from two threads,
+deliveries from the fabric's and deadlines from the loop's, and holds one lock round
+each call and the sending of what it returns.
+
 The state is what the cells reported. The snapshot only learns weights here; it is told
 the state (`Snapshot.adopt`) and never asked for one.
 
@@ -22,8 +30,9 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
+from neurosnap.agent.tick import Learn, Mind, Observed, StateWave, Tick, tick
 from neurosnap.errors import MessageError, ShapeError
-from neurosnap.poc.learning.bands import count_of, head_of
+from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl, to_weigh
@@ -35,17 +44,16 @@ from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack, selection
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.agent.memory import AgentMemory
-    from neurosnap.agent.policy import Closures, Deliberation, Policy
+    from neurosnap.agent.policy import Policy, Signal
     from neurosnap.poc.learning.kinds import Snapshot
-    from neurosnap.poc.learning.search import Answer, Search
     from neurosnap.poc.order.graph import PocGraph
-    from neurosnap.protocol.run_options import RunOptions, WiringKind
+    from neurosnap.protocol.run_options import RunOptions
     from neurosnap.protocol.wave import Wave
 
 _WHO = "coordinator"
@@ -55,80 +63,62 @@ class Coordinator:
     """The sans-I/O core.
 
     Args:
-        snapshot: Learns; new, or as it was after the last tick of a resumed run.
-        policy: Decides.
-        memory: What the agent knows besides the snapshot, in a run whose sensors grow
-            or whose policy imagines; None: nothing.
-        wiring: Which edges carry the pulses.
-        ticks: Observations after which the run is over.
-        keyframe_every: Ticks between two whole snapshots on the wire.
-        band: Numbers of an array that travel in one message, at most; where pairs are
-            not more than that, they are in the key-frame. 0: they always are.
-        repeats: How often a wave that does not settle is sent again.
-        workers: How many workers share the cells; 0: every cell is a part of its own.
-        hold: How long to go on judging observations by the order that the first of them
-            broke, in ticks; None: not to judge them.
-        support: The occasions an anomaly must rest on to be told; 0: all are, and none
-            are counted.
-        shares: The sensors whose pairs with those before them each worker learns;
-            empty: the snapshot does all of that.
+        options: The run's.
+        snapshot: Learns; None for a new one, as the options say.
+        policy: Decides; None likewise.
+        memory: What the agent knows besides the snapshot; None likewise.
+        repeats: How often a wave that does not settle is sent again, and a question
+            that is not answered is asked again.
     """
 
     def __init__(
         self,
-        snapshot: Snapshot,
-        policy: Policy,
+        options: RunOptions,
+        snapshot: Snapshot | None = None,
+        policy: Policy | None = None,
         memory: AgentMemory | None = None,
         *,
-        wiring: WiringKind,
-        ticks: int,
-        keyframe_every: int,
-        band: int = 0,
         repeats: int = 2,
-        workers: int = 0,
-        hold: int | None = None,
-        support: int = 0,
-        shares: Sequence[range] = (),
     ) -> None:
         self.totals = Totals()
         self.finished = False
-        if shares and len(snapshot.share):
+        shares, workers = options.learning_shares, options.sharing
+        if snapshot is None:
+            snapshot = options.new_snapshot(range(0) if shares else None)
+        elif shares and len(snapshot.share):
             snapshot = snapshot.without_pairs()
-        self._snapshot = snapshot
+        memory = options.new_memory() if memory is None else memory
+        policy = options.policy_with(memory) if policy is None else policy
+        self._mind = Mind(snapshot, policy, memory)
+        self._options = options
+        self._ticks = options.ticks
         # What workers that share the learning go on from, until they have learned.
         self._begins = b""
         self._passed_on: list[wire.Band] = []
-        self._policy = policy
-        self._memory = memory
-        self._wiring: WiringKind = wiring
-        self._ticks = ticks
-        self._keyframe_every = keyframe_every
-        self._band = band
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
-        self._graph: PocGraph = self._snapshot.poc_graph()
         self._learning = LearnControl(shares, repeats)
-        self._anomaly: wire.Anomaly | None = None  # to be told once that is
-        self._tick = 0
-        self._signal: tuple[int, ...] = ()  # what was observed at the tick under way
+        self._graph: PocGraph = snapshot.poc_graph()
         self._changed = False  # whether the graph did since the last wiring
         self._known = b""  # which readings of the last observation were known
-        self._grows = memory is not None and memory.body.room > 0
-        self._judge: AnomalyJudge | None = None
-        if hold is not None:
-            self._judge = AnomalyJudge(
-                snapshot.sensorium,
-                hold,
-                support,
-                remembers=not self._grows,
-            )
+        self._judge = self._new_judge() if options.watch else None
+        # Of the tick under way.
+        self._steps: Tick | None = None
+        self._observation = wire.Observation(1, b"")
+        self._signal: tuple[int, ...] = ()  # what was observed
+        self._anomaly: wire.Anomaly | None = None  # to be told once that is learned
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
-        self._deliberation: Deliberation  # of the tick under way
-        self._search: Search[None]  # for what to grow, in the tick under way
+        # At the end of the run.
         self._stopping = False
         self._ending = False  # waits for the last words of workers that learn
-        self._next_decision = wire.Decision(0, -1, "the run begins")
+
+    def _new_judge(self) -> AnomalyJudge:
+        options, sensorium = self._options, self._mind.snapshot.sensorium
+        remembers = not self._grows
+        return AnomalyJudge(
+            sensorium, options.hold, options.support, remembers=remembers
+        )
 
     @classmethod
     def of(
@@ -148,38 +138,24 @@ class Coordinator:
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
-        memory, shares = options.new_memory(), options.learning_shares
-        if frame is not None:
-            snapshot = (
-                order_of(frame, bands, shares) if shares else snapshot_of(frame, bands)
-            )
-        else:
-            snapshot = options.new_snapshot(range(0) if shares else None)
+        if frame is None:
+            return cls(options)
+        shares = options.learning_shares
         core = cls(
-            snapshot,
-            options.policy_with(memory),
-            None if memory.is_empty else memory,
-            wiring=options.wiring,
-            ticks=options.ticks,
-            keyframe_every=options.keyframe_every,
-            band=options.largest_band if shares else options.band,
-            workers=options.sharing,
-            hold=options.hold if options.watch else None,
-            support=options.support,
-            shares=shares,
+            options,
+            order_of(frame, bands, shares) if shares else snapshot_of(frame, bands),
         )
-        if frame is not None:
-            core._start_at(frame)
+        core._start_at(frame)
         return core
 
     def _start_at(self, frame: wire.KeyFrame) -> None:
         self._control.start_at(frame.waves, frame.epochs)
-        self._next_decision = wire.Decision(frame.tick, frame.action, frame.why)
-        if self._memory is not None:
-            self._memory.restore(frame.agent)
-            self._policy.grow(self._memory.body)
-            self._next_decision = self._memory.decision
-        self._tick, self._known = frame.tick, frame.known
+        memory = self._mind.memory
+        memory.decision = wire.Decision(frame.tick, frame.action, frame.why)
+        memory.restore(frame.agent)
+        if not memory.is_empty:
+            self._mind.policy.grow(memory.body)
+        self._known = frame.known
         self.totals = Totals(
             ticks=frame.tick,
             waves=frame.waves,
@@ -195,10 +171,12 @@ class Coordinator:
             self._judge.restore(frame.history)
         self._count_grown()
 
+    # What it is asked by those who run it ---------------------------------------------
+
     @property
     def tick(self) -> int:
         """The last whole tick: its decision is taken."""
-        return self._tick
+        return self._mind.decision.tick
 
     @property
     def graph(self) -> PocGraph:
@@ -208,30 +186,21 @@ class Coordinator:
     @property
     def snapshot(self) -> Snapshot:
         """What has been learned; without the pairs, where workers share them."""
-        return self._snapshot
-
-    def pass_on(self, bands: Iterable[wire.Band]) -> None:
-        """Let `begin` tell workers that share the learning what they go on from.
-
-        Args:
-            bands: Of the tick that the run is at.
-        """
-        self._passed_on = [msgspec.structs.replace(band, who=_WHO) for band in bands]
+        return self._mind.snapshot
 
     @property
-    def memory(self) -> AgentMemory | None:
-        """What the agent knows besides the snapshot; None: nothing."""
-        return self._memory
-
-    def changes(self, decision: wire.Decision) -> list[Changed]:
-        """Return which sensors the last decision grew and retired."""
-        memory = self._memory
-        return [] if memory is None else list(changes_in(decision, memory.body))
+    def memory(self) -> AgentMemory:
+        """What the agent knows besides the snapshot."""
+        return self._mind.memory
 
     @property
     def decision(self) -> wire.Decision:
         """The last decision taken."""
-        return self._next_decision
+        return self._mind.decision
+
+    def changes(self, decision: wire.Decision) -> list[Changed]:
+        """Return which sensors the last decision grew and retired."""
+        return list(changes_in(decision, self._mind.memory.body))
 
     @property
     def in_flight(self) -> tuple[int, ...]:
@@ -249,23 +218,55 @@ class Coordinator:
         """What the cells' histories are asked."""
         return self._recall
 
+    @property
+    def _grows(self) -> bool:
+        return self._mind.memory.body.room > 0
+
+    # How a run begins and ends --------------------------------------------------------
+
     def begin(self) -> list[wire.Message]:
         """Open the run, or go on with one from a key-frame: ask for an observation."""
-        first = self._keyframe() if self._tick else self._control.rewire_whole()
+        first = self._keyframe() if self.tick else self._control.rewire_whole()
         self._learning.forget()
         for frame in first:
             if isinstance(frame, wire.KeyFrame):
                 self.begin_with(frame)
-        return [*first, *self._passed_on, self._next_decision]
+        return [*first, *self._passed_on, self.decision]
 
     def begin_with(self, frame: wire.KeyFrame) -> None:
         """Let workers that share the learning go on from a key-frame that was said."""
         self._begins = frame.snapshot if self._learning.shares else b""
 
+    def pass_on(self, bands: Iterable[wire.Band]) -> None:
+        """Let `begin` tell workers that share the learning what they go on from.
+
+        Args:
+            bands: Of the tick that the run is at.
+        """
+        self._passed_on = [msgspec.structs.replace(band, who=_WHO) for band in bands]
+
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
         self._ticks = ticks
         self.finished = self._stopping = self._ending = False
+
+    def stop(self) -> list[wire.Message]:
+        """End the run after the tick under way, if there is one."""
+        self._stopping = True
+        if self.finished or self._ending or self._steps is not None:
+            return []
+        return self._finish()
+
+    def _finish(self) -> list[wire.Message]:
+        """End: at once, or when the workers that learn have sent their bands."""
+        if self.tick and self._learning.shares:
+            self._ending = True
+            ask = self._learning.ask_bands(self.tick, self._begins)
+            return [*self._keyframe(), *ask]
+        self.finished = True
+        return self._keyframe() if self.tick else []
+
+    # Messages in, messages out --------------------------------------------------------
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
         """Take in one message and return what is to be sent for it, in order.
@@ -280,9 +281,9 @@ class Coordinator:
             case wire.CellReport() | wire.WorkerReport():
                 return self._settle(message)
             case wire.Recalled():
-                return self._hear(message)
+                return self._receive_recalled(message)
             case wire.Learned():
-                return self._take_learned(message)
+                return self._receive_learned(message)
             case wire.Fault():  # anybody's: its own come back to it, too
                 self.totals.faults += 1
                 return []
@@ -311,23 +312,17 @@ class Coordinator:
             self._asked[self._control.waves] = self._asked.pop(number)
         return messages
 
-    def stop(self) -> list[wire.Message]:
-        """End the run after the tick under way, if there is one."""
-        self._stopping = True
-        if self.finished or self._ending or self._signal:
-            return []
-        return self._finish()
-
     def _observe(self, observation: wire.Observation) -> list[wire.Message]:
+        """Begin a tick."""
         if self.finished or self._stopping or self._ending:
             return []
-        expected = self._tick + 1
-        if observation.tick != expected or self._signal:
+        expected = self.tick + 1
+        if observation.tick != expected or self._steps is not None:
             what = f"must be tick {expected}, once, got tick {observation.tick}"
             return [_fault(f"observe: {what}")]
         try:
             check_readings(observation)
-            bits, known = readings(observation, len(self._snapshot.sensorium))
+            bits, known = readings(observation, len(self.snapshot.sensorium))
         except MessageError as error:
             return [_fault(str(error))]
         except ShapeError as error:
@@ -335,32 +330,52 @@ class Coordinator:
         if observation.paused and self._grows:
             rule = "must not be paused in a run that grows sensors"
             return [_fault(f"observe: {rule}, got tick {observation.tick}")]
-        said: wire.Anomaly | None = None
         if self._judge is not None:
-            history = None if self._memory is None else self._memory.history
+            history = self._mind.memory.history if self._grows else None
             weighs = not self._learning.shares
-            step = observation, self._snapshot, weighs, bits, known, history
-            said = self._judge.judge(*step, self.totals)
-        self._known = observation.known
-        if self._memory is not None:
-            # Nobody saw what the action would have led to.
-            action = -1 if observation.cut else self._next_decision.action
-            before = action, observation.begins, self._snapshot.state
-            believed = self._snapshot.poc_graph()
-            self._search = self._memory.observe(
-                *before, believed, bits, known, self._snapshot
-            )
-        if observation.paused:
-            self._snapshot.skip()
-        else:
-            self._changed |= self._snapshot.learn(bits, known)
+            step = observation, self.snapshot, weighs, bits, known, history
+            self._anomaly = self._judge.judge(*step, self.totals)
+        self._observation, self._known = observation, observation.known
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
-        if self._learning.shares:
-            self._anomaly = said
-            return self._learning.ask(_to_learn(observation, said, self._begins))
-        return self._follow(said)
+        begins, cut, paused = observation.begins, observation.cut, observation.paused
+        self._steps = tick(self._mind, Observed(bits, known, begins, cut, paused))
+        return self._go_on(self._steps)
 
-    def _take_learned(self, message: wire.Learned) -> list[wire.Message]:
+    def _go_on(self, steps: Tick, answer: object = None) -> list[wire.Message]:
+        """Let the tick go on; return what asks for what it needs done, or ends it."""
+        try:
+            request = steps.send(answer)
+        except StopIteration as end:
+            return self._close(end.value)
+        match request:
+            case Learn():
+                return self._learn(steps, request.observed)
+            case StateWave():
+                return self._start_state_wave()
+            case Question():
+                return self._recall.ask(self.tick + 1, request)
+            case _:
+                return self._start_planning(request)
+
+    def _answer(self, answer: object) -> list[wire.Message]:
+        """Let the tick under way go on with what it asked for."""
+        return [] if self._steps is None else self._go_on(self._steps, answer)
+
+    # What a tick needs done -----------------------------------------------------------
+
+    def _learn(self, steps: Tick, seen: Observed) -> list[wire.Message]:
+        """Learn an observation, or let the workers that share the learning do so."""
+        if seen.paused:
+            self.snapshot.skip()
+        else:
+            self._changed |= self.snapshot.learn(seen.bits, seen.known)
+        if not self._learning.shares:
+            return self._go_on(steps)
+        return self._learning.ask(
+            _to_learn(self._observation, self._anomaly, self._begins)
+        )
+
+    def _receive_learned(self, message: wire.Learned) -> list[wire.Message]:
         """Take in what a worker learned; go on once all have."""
         learn = self._learning.under_way
         try:
@@ -370,105 +385,85 @@ class Coordinator:
         if pairs is None or learn is None:
             return []
         if not learn.frame:  # else they say once more what is known
-            self._changed |= self._snapshot.relate(*pairs)
+            self._changed |= self.snapshot.relate(*pairs)
         if self._learning.under_way is not None:
             return []
         self._begins, self._passed_on = b"", []
         if learn.frame:
             self.finished = self._ending
-            return [] if self.finished else [self._next_decision]
-        said, self._anomaly = self._anomaly, None
-        return self._follow(None if said is None else self._learning.weighed(said))
+            return [] if self.finished else [self.decision]
+        if self._anomaly is not None:
+            self._anomaly = self._learning.weighed(self._anomaly)
+        return self._answer(None)
 
-    def _follow(self, said: wire.Anomaly | None) -> list[wire.Message]:
+    def _start_state_wave(self) -> list[wire.Message]:
         """Let the wiring follow what was learned, and the state wave begin."""
-        messages: list[wire.Message] = [] if said is None else [said]
+        messages: list[wire.Message] = []
+        if self._anomaly is not None:
+            messages.append(self._anomaly)
+            self._anomaly = None
         changed, self._changed = self._changed, False
         if changed:
-            self._graph = self._snapshot.poc_graph()
+            self._graph = self.snapshot.poc_graph()
         if changed or self._control.is_forgotten:
-            messages += self._control.follow(self._graph, self._wiring)
-        tick, seeds = self._tick + 1, len(self._signal)
-        return [*messages, *self._control.start("state", tick, seeds=seeds)]
+            messages += self._control.follow(self._graph, self._options.wiring)
+        now, seeds = self.tick + 1, len(self._signal)
+        return [*messages, *self._control.start("state", now, seeds=seeds)]
 
     def _settle(
         self, report: wire.CellReport | wire.WorkerReport
     ) -> list[wire.Message]:
+        """Take in a report on a wave; go on if the wave has settled with it."""
         try:
             wave = self._control.report(report)
         except MessageError as error:
             return [_fault(str(error))]
         if wave is None:
             return []
-        reached = np.zeros(2 * len(self._snapshot.sensorium), dtype=np.bool_)
+        reached = np.zeros(2 * len(self.snapshot.sensorium), dtype=np.bool_)
         reached[list(wave.hops)] = True
         self.totals.pulses += wave.pulses
         self.totals.depth = max(self.totals.depth, wave.depth)
         if wave.number in self._asked:
-            return self._answer(wave, reached)
-        return self._conclude(wave, reached)
-
-    def _conclude(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
-        """Turn a settled state wave into the tick's state; send the planning waves."""
+            return self._take_reached(wave, reached)
         state = reached & ~complement(reached)
-        self._snapshot.adopt(state)
-        report = self._state(wave, reached, state)
-        self._count(report)
-        return [report, *self._remind(wave.tick), *self._look_back(wave.tick)]
+        self.snapshot.adopt(state)
+        report_on_it = self._state(wave, reached, state)
+        self._count(report_on_it)
+        return [report_on_it, *self._remind(wave.tick), *self._answer(state)]
 
-    def _remind(self, tick: int) -> list[wire.Message]:
+    def _remind(self, now: int) -> list[wire.Message]:
         """Tell a cell that has just been born what it would have read before.
 
         It has taken part in a wave by now: whoever hosts it has this tick's readings.
         """
-        born = self._next_decision.born
-        if self._memory is None or born < 0:
+        born = self.decision.born
+        if born < 0:
             return []
-        return self._recall.remind(tick, born, self._memory.history)
+        return self._recall.remind(now, born, self._mind.memory.history)
 
-    def _look_back(self, tick: int, answer: Answer | None = None) -> list[wire.Message]:
-        """Let the search for what to grow go on; at its end, let the policy begin."""
-        memory, state = self._memory, self._snapshot.state
-        if memory is not None:
-            try:
-                # None starts it.
-                question = self._search.send(answer)  # type: ignore[arg-type]
-                return self._recall.ask(tick, question)
-            except StopIteration:
-                pass
-            memory.settle(state)
-        self._deliberation = self._policy.decide(tick, state)
-        return self._deliberate(tick)
-
-    def _hear(self, message: wire.Recalled) -> list[wire.Message]:
-        """Take in what a part answers from its histories."""
-        if self._memory is None:
+    def _receive_recalled(self, message: wire.Recalled) -> list[wire.Message]:
+        """Take in what a part answers from its histories; go on once all have."""
+        if not self._grows:
             return [_fault(f"recalled: must be asked, got {message.who:.40}")]
         try:
-            heard = self._recall.receive(message, self._memory.history)
+            heard = self._recall.receive(message, self._mind.memory.history)
         except MessageError as error:
             return [_fault(str(error))]
-        if isinstance(heard, list):
-            return heard
-        return self._look_back(message.tick, heard)
+        return heard if isinstance(heard, list) else self._answer(heard)
 
-    def _deliberate(
-        self, tick: int, answers: Closures | None = None
-    ) -> list[wire.Message]:
-        """Let the policy go on; send what it asks as waves, or what it decides."""
-        try:
-            # None starts it.
-            questions = self._deliberation.send(answers)  # type: ignore[arg-type]
-        except StopIteration as end:
-            return self._decide(tick, *end.value)
-        self._answers = [np.empty(0, np.bool_)] * len(questions)
+    def _start_planning(self, signals: list[Signal]) -> list[wire.Message]:
+        """Start a planning wave for each signal, all in flight together."""
+        self._answers = [np.empty(0, np.bool_)] * len(signals)
         starts: list[wire.Message] = []
-        for index, signal in enumerate(questions):
-            starts += self._control.start("signal", tick, signal)
+        for index, signal in enumerate(signals):
+            starts += self._control.start("signal", self.tick + 1, signal)
             self._asked[self._control.waves] = index
         return starts
 
-    def _answer(self, wave: Wave, reached: NDArray[np.bool_]) -> list[wire.Message]:
+    def _take_reached(
+        self, wave: Wave, reached: NDArray[np.bool_]
+    ) -> list[wire.Message]:
         """Take in a settled planning wave; go on if it was the last that was asked."""
         self._answers[self._asked.pop(wave.number)] = reached
         result = wire.Reached(
@@ -481,41 +476,33 @@ class Coordinator:
             height=self._graph.height(),
             pulses=wave.pulses,
         )
-        if self._asked:
-            return [result]
-        return [result, *self._deliberate(wave.tick, self._answers)]
+        return [result] if self._asked else [result, *self._answer(self._answers)]
 
-    def _decide(self, tick: int, action: int, why: str) -> list[wire.Message]:
-        """Close the tick: a key-frame if one is due, and the decision."""
-        self._next_decision = self._grown(tick, action, why)
-        self._tick = tick
-        self._signal = ()
-        self.totals.ticks += 1
-        self.totals.waves = self._control.waves
-        if self._stopping or tick == self._ticks:
-            return self._finish()
-        if tick % self._keyframe_every:
-            return [self._next_decision]
-        if self._learning.shares:
-            return [*self._keyframe(), *self._learning.ask_bands(tick, b"")]
-        return [*self._keyframe(), self._next_decision]
-
-    def _grown(self, tick: int, action: int, why: str) -> wire.Decision:
-        """Return the decision, once all is as it says: a sensor grown, or retired.
+    def _close(self, grown: bool) -> list[wire.Message]:
+        """Close the tick: a key-frame if one is due, and the decision.
 
         Nothing is in flight, and the next state wave is behind the wirings it takes.
+
+        Args:
+            grown: Whether any sensor came or went.
         """
-        memory = self._memory
-        if memory is None:
-            return wire.Decision(tick, action, why)
-        decision = wire.Decision(tick, action, why, **memory.changes)
-        if memory.follow(decision, self._snapshot):
-            self._policy.grow(memory.body)
+        if grown:
             self._changed = True
             self._count_grown()
             if self._judge is not None:
-                self._judge.rename(self._snapshot.sensorium)
-        return decision
+                self._judge.rename(self.snapshot.sensorium)
+        self._steps, self._signal = None, ()
+        self.totals.ticks += 1
+        self.totals.waves = self._control.waves
+        if self._stopping or self.tick == self._ticks:
+            return self._finish()
+        if self.tick % self._options.keyframe_every:
+            return [self.decision]
+        if self._learning.shares:
+            return [*self._keyframe(), *self._learning.ask_bands(self.tick, b"")]
+        return [*self._keyframe(), self.decision]
+
+    # What it says ---------------------------------------------------------------------
 
     def _longest(self, signal: tuple[int, ...]) -> int:
         return int(self._graph.heights()[list(signal)].max(initial=0))
@@ -542,48 +529,33 @@ class Coordinator:
         self.totals.incoherent += state.incoherent
 
     def _count_grown(self) -> None:
-        if self._memory is not None:
-            body = self._memory.body
-            self.totals.grown, self.totals.retired = len(body.grown), len(body.retired)
+        body = self._mind.memory.body
+        self.totals.grown, self.totals.retired = len(body.grown), len(body.retired)
 
     def _keyframe(self) -> list[wire.Message]:
         """Return what somebody else may go on from: nothing older matters then."""
-        judge, sensorium = self._judge, self._snapshot.sensorium
-        history = b"" if judge is None else judge.to_bytes(sensorium)
+        judge, options = self._judge, self._options
+        history = b"" if judge is None else judge.to_bytes(self.snapshot.sensorium)
         self._control.forget()
         frame = wire.KeyFrame(
-            tick=self._tick,
+            tick=self.tick,
             snapshot=b"",
             waves=self._control.waves,
             epochs=self._control.epochs,
             known=self._known,
-            action=self._next_decision.action,
-            why=self._next_decision.why,
+            action=self.decision.action,
+            why=self.decision.why,
             pulses=self.totals.pulses,
             depth=self.totals.depth,
             incoherent=self.totals.incoherent,
             anomalies=self.totals.anomalies,
-            agent=b"" if self._memory is None else self._memory.to_bytes(),
+            agent=self._mind.memory.to_bytes(),
             told=self.totals.told,
             history=history,
         )
         shares = self._learning.shares
-        if not shares:
-            return [*with_snapshot(frame, self._snapshot, self._band, _WHO)]
-        head, bands = (
-            head_of(self._snapshot),
-            count_of(self._snapshot, self._band, shares),
-        )
-        return [msgspec.structs.replace(frame, snapshot=head, bands=bands)]
-
-    def _finish(self) -> list[wire.Message]:
-        """End: at once, or when the workers that learn have sent their bands."""
-        if self._tick and self._learning.shares:
-            self._ending = True
-            ask = self._learning.ask_bands(self._tick, self._begins)
-            return [*self._keyframe(), *ask]
-        self.finished = True
-        return self._keyframe() if self._tick else []
+        band = options.largest_band if shares else options.band
+        return [*with_snapshot(frame, self.snapshot, band, _WHO, shares)]
 
 
 def _to_learn(

@@ -5,13 +5,23 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from neurosnap import wire
-from neurosnap.poc.learning.bands import Stretch, head_of, joined, stretches_of
+from neurosnap.poc.learning.bands import (
+    Stretch,
+    count_of,
+    head_of,
+    joined,
+    stretches_of,
+)
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.weight_store import pairs_of
 
 
 def with_snapshot(
-    frame: wire.KeyFrame, snapshot: Snapshot, most: int, who: str
+    frame: wire.KeyFrame,
+    snapshot: Snapshot,
+    most: int,
+    who: str,
+    shares: Sequence[range] = (),
 ) -> Iterator[wire.KeyFrame | wire.Band]:
     """Yield a key-frame with its snapshot, and its bands if there are any.
 
@@ -21,7 +31,13 @@ def with_snapshot(
         most: Numbers of an array in a band, at most; with more pairs than that there
             are bands. 0: there are none.
         who: Sends them.
+        shares: The sensors of each worker that learns; if there are any, the bands are
+            theirs, and they send them.
     """
+    if shares:
+        head, several = head_of(snapshot), count_of(snapshot, most, shares)
+        yield msgspec.structs.replace(frame, snapshot=head, bands=several)
+        return
     count = len(snapshot.sensorium)
     if not most or count * (count - 1) // 2 <= most:
         yield msgspec.structs.replace(frame, snapshot=snapshot.to_bytes())

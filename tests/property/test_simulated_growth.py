@@ -22,6 +22,7 @@ from neurosnap.protocol.world import World
 from neurosnap.sources.open import open_source
 from tests.support.hypothesis_settings import cases
 from tests.support.lamp import NAME, Lamp
+from tests.support.run_options import core_options
 from tests.support.simulated_swarm import Deaf, SimulatedSwarm, repeatable
 
 pytestmark = pytest.mark.slow
@@ -82,15 +83,9 @@ def by_one_agent(seed: int) -> list[wire.Decision]:
 def simulate(seed: int, workers: int, drop: float = 0.0) -> GrowingSwarm:
     """Run one case, with questions, answers and readings lost on their way to cells."""
     chance = random.Random(seed)
+    options = core_options(0, workers, ticks=TICKS, keyframe_every=40, body=new_body())
     core = Coordinator(
-        new_snapshot(seed),
-        Walker(3, seed),
-        new_memory(),
-        wiring="hasse",
-        ticks=TICKS,
-        keyframe_every=40,
-        repeats=1000,
-        workers=workers,
+        options, new_snapshot(seed), Walker(3, seed), new_memory(), repeats=1000
     )
     lossy = wire.Recall | wire.Recalled | wire.Reminder | wire.Observation
 

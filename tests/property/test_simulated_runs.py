@@ -17,6 +17,7 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, 
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.coordinator import Coordinator
 from tests.support.hypothesis_settings import cases
+from tests.support.run_options import core_options
 from tests.support.simulated_swarm import SimulatedSwarm, repeatable
 
 pytestmark = pytest.mark.slow
@@ -68,12 +69,9 @@ def simulate(
 ) -> tuple[SimulatedSwarm, Course]:
     """Run one case undisturbed, apart from order and duplicates."""
     core = Coordinator(
+        core_options(len(rows[0]), workers, wiring=wiring, ticks=len(rows)),
         new_snapshot(random.Random(seed), len(rows[0])),
         Walker(3, seed),
-        wiring=wiring,
-        ticks=len(rows),
-        keyframe_every=1000,
-        workers=workers,
     )
     hub = MemoryHub(schedule, Faults(duplicate=0.1))
     swarm = SimulatedSwarm(core, rows, hub, workers)
@@ -119,14 +117,12 @@ def recovered(
     chance = random.Random(seed)
     drop = chance.choice([0.01, 0.05])
     snapshot = new_snapshot(random.Random(seed), len(rows[0]))
+    wiring = chance.choice(["hasse", "derived"])
     core = Coordinator(
+        core_options(len(rows[0]), workers, wiring=wiring, ticks=len(rows)),
         snapshot,
         Walker(3, seed),
-        wiring=chance.choice(["hasse", "derived"]),
-        ticks=len(rows),
-        keyframe_every=1000,
         repeats=1000,
-        workers=workers,
     )
     hub = MemoryHub(seed, Faults(duplicate=0.1))
     cut: set[str] = set()

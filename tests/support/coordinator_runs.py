@@ -15,6 +15,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import pack
 from tests.support.answering_swarm import AnsweringSwarm
+from tests.support.run_options import core_options
 
 SENSORS = 3
 M = TypeVar("M")
@@ -55,13 +56,12 @@ class Asks:
 def new(
     policy: Policy | None = None, ticks: int = len(ROWS), **options: int
 ) -> Coordinator:
+    repeats = options.pop("repeats", 2)
     return Coordinator(
+        core_options(SENSORS, ticks=ticks, **options),
         EmpiricalSnapshot(SENSORS, threshold=0.2),
         policy or Walker(2, 7),
-        wiring="hasse",
-        ticks=ticks,
-        keyframe_every=options.get("keyframe_every", 1000),
-        repeats=options.get("repeats", 2),
+        repeats=repeats,
     )
 
 

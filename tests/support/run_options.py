@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from neurosnap.agent.body import Body
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.agent.policy import AgentKind
 from neurosnap.protocol.run_options import RunOptions
@@ -45,3 +46,20 @@ def options_for(
         seed=seed,
         **more,  # type: ignore[arg-type]
     )
+
+
+def core_options(sensors: int, workers: int = 0, **more: object) -> RunOptions:
+    """Return the options of a coordinator's core that is tested without a source.
+
+    Args:
+        sensors: How many there are; of a `body` that is given, it does not matter.
+        workers: How many share the cells; 0: every cell is a part of its own.
+        **more: Any other options.
+    """
+    given: dict[str, object] = {
+        "body": Body(own=tuple(f"s{number}" for number in range(sensors))),
+        "cells": "worker" if workers else "process",
+        "workers": workers,
+        "keyframe_every": 1000,
+    }
+    return RunOptions(source="none", **(given | more))  # type: ignore[arg-type]

@@ -15,6 +15,7 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.sensorium import unpack
+from tests.support.run_options import core_options
 from tests.support.swarm_parts import Host, Row, hosting, keys_of, observation
 
 THRESHOLD = 0.2
@@ -136,12 +137,9 @@ def counting_swarm(
     """
     sensors = len(rows[0])
     core = Coordinator(
+        core_options(sensors, workers, ticks=len(rows)),
         EmpiricalSnapshot(sensors, threshold=THRESHOLD),
         Walker(2, seed),
-        wiring="hasse",
-        ticks=len(rows),
-        keyframe_every=1000,
-        workers=workers,
     )
     if workers:
         core._control._wires = WorkerWires(sensors, workers, frame)

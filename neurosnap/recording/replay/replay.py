@@ -308,7 +308,7 @@ class Replay:
     ) -> None:
         """Hold what was sensed of the last step against what was decided in it."""
         memory = self.core.memory
-        if memory is not None and memory.body is not self._body:
+        if memory.body is not self._body:
             self._body, self._senses = memory.body, Senses(memory.body)
         own = slice(len(self.options.body.own))
         step = (-1 if begins else self.core.decision.action, self.core.snapshot.state)
@@ -412,7 +412,7 @@ class Replay:
         That it lacks a history is taken at its word: it may have missed a reading.
         """
         memory, cells = self.core.memory, self.core.questions.cells_of(answer.who)
-        if answer.lacks or memory is None:
+        if answer.lacks:
             return
         history = memory.history.part(slice(cells.start, cells.stop))
         derived = answer_of(answer.who, recall, history, cells)
