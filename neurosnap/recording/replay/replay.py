@@ -44,7 +44,8 @@ _OUTPUTS = (
 )
 _SHOWN = 300  # characters of a message shown in a difference
 
-_Report: TypeAlias = wire.CellReport | wire.WorkerReport
+_Key: TypeAlias = tuple[str, int, int]
+"""What several recorded messages answer: kind, wave or tick, and round."""
 
 
 class DifferenceError(NeurosnapError):
@@ -106,11 +107,8 @@ class Replay:
         )
         # Read ahead: senders overtake each other in a recording, too.
         self._outputs: deque[Recorded] = deque()
-        self._observations: dict[int, wire.Observation] = {}
-        self._reports: dict[int, list[_Report]] = {}
-        self._recalled: dict[tuple[int, int], list[wire.Recalled]] = {}
+        self._inputs: dict[_Key, list[wire.Message]] = {}
         self._bands: dict[int, list[wire.Band]] = {}  # by tick
-        self._learned: dict[int, list[wire.Learned]] = {}  # likewise
         self._would: list[wire.Learned] = []  # what workers should say of a tick
         self._reached: dict[int, set[int]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
@@ -262,98 +260,138 @@ class Replay:
 
     def _feed(self, recorded: Recorded) -> list[wire.Message]:
         """Give the core what made it say `recorded`; return what it says now."""
-        if (recall := self.core.questions.recall) is not None:
-            return self._feed_recalled(recall, recorded.message)
-        if 0 in self.core.in_flight:
-            return self._feed_learned(recorded.message)
+        late = self._late(recorded)
+        if late is not None:
+            return self.core.overdue(late)
+        return self._give_all(self._awaited(recorded.message))
+
+    def _late(self, recorded: Recorded) -> int | None:
+        """Return what was late if `recorded` was sent for that, as in `in_flight`."""
+        in_flight = self.core.in_flight
         match recorded.message:
-            case wire.State(wave=wave) | wire.Reached(wave=wave):
-                return self._feed_reports(wave)
+            case wire.Recall(repeats=repeats) if repeats and -repeats in in_flight:
+                return -repeats
+            case wire.Learn() if 0 in in_flight:
+                return 0
             case wire.Wiring() | wire.WorkerWiring() | wire.WaveStart() if (
-                self.core.in_flight
+                min(in_flight, default=0) > 0
             ):
-                return self._feed_deadline(recorded)
+                start = self._next_start(recorded)
+                late = 0 if start is None else start.repeats
+                return late if late in in_flight else None
+            case _:
+                return None
+
+    def _next_start(self, recorded: Recorded) -> wire.WaveStart | None:
+        """Return the start of the wave that a wiring was sent for."""
+
+        def start() -> wire.WaveStart | None:
+            ahead = (one.message for one in (recorded, *self._outputs))
+            return next((m for m in ahead if isinstance(m, wire.WaveStart)), None)
+
+        self._read_until(lambda: start() is not None)
+        return start()
+
+    def _awaited(self, following: wire.Message | None) -> _Key | None:
+        """Return which recorded messages the core needs, to say what follows.
+
+        It waits for one kind of them at a time; of several waves in flight, what it
+        said next tells which one settled first.
+        """
+        recall, in_flight = self.core.questions.recall, self.core.in_flight
+        if recall is not None:
+            return "recalled", recall.tick, recall.round
+        if 0 in in_flight:
+            return "learned", self._under_way, 0
+        match following:
+            case wire.State(wave=wave) | wire.Reached(wave=wave) if wave in in_flight:
+                return "reports", wave, 0
             case (
                 wire.Learn()
                 | wire.Anomaly()
                 | wire.Wiring()
                 | wire.WorkerWiring()
                 | wire.WaveStart()
-            ):
-                return self._feed_observation()
+            ) if not in_flight:
+                self._under_way = self.core.tick + 1
+                return "observe", self._under_way, 0
             case _:
-                return []
+                return None
 
-    def _feed_observation(self) -> list[wire.Message]:
-        tick = self._under_way = self.core.tick + 1
-        if not self._read_until(lambda: tick in self._observations):
+    def _give_all(self, awaited: _Key | None) -> list[wire.Message]:
+        """Give the core what it waits for, one by one, until it says something."""
+        while awaited is not None and self._read_until(lambda: awaited in self._inputs):
+            for message in self._inputs.pop(awaited):
+                said = self._give(message)
+                if said or isinstance(message, wire.Observation):
+                    return said
+        return []
+
+    def _give(self, message: wire.Message) -> list[wire.Message]:
+        """Give the core a message that was recorded, and check that it is right.
+
+        What the core refuses it refused then, too: that counts for nothing.
+        """
+        if isinstance(message, wire.Observation):
+            self._check_observation(message)
+        recall = self.core.questions.recall
+        said = self.core.receive(message)
+        if any(isinstance(one, wire.Fault) for one in said):
             return []
-        observation = self._observations.pop(tick)
-        count = self.options.body.count
+        match message:
+            case wire.CellReport() | wire.WorkerReport():
+                reached = self._reached.setdefault(message.wave, set())
+                reached.update(wire.fired(message))
+            case wire.Learned():
+                self._check_learned(message)
+            case wire.Recalled() if recall is not None:
+                self._check_recalled(recall, message)
+            case _:
+                pass
+        return said
+
+    def _let_answer(self) -> None:
+        """Give the core the answers to its question, if it was not asked again.
+
+        They may make the tick whole; a run that is taken up there says its decision
+        only after that.
+        """
+        if self.core.questions.recall is None:
+            return
+        self._read_until(lambda: bool(self._outputs))
+        following = self._outputs[0].message if self._outputs else None
+        if not isinstance(following, wire.Recall) or not following.repeats:
+            self._said.extend(self._give_all(self._awaited(following)))
+
+    # Checking what it was given -------------------------------------------------------
+
+    def _check_observation(self, observation: wire.Observation) -> None:
+        """Hold what was sensed of the last step against what was decided in it."""
+        tick = observation.tick
         try:
-            bits, known = readings(observation, count)
+            bits, known = readings(observation, self.options.body.count)
         except ShapeError as error:
             raise DifferenceError(f"tick {tick}: /observe: {error}") from error
-        self._check_senses(tick, bits, known, observation.begins)
-        self._known = known
-        self._observed = selection(bits, known)
-        return self.core.receive(observation)
-
-    def _check_senses(
-        self,
-        tick: int,
-        bits: NDArray[np.bool_],
-        known: NDArray[np.bool_] | None,
-        begins: bool,
-    ) -> None:
-        """Hold what was sensed of the last step against what was decided in it."""
         memory = self.core.memory
         if memory.body is not self._body:
             self._body, self._senses = memory.body, Senses(memory.body)
         own = slice(len(self.options.body.own))
-        step = (-1 if begins else self.core.decision.action, self.core.snapshot.state)
+        action = -1 if observation.begins else self.core.decision.action
+        step = action, self.core.snapshot.state
         before = None if self._known is None else self._known[own]
         derived = selection(
             self._senses.observe(bits[own], *step),
             self._senses.known(None if known is None else known[own], *step, before),
         )
-        differs = derived != selection(bits, known)
+        self._observed = selection(bits, known)
+        differs = derived != self._observed
         if differs.any():
             wrong = self.options.sensors[int(differs.argmax()) >> 1]
             raise DifferenceError(
                 f"tick {tick}: /observe: {wrong} does not follow from the decision and"
                 f" the state of tick {tick - 1}"
             )
-
-    def _feed_reports(self, wave: int) -> list[wire.Message]:
-        """Give the core the reports on one wave until it says something."""
-        reached = self._reached.setdefault(wave, set())
-        while wave in self.core.in_flight:
-            if not self._read_until(lambda: wave in self._reports):
-                break
-            for report in self._reports.pop(wave):
-                said = self.core.receive(report)
-                if any(isinstance(message, wire.Fault) for message in said):
-                    continue  # it was refused then, too
-                reached.update(wire.fired(report))
-                if said:
-                    return said
-        return []
-
-    def _feed_learned(self, following: wire.Message) -> list[wire.Message]:
-        """Give the core what workers learned until it says something."""
-        if isinstance(following, wire.Learn):
-            return self.core.overdue(0)
-        tick = self._under_way
-        while self._read_until(lambda: tick in self._learned):
-            for learned in self._learned.pop(tick):
-                said = self.core.receive(learned)
-                if any(isinstance(message, wire.Fault) for message in said):
-                    continue  # it was refused then, too
-                self._check_learned(learned)
-                if said:
-                    return said
-        return []
+        self._known = known
 
     def _learn(self, learn: wire.Learn) -> None:
         """Let workers learn, as they were told to."""
@@ -372,40 +410,6 @@ class Replay:
                 " follow from what it was told"
             )
 
-    def _feed_recalled(
-        self, recall: wire.Recall, following: wire.Message | None
-    ) -> list[wire.Message]:
-        """Give the core the answers to a question until it says something."""
-        if isinstance(following, wire.Recall) and following.repeats == recall.round:
-            return self.core.overdue(-recall.round)
-        here = recall.tick, recall.round
-        while self._read_until(lambda: here in self._recalled):
-            for answer in self._recalled.pop(here):
-                said = self.core.receive(answer)
-                if any(isinstance(message, wire.Fault) for message in said):
-                    continue  # it was refused then, too
-                self._check_recalled(recall, answer)
-                if said:
-                    # What else there is on this round came too late.
-                    ahead = (key for key in self._recalled if key > here)
-                    self._recalled = {key: self._recalled[key] for key in ahead}
-                    return said
-        return []
-
-    def _let_answer(self) -> None:
-        """Give the core the answers to its question, if it was not asked again.
-
-        They may make the tick whole; a run that is taken up there says its decision
-        only after that.
-        """
-        recall = self.core.questions.recall
-        if recall is None:
-            return
-        self._read_until(lambda: bool(self._outputs))
-        following = self._outputs[0].message if self._outputs else None
-        if not isinstance(following, wire.Recall) or not following.repeats:
-            self._said.extend(self._feed_recalled(recall, following))
-
     def _check_recalled(self, recall: wire.Recall, answer: wire.Recalled) -> None:
         """Hold what a part recalled against what its sensors had read.
 
@@ -423,18 +427,7 @@ class Replay:
                 f" derived {wire.encode(derived).decode()[:_SHOWN]}"
             )
 
-    def _feed_deadline(self, recorded: Recorded) -> list[wire.Message]:
-        """Let the wave be late that was repeated here."""
-
-        def start() -> wire.WaveStart | None:
-            ahead = (r.message for r in (recorded, *self._outputs))
-            return next((m for m in ahead if isinstance(m, wire.WaveStart)), None)
-
-        self._read_until(lambda: start() is not None)
-        following = start()
-        if following is None or following.repeats not in self.core.in_flight:
-            return []
-        return self.core.overdue(following.repeats)
+    # Reading --------------------------------------------------------------------------
 
     def _read_until(self, found: Callable[[], bool]) -> bool:
         """Read on until there is what is looked for; tell whether there is."""
@@ -445,20 +438,14 @@ class Replay:
                 return False
             if self._is_before(recorded):
                 continue
-            match recorded.message:
-                case wire.Observation() as observation:
-                    self._observations.setdefault(observation.tick, observation)
-                case wire.CellReport() | wire.WorkerReport() as report:
-                    self._reports.setdefault(report.wave, []).append(report)
-                case wire.Band() as band:
-                    self._bands.setdefault(band.tick, []).append(band)
-                case wire.Learned() as learned:
-                    self._learned.setdefault(learned.tick, []).append(learned)
-                case wire.Recalled() as answer:
-                    here = answer.tick, answer.round
-                    self._recalled.setdefault(here, []).append(answer)
-                case _:
-                    self._outputs.append(recorded)
+            message = recorded.message
+            key = _key_of(message)
+            if isinstance(message, wire.Band):
+                self._bands.setdefault(message.tick, []).append(message)
+            elif key is None:
+                self._outputs.append(recorded)
+            else:
+                self._inputs.setdefault(key, []).append(message)
         return True
 
     def _is_before(self, recorded: Recorded) -> bool:
@@ -478,6 +465,21 @@ class Replay:
                 return wave <= self._start.frame.waves
             case _:
                 return recorded.sequence <= self._start.sequence
+
+
+def _key_of(message: wire.Message) -> _Key | None:
+    """Return what a message that the core was given answers; None for another one."""
+    match message:
+        case wire.Observation(tick=tick):
+            return "observe", tick, 0
+        case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
+            return "reports", wave, 0
+        case wire.Recalled(tick=tick, round=number):
+            return "recalled", tick, number
+        case wire.Learned(tick=tick):
+            return "learned", tick, 0
+        case _:
+            return None
 
 
 def _workers(
