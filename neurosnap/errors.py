@@ -84,16 +84,12 @@ class PartDiedError(SwarmError):
     """A part was killed, vanished or hangs; it might live if started anew."""
 
 
-class WaveLostError(PartDiedError):
-    """A wave did not settle within its deadline, and neither did its repeats."""
-
-
 class AnswerLostError(PartDiedError):
-    """Cells did not answer from their histories in time, however often asked."""
+    """Parts did not answer in time, however often asked.
 
-
-class LearningLostError(PartDiedError):
-    """Workers that share the learning did not learn in time, however often told."""
+    A wave did not settle, cells did not answer from their histories, or workers that
+    share the learning did not learn.
+    """
 
 
 class RecordingError(NeurosnapError):

@@ -12,6 +12,7 @@ import pytest
 import neurosnap
 from neurosnap.agent.body import Body
 from neurosnap.errors import (
+    AnswerLostError,
     FabricError,
     InboxOverflowError,
     InvalidValueError,
@@ -21,7 +22,6 @@ from neurosnap.errors import (
     ShapeError,
     SwarmError,
     UnknownSensorError,
-    WaveLostError,
 )
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
@@ -62,7 +62,12 @@ def test_the_walk_finds_the_modules_and_the_errors() -> None:
         "neurosnap.poc.order.graph",
         "neurosnap.protocol.cell",
     } <= set(modules())
-    for kind in (NeurosnapError, InboxOverflowError, WaveLostError, UnknownSensorError):
+    for kind in (
+        NeurosnapError,
+        InboxOverflowError,
+        AnswerLostError,
+        UnknownSensorError,
+    ):
         assert ERRORS[f"neurosnap.errors.{kind.__name__}"] is kind
 
 
@@ -92,7 +97,7 @@ def test_an_error_about_a_value_is_the_builtin_it_refines(
 
 def test_what_may_be_caught_together_is_a_family() -> None:
     assert issubclass(InboxOverflowError, FabricError)
-    assert issubclass(WaveLostError, SwarmError)
+    assert issubclass(AnswerLostError, SwarmError)
     assert issubclass(ShapeError, InvalidValueError)
     assert not issubclass(RecordingError, ValueError)
 

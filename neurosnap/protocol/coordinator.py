@@ -299,9 +299,7 @@ class Coordinator:
             number: As in `in_flight`.
 
         Raises:
-            WaveLostError: A wave was sent often enough.
-            AnswerLostError: A question was.
-            LearningLostError: What to learn was.
+            AnswerLostError: It was sent often enough.
         """
         if not number:
             return [*self._passed_on, *self._learning.repeat()]

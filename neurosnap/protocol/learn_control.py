@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.errors import LearningLostError, MessageError
+from neurosnap.errors import MessageError
 from neurosnap.protocol.learned_changes import Pairs, pairs_in
+from neurosnap.protocol.round import Round
 
 
 class LearnControl:
@@ -27,7 +28,7 @@ class LearnControl:
         self._repeats = repeats
         self._learn: wire.Learn | None = None  # what is under way
         self._last = wire.Learn(0)  # what was last
-        self._tries = 0
+        self._round: Round[bool] = Round("", repeats)
         self._parts: list[set[int]] = []  # that have come, by worker
         self._sizes: list[int] = []  # how many there are, by worker; 0: not known yet
         self._weights: list[wire.Learned] = []  # those that say what spoke for what
@@ -44,7 +45,9 @@ class LearnControl:
 
     def ask(self, learn: wire.Learn) -> list[wire.Message]:
         """Return the message that tells the workers what to learn."""
-        self._learn, self._last, self._tries = learn, learn, 1
+        self._learn = self._last = learn
+        workers = (f"worker/{worker}" for worker in range(len(self._shares)))
+        self._round = Round(f"learn (tick {learn.tick})", self._repeats, workers)
         self._parts = [set() for _ in self._shares]
         self._sizes = [0] * len(self._shares)
         self._weights = []
@@ -70,24 +73,13 @@ class LearnControl:
         """Tell them again.
 
         Raises:
-            LearningLostError: They were told as often as allowed; it names who is
+            AnswerLostError: They were told as often as allowed; it names who is
                 silent.
         """
-        learn = self._learn
-        if learn is None:
+        if self._learn is None:
             return []
-        if self._tries > self._repeats:
-            silent = [
-                f"worker/{worker}"
-                for worker in range(len(self._shares))
-                if not self._is_whole(worker)
-            ]
-            raise LearningLostError(
-                f"learn (tick {learn.tick}): must be answered within its deadline, got"
-                f" {self._tries} tries; silent: {', '.join(silent[:10])}"
-            )
-        self._tries += 1
-        return [learn]
+        self._round.ask_again(self._round.silent)
+        return [self._learn]
 
     def receive(self, learned: wire.Learned) -> Pairs | None:
         """Take in what a worker learned; nothing is under way once all have.
@@ -110,16 +102,15 @@ class LearnControl:
         self._sizes[learned.worker] = learned.parts
         if learned.places:
             self._weights.append(learned)
-        if all(map(self._is_whole, range(len(self._shares)))):
+        if learned.parts == len(parts):
+            self._round.answers[learned.sender] = True
+        if not self._round.silent:
             self._learn = None
         return pairs
 
     def weighed(self, anomaly: wire.Anomaly) -> wire.Anomaly:
         """Return an anomaly with what the workers say spoke for what it broke."""
         return weighed(anomaly, self._last, self._weights)
-
-    def _is_whole(self, worker: int) -> bool:
-        return 0 < self._sizes[worker] == len(self._parts[worker])
 
     def _check(self, learned: wire.Learned, learn: wire.Learn) -> Pairs:
         """Return what a message says changed; refuse what cannot be right.

@@ -15,25 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import AnswerLostError, MessageError
+from neurosnap.errors import MessageError
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Answer, Question, Weighed
 from neurosnap.protocol.message_checks import check_rings
 from neurosnap.protocol.part_history import cells_asked, packed, unpacked
 from neurosnap.protocol.partition import hosts, shares
+from neurosnap.protocol.round import Round
 
 _REMINDED = 64  # cells in one message, at most
 _CODES = (0, 1, 2, 3, 4, 8, 12)
-
-
-class _Part:
-    """What one part is asked, and has answered."""
-
-    def __init__(self, name: str, cells: range, asked: list[int]) -> None:
-        self.name = name
-        self.cells = cells
-        self.asked = asked
-        self.answer: wire.Recalled | None = None
 
 
 class RecallControl:
@@ -53,9 +44,9 @@ class RecallControl:
         self._hosted = shares(sensors, workers or sensors)
         self._recall: wire.Recall | None = None  # the question under way
         self._question = Question()
-        self._parts: dict[str, _Part] = {}
-        self._tick = self._round = 0  # of the last question
-        self._tries = 0
+        self._asked: dict[str, list[int]] = {}  # the cells of each part that are asked
+        self._tick = self._number = 0  # of the last round
+        self._round: Round[wire.Recalled] = Round("", repeats)
 
     @property
     def recall(self) -> wire.Recall | None:
@@ -77,8 +68,8 @@ class RecallControl:
         """Return the messages that ask the cells, about their readings up to a tick."""
         weighing = question.weighing
         if tick != self._tick:
-            self._tick, self._round = tick, 0
-        self._question, self._tries = question, 0
+            self._tick, self._number = tick, 0
+        self._question = question
         recall = wire.Recall(
             tick=tick,
             round=1,
@@ -94,36 +85,23 @@ class RecallControl:
             decay=0.0 if weighing is None else weighing.decay,
             share=0.0 if weighing is None else weighing.share,
         )
-        return self._ask(recall)
-
-    def _ask(self, recall: wire.Recall, repeats: int = 0) -> list[wire.Message]:
-        """Begin a round in which everybody is asked that has cells it is about."""
         cells = cells_asked(recall, range(self._sensors))
         starts = np.array([part.start for part in self._hosted])
         owners = np.searchsorted(starts, cells, side="right") - 1
-        self._parts = {}
+        self._asked = {}
         for owner, cell in zip(owners.tolist(), cells, strict=True):
-            name, hosted = self._names[owner], self._hosted[owner]
-            part = self._parts.setdefault(name, _Part(name, hosted, []))
-            part.asked.append(cell)
-        return self._begin(recall, repeats, cells)
-
-    def _ask_lacking(self, recall: wire.Recall) -> list[wire.Message]:
-        """Begin a round in which those are asked that lacked a history."""
-        cells = []
-        for part in self._parts.values():
-            if part.answer is not None and part.answer.lacks:
-                part.answer = None
-                cells += part.asked
+            self._asked.setdefault(self._names[owner], []).append(cell)
+        self._round = Round("", self._repeats, self._asked)
         return self._begin(recall, 0, cells)
 
     def _begin(
         self, recall: wire.Recall, repeats: int, cells: list[int]
     ) -> list[wire.Message]:
-        self._round += 1
-        self._tries += 1
+        """Ask some cells; those of parts that have answered are not among them."""
+        self._number += 1
+        self._round.what = f"recall {self._number} (tick {recall.tick})"
         replace = msgspec.structs.replace
-        self._recall = recall = replace(recall, round=self._round, repeats=repeats)
+        self._recall = recall = replace(recall, round=self._number, repeats=repeats)
         if self._all_hear or 2 * len(cells) > self._sensors:
             return [recall]
         return [replace(recall, cell=cell) for cell in cells]
@@ -138,22 +116,11 @@ class RecallControl:
         recall = self._recall
         if recall is None:
             return []
-        if self._tries > self._repeats:
-            raise AnswerLostError(self._loss(recall))
-        return self._ask(recall, repeats=recall.round)
-
-    def _loss(self, recall: wire.Recall) -> str:
-        silent = [one.name for one in self._parts.values() if one.answer is None]
-        lacking = [
-            one.name for one in self._parts.values() if one.answer and one.answer.lacks
-        ]
-        named = ", ".join((silent or lacking)[:10])
-        more = f" and {len(silent) - 10} more" if len(silent) > 10 else ""
-        return (
-            f"recall {recall.round} (tick {recall.tick}): must be answered within its"
-            f" deadline, got {self._tries} tries;"
-            f" {'silent' if silent else 'without a history'}: {named}{more}"
-        )
+        self._round.ask_again(self._round.silent)
+        # An answer to a round that is given up does not count: all are asked again.
+        self._round.answers = dict.fromkeys(self._asked)
+        cells = sorted(cell for cells in self._asked.values() for cell in cells)
+        return self._begin(recall, recall.round, cells)
 
     def receive(
         self, answer: wire.Recalled, history: History
@@ -172,55 +139,57 @@ class RecallControl:
         """
         recall = self._recall
         here = answer.tick, answer.round
-        if here > (self._tick, self._round):
-            rule = f"must be to round {self._round} of tick {self._tick}"
+        if here > (self._tick, self._number):
+            rule = f"must be to round {self._number} of tick {self._tick}"
             raise MessageError(f"recalled: {rule}, got {here[1]} of {here[0]}")
         if recall is None or here != (recall.tick, recall.round):
             return []
-        part = self._parts.get(answer.who)
-        if part is None:
+        if answer.who not in self._asked:
             raise MessageError(f"recalled: must be asked, got {answer.who:.40}")
-        self._check(answer, part, recall, history.length)
-        part.answer = part.answer or answer
-        if any(one.answer is None for one in self._parts.values()):
+        self._check(answer, recall, history.length)
+        answers = self._round.answers
+        answers[answer.who] = answers[answer.who] or answer
+        if self._round.silent:
             return []
-        reminders = list(self._reminders(recall.tick, history))
-        if reminders:
-            if self._tries > self._repeats + 1:
-                raise AnswerLostError(self._loss(recall))
-            return [*reminders, *self._ask_lacking(recall)]
-        self._recall = None
-        return self._whole(recall, history.length)
+        # In the order of the cells: it does not matter who answered first.
+        lacking = [who for who, said in answers.items() if said and said.lacks]
+        if not lacking:
+            self._recall = None
+            return self._whole(recall, history.length)
+        self._round.ask_again(lacking, "without a history", spare=1)
+        reminders = list(self._reminders(lacking, recall.tick, history))
+        answers.update(dict.fromkeys(lacking))
+        cells = [cell for who in lacking for cell in self._asked[who]]
+        return [*reminders, *self._begin(recall, 0, cells)]
 
-    def _reminders(self, tick: int, history: History) -> Iterator[wire.Reminder]:
+    def _reminders(
+        self, lacking: list[str], tick: int, history: History
+    ) -> Iterator[wire.Reminder]:
         """Yield what those lack who have answered so."""
-        order = {name: place for place, name in enumerate(self._names)}
-        for who in sorted(self._parts, key=order.__getitem__):
-            answer = self._parts[who].answer
+        for who in lacking:
+            answer = self._round.answers[who]
             lacks = sorted(answer.lacks) if answer is not None else []
             for first in range(0, len(lacks), _REMINDED):
                 cells = tuple(lacks[first : first + _REMINDED])
                 yield _reminder(who, tick, cells, history)
 
-    def _check(
-        self, answer: wire.Recalled, part: _Part, recall: wire.Recall, length: int
-    ) -> None:
+    def _check(self, answer: wire.Recalled, recall: wire.Recall, length: int) -> None:
         """Refuse an answer that does not fit the question.
 
         Raises:
             MessageError: It does not.
         """
         if answer.lacks:
-            if len({*answer.lacks}) < len(answer.lacks) or {*answer.lacks} - {
-                *part.asked
-            }:
-                rule = f"must lack histories of cells of {part.name} that were asked"
+            lacks, asked = set(answer.lacks), self._asked[answer.who]
+            if len(lacks) < len(answer.lacks) or lacks.difference(asked):
+                rule = f"must lack histories of cells of {answer.who} that were asked"
                 raise MessageError(f"recalled: {rule}, got {answer.lacks}")
             return
-        readings = len(_own(np.array(recall.readings, np.intp), part.cells))
+        cells = self.cells_of(answer.who)
+        readings = len(_own(np.array(recall.readings, np.intp), cells))
         several = self._question.counts
-        counted = sum(len(_own(one.literals, part.cells)) for one in several)
-        weighed = max(0, min(part.cells.stop, recall.sensors) - part.cells.start)
+        counted = sum(len(_own(one.literals, cells)) for one in several)
+        weighed = max(0, min(cells.stop, recall.sensors) - cells.start)
         rings = wire.split_rings("recalled: readings", answer.readings, readings)
         check_rings("recalled", rings, length)
         counts = wire.numbers("recalled: counts", answer.counts)
@@ -247,10 +216,10 @@ class RecallControl:
         squares = np.zeros((4, recall.sensors))
         codes = np.zeros(recall.sensors, np.uint8)
         asked = np.array(recall.readings, np.intp)
-        for part in self._parts.values():
-            if (answer := part.answer) is None:
+        for who, answer in self._round.answers.items():
+            if answer is None:
                 continue
-            cells = part.cells
+            cells = self.cells_of(who)
             literals = asked[_own(asked, cells)].tolist()
             rings = wire.split_rings("recalled", answer.readings, len(literals))
             for literal, ring in zip(literals, rings, strict=True):

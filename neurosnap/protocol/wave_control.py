@@ -1,18 +1,21 @@
-"""The coordinator's view of the network: wirings sent, waves in flight.
+"""The coordinator's view of the network: wirings sent, and which waves have settled.
 
-Pure: edges and reports in, messages out. A wiring goes out as the change against what
-the cell was told before; a wave that is given up is repeated under a new number after
-every cell has got its whole wiring again, because a change that was lost must not live
-on.
+A wave has settled once all of its credit is back, as `neurosnap.protocol.wave` counts
+it. A wiring goes out as the change against what the cell was told before; a wave that
+is given up is repeated under a new number after every cell has got its whole wiring
+again, because a change that was lost must not live on.
+
+Pure: edges and reports in, messages out.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError, MessageError, WaveLostError
+from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words
+from neurosnap.protocol.round import Round
 from neurosnap.protocol.sent_wiring import CellWires, Wires
 from neurosnap.protocol.sent_worker_wiring import WorkerWires
 from neurosnap.protocol.wave import Wave
@@ -39,7 +42,7 @@ class WaveControl:
         self._stale = True  # a wiring was sent since that wave; true at first
         self._next = 1
         self._flying: dict[int, Wave] = {}
-        self._tries: dict[int, int] = {}
+        self._rounds: dict[int, Round[None]] = {}  # of those in flight
 
     @property
     def waves(self) -> int:
@@ -149,7 +152,8 @@ class WaveControl:
         self._next += 1
         wave = Wave(number, tick, kind, seeds, signal, repeats)
         self._flying[number] = wave
-        self._tries[number] = self._tries.pop(repeats, 0) + 1
+        again = self._rounds.pop(repeats, None)
+        self._rounds[number] = Round("", self._repeats) if again is None else again
         below = min(self._flying)
         cells = sorted({literal >> 1 for literal in signal})
         # Cells learn from announcements alone which waves they may forget.
@@ -187,7 +191,7 @@ class WaveControl:
         if not wave.is_settled:
             return None
         del self._flying[wave.number]
-        del self._tries[wave.number]
+        del self._rounds[wave.number]
         return wave
 
     def repeat(self, number: int, signal: tuple[int, ...]) -> list[wire.Message]:
@@ -199,24 +203,16 @@ class WaveControl:
                 observation still fires then.
 
         Raises:
-            WaveLostError: It was repeated as often as allowed; the error names the
+            AnswerLostError: It was repeated as often as allowed; the error names the
                 missing credit and the cells that owe a report.
         """
         wave = self._flying[number]
         signal = wave.signal or signal
-        if self._tries[number] > self._repeats:
-            raise WaveLostError(self._loss(wave, signal))
+        silent = self._wires.named(wave.silent(signal, self._wires.targets))
+        lack = f"missing credit {float(wave.missing):.6g}, silent cells"
+        self._rounds[number].what = f"wave {number} (tick {wave.tick})"
+        self._rounds[number].ask_again(silent, lack, rule="settle")
         del self._flying[number]
         whole = self.rewire_whole()
         again = self.start(wave.kind, wave.tick, signal, number, seeds=wave.seeds)
         return [*whole, *again]
-
-    def _loss(self, wave: Wave, signal: tuple[int, ...]) -> str:
-        silent = self._wires.named(wave.silent(signal, self._wires.targets))
-        named = ", ".join(silent[:10]) or "none"
-        more = f" and {len(silent) - 10} more" if len(silent) > 10 else ""
-        return (
-            f"wave {wave.number} (tick {wave.tick}): must settle within its deadline,"
-            f" got {self._tries[wave.number]} tries; missing credit"
-            f" {float(wave.missing):.6g}, silent cells: {named}{more}"
-        )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import SwarmError, WaveLostError
+from neurosnap.errors import AnswerLostError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
 from neurosnap.protocol.coordinator import Coordinator
@@ -178,7 +178,7 @@ async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
         r"^wave 3 \(tick 1\): must settle within its deadline, got 3 tries;"
         r" missing credit 0\.\d+, silent cells: cell/5$"
     )
-    with pytest.raises(WaveLostError, match=expected):
+    with pytest.raises(AnswerLostError, match=expected):
         await by_hand(options_for(readings, deadline=0.2), heard, withhold)
     assert heard == []
 

@@ -14,10 +14,8 @@ from pathlib import Path
 from neurosnap import wire
 from neurosnap.errors import (
     AnswerLostError,
-    LearningLostError,
     MessageError,
     SwarmError,
-    WaveLostError,
 )
 from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
 from neurosnap.protocol.cell import Cell
@@ -271,7 +269,7 @@ class Life:
         """Let a wave be late, or a question: `number` is as in `in_flight`."""
         try:
             self._say(*self._core.overdue(number))
-        except (AnswerLostError, LearningLostError, WaveLostError) as error:
+        except AnswerLostError as error:
             self._tally.given_up += 1
             self._say(wire.Fault("coordinator", str(error)), wire.Leave("coordinator"))
             raise

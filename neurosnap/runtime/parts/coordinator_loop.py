@@ -93,9 +93,8 @@ async def run_coordinator(
     Raises:
         SwarmError: A part did not come up, or went away, or the world does not answer;
             it is named.
-        WaveLostError: A wave did not settle, and neither did its repeats.
-        AnswerLostError: A question to the cells' histories was not answered.
-        LearningLostError: Nor did workers learn.
+        AnswerLostError: A wave did not settle, a question to the cells' histories was
+            not answered, or workers did not learn, and neither did the repeats.
     """
     shell = _CoordinatorLoop(
         core,

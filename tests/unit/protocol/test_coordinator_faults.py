@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import WaveLostError
+from neurosnap.errors import AnswerLostError
 from neurosnap.sensorium import complete
 from tests.support.coordinator_runs import (
     ROWS,
@@ -162,5 +162,5 @@ def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
         r"^wave 2 \(tick 1\): must settle within its deadline, got 2 tries;"
         r" missing credit 0\.\d+, silent cells: cell/2$"
     )
-    with pytest.raises(WaveLostError, match=expected):
+    with pytest.raises(AnswerLostError, match=expected):
         swarm.core.overdue(2)

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import LearningLostError, MessageError
+from neurosnap.errors import AnswerLostError, MessageError
 from neurosnap.protocol.learn_control import LearnControl, to_weigh
 
 SHARES = (range(3), range(3, 5))
@@ -85,7 +85,7 @@ def test_who_is_silent_is_told_again_and_then_named() -> None:
     assert asked.repeat() == [LEARN]
     assert took(asked, learned(0))
     assert asked.repeat() == [LEARN]
-    with pytest.raises(LearningLostError, match=r"tick 4.*3 tries; silent: worker/1$"):
+    with pytest.raises(AnswerLostError, match=r"tick 4.*3 tries; silent: worker/1$"):
         asked.repeat()
     assert LearnControl(SHARES, 1).repeat() == []
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import MessageError, WaveLostError
+from neurosnap.errors import AnswerLostError, MessageError
 from neurosnap.poc.order.literals import Words, to_words
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.sent_worker_wiring import WorkerWires
@@ -226,7 +226,7 @@ def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
         r"^wave 1 \(tick 0\): must settle within its deadline, got 1 tries; missing"
         r" credit 0\.5, silent cells: 1 of worker/0, 1 of worker/1, 1 of worker/2$"
     )
-    with pytest.raises(WaveLostError, match=expected):
+    with pytest.raises(AnswerLostError, match=expected):
         control.repeat(1, ())
 
 

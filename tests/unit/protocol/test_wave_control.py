@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.errors import MessageError, WaveLostError
+from neurosnap.errors import AnswerLostError, MessageError
 from neurosnap.poc.order.literals import to_words
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave_control import WaveControl
@@ -377,7 +377,7 @@ def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
         r"^wave 3 \(tick 9\): must settle within its deadline, got 3 tries;"
         r" missing credit 0\.9375, silent cells: cell/1, cell/2, cell/3$"
     )
-    with pytest.raises(WaveLostError, match=expected):
+    with pytest.raises(AnswerLostError, match=expected):
         control.repeat(3, observed)
 
 
@@ -387,7 +387,7 @@ def test_a_target_that_never_fired_is_named() -> None:
     control.start("signal", 0, (0,))
     control.report(settled(1, 0, 1, epoch=1))
     expected = r"missing credit 0\.5, silent cells: cell/1$"
-    with pytest.raises(WaveLostError, match=expected):
+    with pytest.raises(AnswerLostError, match=expected):
         control.repeat(1, ())
 
 
@@ -395,7 +395,7 @@ def test_credit_can_be_missing_while_nobody_is_silent() -> None:
     control = WaveControl(SENSORS, repeats=0)
     control.start("signal", 0, (0,))
     control.report(settled(1, 0, 1))
-    with pytest.raises(WaveLostError, match=r"0\.5, silent cells: none$"):
+    with pytest.raises(AnswerLostError, match=r"0\.5, silent cells: none$"):
         control.repeat(1, ())
 
 
@@ -403,5 +403,5 @@ def test_many_silent_cells_are_named_in_part() -> None:
     control = WaveControl(15, repeats=0)
     control.start("state", 1)
     named = ", ".join(f"cell/{cell}" for cell in range(10))
-    with pytest.raises(WaveLostError, match=rf"cells: {named} and 5 more$"):
+    with pytest.raises(AnswerLostError, match=rf"cells: {named} and 5 more$"):
         control.repeat(1, tuple(range(0, 30, 2)))
