@@ -30,7 +30,7 @@ from neurosnap.agent.policy import (
     Policy,
 )
 from neurosnap.agent.senses import Senses
-from neurosnap.agent.tick import Learn, Mind, Observed, Request, StateWave, tick
+from neurosnap.agent.tick import Mind, Observed, Request, Step, tick
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.search import Question
@@ -325,29 +325,28 @@ class Agent:
         observation = self._senses.observe(own, *step)
         known = self._senses.known(sure, *step, self._known)
         self._known = sure
-        steps = tick(self._mind, Observed(observation, known, begins))
+        seen = Observed(observation, known, begins)
+        steps = tick(self._mind, seen)
         answer: object = None
         try:
             while True:
-                answer = self._answered(steps.send(answer))
+                answer = self._answered(steps.send(answer), seen)
         except StopIteration as end:
             if end.value:
                 self._senses = Senses(self.body)
         return self.decision
 
-    def _answered(self, request: Request) -> object:
+    def _answered(self, request: Request, seen: Observed) -> object:
         """Do at once what a tick needs done; return the answer."""
-        snapshot = self.snapshot
-        match request:
-            case Learn(seen):
-                return snapshot.learn(seen.bits, seen.known)
-            case StateWave(seen):
-                return snapshot.project(seen.known)
-            case Question():
-                return self._mind.memory.history.answer(request)
-            case _:
-                graph = snapshot.poc_graph()
-                return [graph.up(signal) for signal in request]
+        snapshot = self._mind.snapshot
+        if request is Step.LEARN:
+            return snapshot.learn(seen.bits, seen.known)
+        if request is Step.STATE_WAVE:
+            return snapshot.project(seen.known)
+        if isinstance(request, Question):
+            return self._mind.memory.history.answer(request)
+        up = snapshot.poc_graph().up
+        return [up(signal) for signal in request]
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
         """Return what an action taken here guarantees: ``(2N,)``.

@@ -6,6 +6,7 @@ replay gives the coordinator what was recorded. So all three go through the same
 and the same observations lead to the same decisions.
 """
 
+import enum
 from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
@@ -45,27 +46,19 @@ class Observed(NamedTuple):
     """It begins a trajectory: the last action did not lead to it."""
     cut: bool = False
     """It begins one, and no one saw what the last action would have led to."""
-    paused: bool = False
-    """Nothing is learned from it."""
 
 
-class Learn(NamedTuple):
-    """Request that the snapshot learns an observation; answered by nothing."""
+class Step(enum.Enum):
+    """What a tick needs done with its observation."""
 
-    observed: Observed
-
-
-class StateWave(NamedTuple):
-    """Request for the state: what is observed and all that it implies.
-
-    Its contradictions are left out. The answer is ``(2N,)``, and the snapshot has
-    adopted it by then.
-    """
-
-    observed: Observed
+    LEARN = enum.auto()
+    """The snapshot learns it; the answer is nothing."""
+    STATE_WAVE = enum.auto()
+    """What is observed spreads. The answer is the state, ``(2N,)``: all that was
+    reached, without its contradictions. The snapshot has adopted it by then."""
 
 
-Request: TypeAlias = Learn | StateWave | Question | list[Signal]
+Request: TypeAlias = Step | Question | list[Signal]
 """What a tick needs done. A `Question` goes to the histories of the sensors, and is
 answered by an `Answer`; signals are answered by their `Closures`, as planning waves."""
 Tick: TypeAlias = Generator[Request, Any, bool]
@@ -95,9 +88,9 @@ def tick(mind: Mind, observed: Observed) -> Tick:
         snapshot,
     )
     # 2. Weights, order and wiring follow the observation.
-    yield Learn(observed)
+    yield Step.LEARN
     # 3. to 5. What was read spreads, and what has been reached gives the state.
-    state = yield StateWave(observed)
+    state = yield Step.STATE_WAVE
     # 6. If the action did not guarantee what came, the histories are searched.
     yield from surprise
     memory.settle(state)

@@ -30,7 +30,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
-from neurosnap.agent.tick import Learn, Mind, Observed, StateWave, Tick, tick
+from neurosnap.agent.tick import Mind, Observed, Step, Tick, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
@@ -104,7 +104,8 @@ class Coordinator:
         self._judge = self._new_judge() if options.watch else None
         # Of the tick under way.
         self._steps: Tick | None = None
-        self._observation = wire.Observation(1, b"")
+        self._observation: wire.Observation
+        self._observed: Observed  # the same, decoded
         self._signal: tuple[int, ...] = ()  # what was observed
         self._anomaly: wire.Anomaly | None = None  # to be told once that is learned
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
@@ -335,8 +336,8 @@ class Coordinator:
             self._anomaly = self._judge.judge(*step, self.totals)
         self._observation, self._known = observation, observation.known
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
-        begins, cut, paused = observation.begins, observation.cut, observation.paused
-        self._steps = tick(self._mind, Observed(bits, known, begins, cut, paused))
+        self._observed = Observed(bits, known, observation.begins, observation.cut)
+        self._steps = tick(self._mind, self._observed)
         return self._go_on(self._steps)
 
     def _go_on(self, steps: Tick, answer: object = None) -> list[wire.Message]:
@@ -346,9 +347,9 @@ class Coordinator:
         except StopIteration as end:
             return self._close(end.value)
         match request:
-            case Learn():
-                return self._learn(steps, request.observed)
-            case StateWave():
+            case Step.LEARN:
+                return self._learn(steps)
+            case Step.STATE_WAVE:
                 return self._start_state_wave()
             case Question():
                 return self._recall.ask(self.tick + 1, request)
@@ -361,9 +362,10 @@ class Coordinator:
 
     # What a tick needs done -----------------------------------------------------------
 
-    def _learn(self, steps: Tick, seen: Observed) -> list[wire.Message]:
+    def _learn(self, steps: Tick) -> list[wire.Message]:
         """Learn an observation, or let the workers that share the learning do so."""
-        if seen.paused:
+        seen = self._observed
+        if self._observation.paused:
             self.snapshot.skip()
         else:
             self._changed |= self.snapshot.learn(seen.bits, seen.known)

@@ -165,6 +165,7 @@ class Twins:
         after: int = 0,
     ) -> None:
         self._clean = core
+        self._kept, self._since = copy.deepcopy(core), list[object]()
         self._tried = copy.deepcopy(core)
         self._abused = copy.deepcopy(core)
         self._script = script
@@ -179,6 +180,7 @@ class Twins:
                 self._meddle(chance, count, past)
             given = self._burst(honest)
             expected, got = self._clean.receive(given), self._tried.receive(given)
+            self._since.append(given)
             self._abused.receive(given)
             if got != expected:
                 raise FuzzError(f"said {got!r:.500} and not {expected!r:.500}")
@@ -210,7 +212,21 @@ class Twins:
         else:
             for honest in self._script[come : come + self._after]:
                 check_readable(self._tried.receive(self._burst(honest)))
-            self._tried = copy.deepcopy(self._clean)
+            self._tried = self._copied()
+
+    def _copied(self) -> Core:
+        """Return a core that is as the clean one is.
+
+        A tick under way, which is a generator, cannot be copied: so it is gone through
+        again, from where the core could be copied last.
+        """
+        with suppress(TypeError):
+            self._kept = copy.deepcopy(self._clean)
+            self._since = []
+        core = copy.deepcopy(self._kept)
+        for given in self._since:
+            core.receive(given)
+        return core
 
 
 class CellTarget:
