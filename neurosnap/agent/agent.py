@@ -30,7 +30,7 @@ from neurosnap.agent.policy import (
     Policy,
 )
 from neurosnap.agent.senses import Senses
-from neurosnap.agent.tick import Mind, Observed, Request, Step, tick
+from neurosnap.agent.tick import Mind, Request, Sensed, Step, tick
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.search import Question
@@ -325,7 +325,7 @@ class Agent:
         observation = self._senses.observe(own, *step)
         known = self._senses.known(sure, *step, self._known)
         self._known = sure
-        seen = Observed(observation, known, begins)
+        seen = Sensed(observation, known, begins)
         steps = tick(self._mind, seen)
         answer: object = None
         try:
@@ -336,7 +336,7 @@ class Agent:
                 self._senses = Senses(self.body)
         return self.decision
 
-    def _answered(self, request: Request, seen: Observed) -> object:
+    def _answered(self, request: Request, seen: Sensed) -> object:
         """Do at once what a tick needs done; return the answer."""
         snapshot = self._mind.snapshot
         if request is Step.LEARN:

@@ -35,7 +35,7 @@ class Mind:
         return self.memory.decision
 
 
-class Observed(NamedTuple):
+class Sensed(NamedTuple):
     """An observation of all sensors."""
 
     bits: NDArray[np.bool_]
@@ -65,7 +65,7 @@ Tick: TypeAlias = Generator[Request, Any, bool]
 """A tick under way; returns whether any sensor came or went with its decision."""
 
 
-def tick(mind: Mind, observed: Observed) -> Tick:
+def tick(mind: Mind, sensed: Sensed) -> Tick:
     """Go through one tick, from an observation to the decision on it.
 
     The steps are those of docs/design.md, "A tick"; the decision is `mind.decision`
@@ -73,18 +73,18 @@ def tick(mind: Mind, observed: Observed) -> Tick:
 
     Args:
         mind: As it was after the tick before.
-        observed: What every sensor reads now.
+        sensed: What every sensor reads now.
     """
     snapshot, memory, last = mind.snapshot, mind.memory, mind.decision
     # 1. What came is held against what the last action guaranteed, by what was
     #    believed before this observation.
     surprise = memory.observe(
-        -1 if observed.cut else last.action,
-        observed.begins,
+        -1 if sensed.cut else last.action,
+        sensed.begins,
         snapshot.state,
         snapshot.poc_graph(),
-        observed.bits,
-        observed.known,
+        sensed.bits,
+        sensed.known,
         snapshot,
     )
     # 2. Weights, order and wiring follow the observation.

@@ -30,7 +30,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
-from neurosnap.agent.tick import Mind, Observed, Step, Tick, tick
+from neurosnap.agent.tick import Mind, Sensed, Step, Tick, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
@@ -105,7 +105,7 @@ class Coordinator:
         # Of the tick under way.
         self._steps: Tick | None = None
         self._observation: wire.Observation
-        self._observed: Observed  # the same, decoded
+        self._sensed: Sensed  # the same, decoded
         self._signal: tuple[int, ...] = ()  # what was observed
         self._anomaly: wire.Anomaly | None = None  # to be told once that is learned
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
@@ -336,8 +336,8 @@ class Coordinator:
             self._anomaly = self._judge.judge(*step, self.totals)
         self._observation, self._known = observation, observation.known
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
-        self._observed = Observed(bits, known, observation.begins, observation.cut)
-        self._steps = tick(self._mind, self._observed)
+        self._sensed = Sensed(bits, known, observation.begins, observation.cut)
+        self._steps = tick(self._mind, self._sensed)
         return self._go_on(self._steps)
 
     def _go_on(self, steps: Tick, answer: object = None) -> list[wire.Message]:
@@ -364,7 +364,7 @@ class Coordinator:
 
     def _learn(self, steps: Tick) -> list[wire.Message]:
         """Learn an observation, or let the workers that share the learning do so."""
-        seen = self._observed
+        seen = self._sensed
         if self._observation.paused:
             self.snapshot.skip()
         else:
