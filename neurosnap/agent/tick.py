@@ -61,11 +61,11 @@ class Step(enum.Enum):
 Request: TypeAlias = Step | Question | list[Signal]
 """What a tick needs done. A `Question` goes to the histories of the sensors, and is
 answered by an `Answer`; signals are answered by their `Closures`, as planning waves."""
-Tick: TypeAlias = Generator[Request, Any, bool]
+Steps: TypeAlias = Generator[Request, Any, bool]
 """A tick under way; returns whether any sensor came or went with its decision."""
 
 
-def tick(mind: Mind, sensed: Sensed) -> Tick:
+def tick(mind: Mind, sensed: Sensed) -> Steps:
     """Go through one tick, from an observation to the decision on it.
 
     The steps are those of docs/design.md, "A tick"; the decision is `mind.decision`

@@ -30,7 +30,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.agent.growth.sensor_changes import changes_in
-from neurosnap.agent.tick import Mind, Sensed, Step, Tick, tick
+from neurosnap.agent.tick import Mind, Sensed, Step, Steps, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
@@ -103,7 +103,7 @@ class Coordinator:
         self._known = b""  # which readings of the last observation were known
         self._judge = self._new_judge() if options.watch else None
         # Of the tick under way.
-        self._steps: Tick | None = None
+        self._steps: Steps | None = None
         self._observation: wire.Observation
         self._sensed: Sensed  # the same, decoded
         self._signal: tuple[int, ...] = ()  # what was observed
@@ -340,7 +340,7 @@ class Coordinator:
         self._steps = tick(self._mind, self._sensed)
         return self._go_on(self._steps)
 
-    def _go_on(self, steps: Tick, answer: object = None) -> list[wire.Message]:
+    def _go_on(self, steps: Steps, answer: object = None) -> list[wire.Message]:
         """Let the tick go on; return what asks for what it needs done, or ends it."""
         try:
             request = steps.send(answer)
@@ -362,7 +362,7 @@ class Coordinator:
 
     # What a tick needs done -----------------------------------------------------------
 
-    def _learn(self, steps: Tick) -> list[wire.Message]:
+    def _learn(self, steps: Steps) -> list[wire.Message]:
         """Learn an observation, or let the workers that share the learning do so."""
         seen = self._sensed
         if self._observation.paused:
