@@ -17,7 +17,7 @@ from neurosnap.agent.default_threshold import default_threshold
 from neurosnap.agent.environment import describe
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
-from neurosnap.agent.imagining import STATES, ImaginingPlanner
+from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.outing import Outing, walk
 from neurosnap.agent.planner import target_literals

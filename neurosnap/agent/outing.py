@@ -8,8 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from neurosnap.agent.continuing import Continuing
-from neurosnap.agent.environment import describe
+from neurosnap.agent.environment import Continuing, describe
 from neurosnap.errors import InvalidValueError
 from neurosnap.wire import Decision
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.imagining import ImaginingPlanner
+from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.planner import Planner
 from neurosnap.agent.policy import EXPLORE, TRIES, AgentKind, Exploration, Policy
 from neurosnap.agent.random_walk import Walker

@@ -31,7 +31,6 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.cell_history import CellHistory
-from neurosnap.protocol.credit import split_evenly
 from neurosnap.protocol.message_checks import (
     RecentReadings,
     check_number,
@@ -40,7 +39,7 @@ from neurosnap.protocol.message_checks import (
     check_start,
     is_far,
 )
-from neurosnap.protocol.wave import DEEPEST
+from neurosnap.protocol.wave import DEEPEST, split_evenly
 
 _PULSES = 1 << 17  # the most that a cell remembers, over all waves
 

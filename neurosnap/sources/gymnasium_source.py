@@ -12,8 +12,7 @@ from typing import Any
 import gymnasium
 from numpy.typing import ArrayLike
 
-from neurosnap.agent.continuing import Continuing
-from neurosnap.agent.environment import describe
+from neurosnap.agent.environment import Continuing, describe
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.protocol import Argument, Observed

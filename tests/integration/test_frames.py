@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from neurosnap import wire
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.file import Recorded

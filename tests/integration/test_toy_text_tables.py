@@ -14,7 +14,7 @@ import pytest
 from gymnasium.envs.toy_text.taxi import TaxiEnv
 
 from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.errors import InvalidValueError
 from tests.support.toy_text_beds import BEDS, VARIANTS, Move, Situation, moves
 from tests.support.transition_tables import Table, state_fields

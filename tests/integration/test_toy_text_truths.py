@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.agent.senses import Senses
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot
 from neurosnap.errors import InvalidValueError

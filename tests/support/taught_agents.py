@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot

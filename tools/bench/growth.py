@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.actions import guaranteed
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.growth.grower import Grower
+from neurosnap.agent.growth.retirement import is_needless
 from neurosnap.agent.growth.sensor_changes import said_of
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.history import LENGTH, History
 from neurosnap.poc.learning.rings import conjunction
 from neurosnap.poc.learning.search import Question, Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import selection
 
 _EVERY = 8  # ticks from one look at whether a sensor is needed to the next
@@ -141,16 +140,7 @@ class Growth:
         return self._said
 
     def _retire(self, snapshot: Snapshot) -> Search[None]:
-        """Look at one grown sensor every few ticks; prepare that it retires.
-
-        It does if it is needless: what it guarantees of the world's own sensors, a part
-        of its context guarantees as well. Or each of these was guaranteed, whenever it
-        was on, by some other sensor that was on, too: so several wide contexts take the
-        place of a narrow one that came first. If they do not where nobody has been yet,
-        that is a surprise, and it is grown again.
-
-        It costs some `PocGraph.up`, and rings of the history.
-        """
+        """Look at one grown sensor every few ticks; prepare that it retires."""
         body = self._body
         turn, rest = divmod(self.history.tick, _EVERY)
         if rest or not body.grown:
@@ -158,66 +148,8 @@ class Growth:
         place = turn % len(body.grown)
         if place in body.retired or body.grown[place] in self._scripted:
             return
-        graph = snapshot.poc_graph()
-        alone = self._guarantees_alone(place, graph)
-        if alone:
-            alone = yield from self._not_covered(place, alone, graph, snapshot)
-        if not alone:
+        if (yield from is_needless(body, place, snapshot)):
             self._said["retires"] = body.first_grown + place
-
-    def _guarantees_alone(self, place: int, graph: PocGraph) -> list[int]:
-        """Return what a grown sensor guarantees that no part of its context does."""
-        body = self._body
-        action, literals = body.grown[place]
-        first = 2 * body.first_grown
-        part = body.members(body.grown[place])
-        for other, (which, fewer) in enumerate(body.grown):
-            smaller = which == action and set(fewer) < set(literals)
-            if smaller and other not in body.retired:
-                part.append(first + 2 * other)
-        closures = graph.up([first + 2 * place]), graph.up(part)
-        whole, rest = guaranteed(closures)[:, : 2 * self._own]
-        return np.flatnonzero(whole & ~rest).tolist()
-
-    def _not_covered(
-        self, place: int, results: list[int], graph: PocGraph, snapshot: Snapshot
-    ) -> Search[list[int]]:
-        """Return which results others did not always guarantee when it was on.
-
-        Args:
-            place: Of a grown sensor.
-            results: Literals that it guarantees.
-            graph: What is believed.
-            snapshot: Who believes, and has counted how often the sensor was on.
-        """
-        body = self._body
-        mine = 2 * (body.first_grown + place)
-        others = [2 * k for k in body.sensing(body.grown[place][0]) if 2 * k != mine]
-        by: dict[int, list[int]] = {}
-        for result in results:
-            # a -> r if and only if r* -> a*
-            less, more = graph.up([result ^ 1]), graph.up([result])
-            by[result] = [a for a in others if less[a ^ 1] and not more[a ^ 1]]
-        if not all(by.values()):
-            return results
-        asked = dict.fromkeys([mine, *(a for many in by.values() for a in many)])
-        read = (yield Question(readings=tuple(asked))).readings
-        was_on = read[mine]
-        remembered = int(np.bitwise_count(was_on).sum())
-        if not remembered:
-            return results
-        # Where nobody has been for longer than the history is, others may be missing:
-        # the sensor would retire, be missed, and be grown again, time and again.
-        # (Shares of a discounted snapshot are at most 1: it forgets such times, too.)
-        result = results[0]
-        counted = snapshot.weight(mine, result) + snapshot.weight(mine, result ^ 1)
-        if counted > remembered:
-            return results
-        return [
-            result
-            for result, many in by.items()
-            if (was_on & ~np.bitwise_or.reduce([read[a] for a in many])).any()
-        ]
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""

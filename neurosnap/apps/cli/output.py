@@ -20,7 +20,7 @@ from rich.table import Table
 
 from neurosnap.apps.growth_text import changed_line, grown_text
 from neurosnap.health.news import Newsreader
-from neurosnap.protocol.anomaly_text import few
+from neurosnap.protocol.anomaly_messages import few
 from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
 from neurosnap.system.picture import KINDS

@@ -69,8 +69,7 @@ def watch(
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.apps.growth_text import changed_line
     from neurosnap.health.news import News
-    from neurosnap.protocol.anomaly_messages import Told
-    from neurosnap.protocol.anomaly_text import anomaly_line
+    from neurosnap.protocol.anomaly_messages import Told, anomaly_line
     from neurosnap.recording.read.recording import Recording
     from neurosnap.runtime import registry
     from neurosnap.runtime.anomaly_feed import Fed, recorded, without_anomalies

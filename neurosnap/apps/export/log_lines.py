@@ -6,8 +6,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.apps.export.foxglove_scene import stamp
 from neurosnap.apps.growth_text import changed_line
-from neurosnap.protocol.anomaly_messages import told
-from neurosnap.protocol.anomaly_text import anomaly_line
+from neurosnap.protocol.anomaly_messages import anomaly_line, told
 
 Line: TypeAlias = dict[str, Any]
 """A ``foxglove.Log``."""

@@ -29,8 +29,7 @@ from neurosnap.errors import (
 )
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.anomaly_messages import told, with_support
-from neurosnap.protocol.anomaly_text import evidence
+from neurosnap.protocol.anomaly_messages import evidence, told, with_support
 from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.run_facts import options_of, resumed_at

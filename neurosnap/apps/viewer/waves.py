@@ -8,7 +8,7 @@ up; what the coordinator refused for being impossible is left out at the end.
 A recording has each planning wave with the literals it started from: an action,
 and its contexts that held. So it says where the action was thought to be taken. Where
 that is not the present state, it is what waves before it guaranteed: the same that the
-planner took for the next imagined state (`neurosnap.agent.imagining`).
+planner took for the next imagined state (`neurosnap.agent.imagining_planner`).
 """
 
 from collections import Counter
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.plan_reason import PlanTold, plan_told
+from neurosnap.agent.imagining_planner import PlanTold, plan_told
 from neurosnap.apps.viewer.api import MOST_IMAGINED, Plan, Wave
 from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST

@@ -19,8 +19,7 @@ from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.budget import NEVER
 from neurosnap.health.news import Standing
-from neurosnap.protocol.anomaly_messages import told, with_support
-from neurosnap.protocol.anomaly_text import anomaly_line
+from neurosnap.protocol.anomaly_messages import anomaly_line, told, with_support
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions

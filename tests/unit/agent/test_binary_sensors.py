@@ -8,7 +8,7 @@ import pytest
 from gymnasium.spaces import Box, Discrete, MultiBinary
 
 from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.agent.sensor import Sensor, decreased, increased, one_hot, thresholds
 from neurosnap.errors import InvalidValueError, ShapeError
 

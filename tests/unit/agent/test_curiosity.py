@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.curiosity import Curiosity, Trial
+from neurosnap.agent.curiosity import Curiosity, ImaginedState, Trial
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.imagined_state import ImaginedState
 from neurosnap.agent.surprises import BEGINNING
 
 BODY = Body.full(["a", "b", "c"], ["go", "stay"])

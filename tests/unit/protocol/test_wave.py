@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.credit import split_evenly
-from neurosnap.protocol.wave import Wave
+from neurosnap.protocol.wave import Wave, split_evenly
 
 
 def report(
@@ -220,3 +219,12 @@ def test_nobody_is_silent_in_a_settled_wave() -> None:
     wave.report(report(3, [6], [3]))
     assert wave.is_settled
     assert wave.silent([0], targets) == []
+
+
+@given(credit=st.integers(0, 10_000), parts=st.integers(1, 300))
+def test_split_shares_add_up_to_the_whole(credit: int, parts: int) -> None:
+    shares = split_evenly(credit, parts)
+    assert len(shares) == parts
+    assert sum(Fraction(1, 2**share) for share in shares) == Fraction(1, 2**credit)
+    assert shares == sorted(shares)
+    assert shares[-1] - shares[0] <= 1

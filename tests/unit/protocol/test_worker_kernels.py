@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.protocol.credit import split_evenly
+from neurosnap.protocol.wave import split_evenly
 from neurosnap.protocol.worker_kernels import carried, split
 from tests.support.wave_messages import share
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from neurosnap import wire
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.sources.camera import Camera, try_camera
 from neurosnap.sources.gymnasium_source import GymnasiumSource

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete, MultiBinary, Space
 
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources import gymnasium_source as source_module
 from neurosnap.sources.open import open_source

@@ -9,8 +9,7 @@ from rich.console import Console
 
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli import output
-from neurosnap.protocol.anomaly_messages import Link, Told
-from neurosnap.protocol.anomaly_text import anomaly_line
+from neurosnap.protocol.anomaly_messages import Link, Told, anomaly_line
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness

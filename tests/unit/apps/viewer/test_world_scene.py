@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.agent.continuing import Continuing
+from neurosnap.agent.environment import Continuing
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import complete

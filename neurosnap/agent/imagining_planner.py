@@ -17,8 +17,9 @@ References:
     Reactive Planning") and names "replanning in the face of failure" as future work.
 """
 
-from collections.abc import Generator, Iterable
-from typing import Final
+import re
+from collections.abc import Generator, Iterable, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +27,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.contexts import Contexts
-from neurosnap.agent.curiosity import Curiosity
+from neurosnap.agent.curiosity import Curiosity, ImaginedState
 from neurosnap.agent.experience import Experience, Plan
-from neurosnap.agent.imagined_state import ImaginedState
-from neurosnap.agent.plan_reason import plan_reason
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policy import (
     Closures,
@@ -208,3 +207,48 @@ def _planned(last: ImaginedState, why: str) -> Plan:
 def _bound(closures: Closures) -> NDArray[np.bool_]:
     """Return what each signal guarantees: ``(n, 2N)``."""
     return guaranteed(closures) if len(closures) else np.zeros((0, 0), np.bool_)
+
+
+_SHOWN = 6  # actions of a plan that a reason names
+_TOLD = re.compile(
+    r"(?:(?P<why>.*), )?in (?P<left>[1-9]\d{0,8}): (?P<actions>.*?)(?P<more>, …)?"
+)
+
+
+def plan_reason(plan: Plan, names: Sequence[str]) -> str:
+    """Return why a plan's next action is taken; `plan_told` reads it."""
+    shown = ", ".join(names[action] for action in plan.actions[:_SHOWN])
+    more = ", …" if len(plan.actions) > _SHOWN else ""
+    return f"{plan.why}in {len(plan.actions)}: {shown}{more}"
+
+
+class PlanTold(NamedTuple):
+    """What a reason says of the plan that is followed."""
+
+    left: int
+    """Actions to be taken, this one included."""
+    actions: tuple[int, ...]
+    """The first of them."""
+    why: str
+    """What the plan is for; empty: to achieve the target."""
+
+
+def plan_told(why: str, names: Sequence[str]) -> PlanTold | None:
+    """Return the plan that a decision's reason tells of; None: it tells of none.
+
+    Args:
+        why: The reason.
+        names: What the actions are called.
+
+    Example:
+        >>> plan_told("to begin another episode, in 2: up, left", ["left", "up"])
+        PlanTold(left=2, actions=(1, 0), why='to begin another episode')
+    """
+    found = _TOLD.fullmatch(why)
+    if found is None:
+        return None
+    left, shown = int(found["left"]), found["actions"].split(", ")
+    whole = len(shown) == min(left, _SHOWN) and bool(found["more"]) == (left > _SHOWN)
+    if not whole or not set(names).issuperset(shown):
+        return None
+    return PlanTold(left, tuple(map(names.index, shown)), found["why"] or "")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.imagining import ImaginingPlanner
+from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.policy import Signal, decided
 from neurosnap.agent.surprises import BEGINNING
 from neurosnap.errors import InvalidValueError
