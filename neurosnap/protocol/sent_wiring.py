@@ -1,59 +1,63 @@
-"""Wiring of single cells: changes of out-edges, as messages.
+"""What cells and workers were told of their out-edges, and the messages that change it.
 
 A wiring goes out as the change against what was told before; only what is wired whole
-can have missed anything before.
+can have missed anything before. Cells that are processes are told one by one, and
+workers of all their cells.
 """
 
-from collections.abc import Sequence
+import abc
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError
+from neurosnap.poc.order.kernels import pairs
 from neurosnap.poc.order.literals import Words, from_words, to_words
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.worker_edges import parted
+
+FRAME = 1 << 16
+"""The most edges a message adds, and the most it drops: half a megabyte each."""
 
 
-class Wires(Protocol):
+class Wires(abc.ABC):
     """The edges of all cells, and who has to be told of them."""
 
-    @property
-    def all_hear(self) -> bool:
-        """Whether every wave is announced to all: there are few who have to hear."""
-        ...
-
-    @property
-    def epochs(self) -> tuple[int, ...]:
-        """The numbers that go on when the rest is forgotten."""
-        ...
-
-    @property
-    def is_forgotten(self) -> bool:
-        """Whether the next wiring goes to all, and whole."""
-        ...
+    all_hear: ClassVar[bool]
+    """Whether every wave is announced to all: there are few who have to hear."""
+    is_forgotten = False
+    """Whether the next wiring goes to all, and whole."""
 
     def forget(self) -> None:
         """Let the next wiring go to all, and whole, whatever they were told."""
-        ...
+        self.is_forgotten = True
 
+    @property
+    @abc.abstractmethod
+    def epochs(self) -> tuple[int, ...]:
+        """The numbers that go on when the rest is forgotten."""
+
+    @abc.abstractmethod
     def start_at(self, epochs: tuple[int, ...]) -> None:
         """Be as whoever had these `epochs` and forgot.
 
         Raises:
             InvalidValueError: They are of another number of workers.
         """
-        ...
 
+    @abc.abstractmethod
     def rewire(self, wires: Words) -> list[wire.Message]:
         """Return the messages that turn the wiring into `wires`.
 
         Args:
             wires: ``(2N, w)``, packed: bit ``b`` of row ``a`` iff ``a`` pulses ``b``.
         """
-        ...
 
+    @abc.abstractmethod
     def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
         """Return the messages that turn the wiring into `edges`.
 
@@ -61,24 +65,24 @@ class Wires(Protocol):
             edges: ``(e,)``, ascending, as `neurosnap.protocol.worker_edges.joined` has
             them.
         """
-        ...
 
+    @abc.abstractmethod
     def rewire_whole(self) -> list[wire.Message]:
         """Return the whole wiring of everybody who has or had out-edges."""
-        ...
 
+    @abc.abstractmethod
     def targets(self, literal: int) -> Sequence[int]:
         """Return the targets of a literal, ascending."""
-        ...
 
+    @abc.abstractmethod
     def cells_of(self, report: wire.CellReport | wire.WorkerReport) -> range:
         """Return the cells that a report speaks for.
 
         Raises:
             MessageError: There is nobody here to send it.
         """
-        ...
 
+    @abc.abstractmethod
     def check_epoch(
         self, report: wire.CellReport | wire.WorkerReport, cells: range
     ) -> None:
@@ -94,14 +98,13 @@ class Wires(Protocol):
         Raises:
             MessageError: A wiring was lost, or is on its way still.
         """
-        ...
 
+    @abc.abstractmethod
     def named(self, cells: Sequence[int]) -> list[str]:
         """Return whom it takes to hear from `cells`, as text."""
-        ...
 
 
-class CellWires:
+class CellWires(Wires):
     """Every cell is a part of its own and is told of its own edges.
 
     Args:
@@ -115,16 +118,11 @@ class CellWires:
         self._epoch = 0
         self._told = [0] * sensors  # epoch of each cell's last wiring
         self._changed = [0] * sensors  # and of the last that changed its edges
-        self.is_forgotten = False
 
     @property
     def epochs(self) -> tuple[int, ...]:
         """The number of the last wiring, whichever cell it was for."""
         return (self._epoch,)
-
-    def forget(self) -> None:
-        """Let the next wiring go to all cells, and whole."""
-        self.is_forgotten = True
 
     def start_at(self, epochs: tuple[int, ...]) -> None:
         """Be as whoever had these `epochs` and forgot."""
@@ -222,6 +220,152 @@ class CellWires:
                 )
             )
         return messages
+
+
+class WorkerWires(Wires):
+    """Every worker is told of the edges of all its cells.
+
+    The edges are a list and not a matrix: a hundred thousand cells have a million of
+    them, out of 40 thousand million pairs.
+
+    Args:
+        sensors: How many cells there are.
+        workers: How many workers share them.
+        frame: The most edges a message adds, and the most it drops.
+    """
+
+    all_hear = True
+
+    def __init__(self, sensors: int, workers: int, frame: int = FRAME) -> None:
+        self._hosted = shares(sensors, workers)
+        self._frame = frame
+        self._edges = np.empty(0, np.int64)
+        self._told = [0] * workers  # epoch of each worker's last frame
+        # Epochs at which a worker has the edges in force: the last frame of the last
+        # change, and of each whole wiring since. Between, it has a part of them.
+        self._in_force = [{0} for _ in range(workers)]
+
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """The number of each worker's last frame."""
+        return tuple(self._told)
+
+    def start_at(self, epochs: tuple[int, ...]) -> None:
+        """Be as whoever had these `epochs` and forgot."""
+        if len(epochs) != len(self._told):
+            rule = f"must be one for each of {len(self._told)} workers"
+            raise InvalidValueError("epochs", rule, epochs)
+        self._told = list(epochs)
+        self.is_forgotten = True
+
+    def rewire(self, wires: Words) -> list[wire.Message]:
+        """Return what the workers whose cells change are told."""
+        count = int(np.bitwise_count(wires).sum())
+        return self.rewire_to(pairs(wires, count))
+
+    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return what the workers whose cells change are told. O(e) time."""
+        if self.is_forgotten:
+            return self._rewire_all(edges)
+        gained = np.setdiff1d(edges, self._edges, assume_unique=True)
+        lost = np.setdiff1d(self._edges, edges, assume_unique=True)
+        self._edges = edges.copy()
+        wirings: list[wire.Message] = []
+        for worker, told in enumerate(self._told):
+            gains, losses = self._own(worker, gained), self._own(worker, lost)
+            wirings += self._wirings(worker, gains, losses, told)
+            if self._told[worker] != told:
+                self._in_force[worker] = {self._told[worker]}
+        return wirings
+
+    def rewire_whole(self) -> list[wire.Message]:
+        """Return the whole wiring of every worker whose cells have or had out-edges."""
+        wirings: list[wire.Message] = []
+        for worker, told in enumerate(self._told):
+            if told:
+                wirings += self._whole(worker)
+                self._in_force[worker].add(self._told[worker])
+        return wirings
+
+    def _rewire_all(self, edges: NDArray[np.int64]) -> list[wire.Message]:
+        """Return the whole wiring of every worker, also of those without edges.
+
+        Nothing is under way, and what begins next begins behind it: whoever reports by
+        another has missed it.
+        """
+        self.is_forgotten = False
+        self._edges = edges.copy()
+        wirings: list[wire.Message] = []
+        for worker in range(len(self._told)):
+            wirings += self._whole(worker)
+            self._in_force[worker] = {self._told[worker]}
+        return wirings
+
+    def _whole(self, worker: int) -> Iterator[wire.Message]:
+        edges = self._own(worker, self._edges)
+        return self._wirings(worker, edges, edges[:0], 0, least=1)
+
+    def targets(self, literal: int) -> Sequence[int]:
+        """Return the targets of a literal, ascending."""
+        start, stop = np.searchsorted(self._edges, (literal << 32, literal + 1 << 32))
+        found: list[int] = (self._edges[start:stop] & 0xFFFFFFFF).tolist()
+        return found
+
+    def cells_of(self, report: wire.CellReport | wire.WorkerReport) -> range:
+        """Return the cells of the worker whose report it is."""
+        if isinstance(report, wire.CellReport) or report.worker >= len(self._hosted):
+            got = report.sender.replace("/", " ")
+            raise MessageError(
+                f"{wire.topic(report.key)}: must be a worker's, got {got}"
+            )
+        return self._hosted[report.worker]
+
+    def check_epoch(
+        self, report: wire.CellReport | wire.WorkerReport, cells: range
+    ) -> None:
+        """Refuse a worker's report by edges it had before, in part, or never."""
+        worker = self._hosted.index(cells)
+        if report.epoch not in self._in_force[worker]:
+            raise outdated(report, self._told[worker])
+
+    def named(self, cells: Sequence[int]) -> list[str]:
+        """Return the names of the workers, and how many of `cells` each has."""
+        ends = [hosted.stop for hosted in self._hosted]
+        owners = np.searchsorted(ends, np.array(cells, np.int64), side="right")
+        workers, counts = np.unique(owners, return_counts=True)
+        return [
+            f"{count} of worker/{worker}"
+            for worker, count in zip(workers.tolist(), counts.tolist(), strict=True)
+        ]
+
+    def _own(self, worker: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return those of `edges` that lead from a worker's cells."""
+        cells = self._hosted[worker]
+        ends = (2 * cells.start << 32, 2 * cells.stop << 32)
+        start, stop = np.searchsorted(edges, ends)
+        return edges[start:stop]
+
+    def _wirings(
+        self,
+        worker: int,
+        gained: NDArray[np.int64],
+        lost: NDArray[np.int64],
+        after: int,
+        least: int = 0,
+    ) -> Iterator[wire.Message]:
+        """Yield frames, each built on the one before; `least` at least."""
+        most = max(len(gained), len(lost), least)
+        for start in range(0, most, self._frame):
+            frame = slice(start, start + self._frame)
+            self._told[worker] += 1
+            yield wire.WorkerWiring(
+                worker=worker,
+                epoch=self._told[worker],
+                after=after,
+                add=parted(gained[frame]).astype("<i4").tobytes(),
+                drop=parted(lost[frame]).astype("<i4").tobytes(),
+            )
+            after = self._told[worker]
 
 
 def outdated(report: wire.CellReport | wire.WorkerReport, told: int) -> MessageError:

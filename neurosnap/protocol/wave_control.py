@@ -16,8 +16,7 @@ from neurosnap.errors import InvalidValueError, MessageError
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words
 from neurosnap.protocol.round import Round
-from neurosnap.protocol.sent_wiring import CellWires, Wires
-from neurosnap.protocol.sent_worker_wiring import WorkerWires
+from neurosnap.protocol.sent_wiring import CellWires, Wires, WorkerWires
 from neurosnap.protocol.wave import Wave
 
 _UNANNOUNCED = 64  # most waves in a row that are not announced to all cells

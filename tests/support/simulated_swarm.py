@@ -13,7 +13,7 @@ from neurosnap.agent.random_walk import Walker
 from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.sent_worker_wiring import WorkerWires
+from neurosnap.protocol.sent_wiring import WorkerWires
 from neurosnap.sensorium import unpack
 from tests.support.run_options import core_options
 from tests.support.swarm_parts import Host, Row, hosting, keys_of, observation

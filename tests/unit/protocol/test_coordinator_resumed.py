@@ -12,8 +12,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
-from neurosnap.protocol.sent_wiring import CellWires, Wires
-from neurosnap.protocol.sent_worker_wiring import WorkerWires
+from neurosnap.protocol.sent_wiring import CellWires, Wires, WorkerWires
 from neurosnap.protocol.wave_control import WaveControl
 from tests.support.answering_swarm import AnsweringSwarm
 from tests.support.swarm_parts import observation

@@ -10,7 +10,7 @@ from neurosnap import wire
 from neurosnap.errors import AnswerLostError, MessageError
 from neurosnap.poc.order.literals import Words, to_words
 from neurosnap.protocol.partition import shares
-from neurosnap.protocol.sent_worker_wiring import WorkerWires
+from neurosnap.protocol.sent_wiring import WorkerWires
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.protocol.worker import Worker
 from tests.support.edges import edge_matrix
