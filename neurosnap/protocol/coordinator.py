@@ -35,7 +35,7 @@ from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly_judge import AnomalyJudge
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
-from neurosnap.protocol.learn_control import LearnControl, to_weigh
+from neurosnap.protocol.learn_control import LearnControl
 from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
@@ -92,9 +92,6 @@ class Coordinator:
         self._mind = Mind(snapshot, policy, memory)
         self._options = options
         self._ticks = options.ticks
-        # What workers that share the learning go on from, until they have learned.
-        self._begins = b""
-        self._passed_on: list[wire.Band] = []
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
         self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
         self._learning = LearnControl(shares, repeats)
@@ -232,11 +229,11 @@ class Coordinator:
         for frame in first:
             if isinstance(frame, wire.KeyFrame):
                 self.begin_with(frame)
-        return [*first, *self._passed_on, self.decision]
+        return [*first, *self._learning.passed_on, self.decision]
 
     def begin_with(self, frame: wire.KeyFrame) -> None:
         """Let workers that share the learning go on from a key-frame that was said."""
-        self._begins = frame.snapshot if self._learning.shares else b""
+        self._learning.begins = frame.snapshot if self._learning.shares else b""
 
     def pass_on(self, bands: Iterable[wire.Band]) -> None:
         """Let `begin` tell workers that share the learning what they go on from.
@@ -244,7 +241,8 @@ class Coordinator:
         Args:
             bands: Of the tick that the run is at.
         """
-        self._passed_on = [msgspec.structs.replace(band, who=_WHO) for band in bands]
+        replace = msgspec.structs.replace
+        self._learning.passed_on = [replace(band, who=_WHO) for band in bands]
 
     def go_on(self, ticks: int) -> None:
         """Let a run that ended go on to `ticks`."""
@@ -262,8 +260,7 @@ class Coordinator:
         """End: at once, or when the workers that learn have sent their bands."""
         if self.tick and self._learning.shares:
             self._ending = True
-            ask = self._learning.ask_bands(self.tick, self._begins)
-            return [*self._keyframe(), *ask]
+            return [*self._keyframe(), *self._learning.ask_bands(self.tick)]
         self.finished = True
         return self._keyframe() if self.tick else []
 
@@ -303,7 +300,7 @@ class Coordinator:
             AnswerLostError: It was sent often enough.
         """
         if not number:
-            return [*self._passed_on, *self._learning.repeat()]
+            return self._learning.repeat()
         if number < 0:
             return self._recall.repeat()
         messages = self._control.repeat(number, self._signal)
@@ -371,9 +368,7 @@ class Coordinator:
             self._changed |= self.snapshot.learn(seen.bits, seen.known)
         if not self._learning.shares:
             return self._go_on(steps)
-        return self._learning.ask(
-            _to_learn(self._observation, self._anomaly, self._begins)
-        )
+        return self._learning.ask_to_learn(self._observation, self._anomaly)
 
     def _receive_learned(self, message: wire.Learned) -> list[wire.Message]:
         """Take in what a worker learned; go on once all have."""
@@ -388,7 +383,6 @@ class Coordinator:
             self._changed |= self.snapshot.relate(*pairs)
         if self._learning.under_way is not None:
             return []
-        self._begins, self._passed_on = b"", []
         if learn.frame:
             self.finished = self._ending
             return [] if self.finished else [self.decision]
@@ -499,7 +493,7 @@ class Coordinator:
         if self.tick % self._options.keyframe_every:
             return [self.decision]
         if self._learning.shares:
-            return [*self._keyframe(), *self._learning.ask_bands(self.tick, b"")]
+            return [*self._keyframe(), *self._learning.ask_bands(self.tick)]
         return [*self._keyframe(), self.decision]
 
     # What it says ---------------------------------------------------------------------
@@ -556,22 +550,6 @@ class Coordinator:
         shares = self._learning.shares
         band = options.largest_band if shares else options.band
         return [*with_snapshot(frame, self.snapshot, band, _WHO, shares)]
-
-
-def _to_learn(
-    observation: wire.Observation, said: wire.Anomaly | None, begins: bytes
-) -> wire.Learn:
-    """Return what tells the workers to learn an observation."""
-    sources, targets = ((), ()) if said is None else to_weigh(said)
-    return wire.Learn(
-        tick=observation.tick,
-        bits=observation.bits,
-        known=observation.known,
-        paused=observation.paused,
-        begins=begins,
-        sources=sources,
-        targets=targets,
-    )
 
 
 def _fault(what: str) -> wire.Fault:

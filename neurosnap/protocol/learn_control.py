@@ -21,9 +21,16 @@ class LearnControl:
     Args:
         shares: The sensors of each worker, whose pairs with those before them it has.
         repeats: How often workers that do not answer are told again.
+
+    Attributes:
+        begins: The snapshot of the key-frame that they go on from; empty once they have
+            learned something.
+        passed_on: What else they have to hear until then.
     """
 
     def __init__(self, shares: Sequence[range], repeats: int) -> None:
+        self.begins = b""
+        self.passed_on: list[wire.Band] = []
         self._shares = shares
         self._repeats = repeats
         self._learn: wire.Learn | None = None  # what is under way
@@ -53,16 +60,38 @@ class LearnControl:
         self._weights = []
         return [learn]
 
-    def ask_bands(self, tick: int, begins: bytes) -> list[wire.Message]:
+    def ask_to_learn(
+        self, observation: wire.Observation, anomaly: wire.Anomaly | None
+    ) -> list[wire.Message]:
+        """Return the message that tells the workers to learn an observation.
+
+        Args:
+            observation: What they learn.
+            anomaly: What is to be weighed before that, if anything.
+        """
+        sources, targets = ((), ()) if anomaly is None else to_weigh(anomaly)
+        return self.ask(
+            wire.Learn(
+                tick=observation.tick,
+                bits=observation.bits,
+                known=observation.known,
+                paused=observation.paused,
+                begins=self.begins,
+                sources=sources,
+                targets=targets,
+            )
+        )
+
+    def ask_bands(self, tick: int) -> list[wire.Message]:
         """Return the message that makes them send the bands of a key-frame.
 
         They answer behind these, with what they learned last.
 
         Args:
             tick: That of the key-frame, and of what they learned last.
-            begins: What they begin with, if they have learned nothing yet.
         """
         last = self._last if self._last.tick == tick else wire.Learn(tick)
+        begins = self.begins
         return self.ask(msgspec.structs.replace(last, frame=tick, begins=begins))
 
     def forget(self) -> None:
@@ -79,7 +108,7 @@ class LearnControl:
         if self._learn is None:
             return []
         self._round.ask_again(self._round.silent)
-        return [self._learn]
+        return [*self.passed_on, self._learn]
 
     def receive(self, learned: wire.Learned) -> Pairs | None:
         """Take in what a worker learned; nothing is under way once all have.
@@ -106,6 +135,7 @@ class LearnControl:
             self._round.answers[learned.sender] = True
         if not self._round.silent:
             self._learn = None
+            self.begins, self.passed_on = b"", []
         return pairs
 
     def weighed(self, anomaly: wire.Anomaly) -> wire.Anomaly:
