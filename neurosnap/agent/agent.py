@@ -30,10 +30,9 @@ from neurosnap.agent.policy import (
     Policy,
 )
 from neurosnap.agent.senses import Senses
-from neurosnap.agent.tick import Mind, Request, Sensed, Step, tick
+from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
-from neurosnap.poc.learning.search import Question
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
 
@@ -330,23 +329,11 @@ class Agent:
         answer: object = None
         try:
             while True:
-                answer = self._answered(steps.send(answer), seen)
+                answer = answered_at_once(steps.send(answer), self._mind, seen)
         except StopIteration as end:
             if end.value:
                 self._senses = Senses(self.body)
         return self.decision
-
-    def _answered(self, request: Request, seen: Sensed) -> object:
-        """Do at once what a tick needs done; return the answer."""
-        snapshot = self._mind.snapshot
-        if request is Step.LEARN:
-            return snapshot.learn(seen.bits, seen.known)
-        if request is Step.STATE_WAVE:
-            return snapshot.project(seen.known)
-        if isinstance(request, Question):
-            return self._mind.memory.history.answer(request)
-        up = snapshot.poc_graph().up
-        return [up(signal) for signal in request]
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
         """Return what an action taken here guarantees: ``(2N,)``.

@@ -6,6 +6,7 @@ above in the learned order, and the wirings are added up as they come.
 
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -13,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.policy import Signal, decided
 from neurosnap.agent.senses import Senses
-from neurosnap.poc.learning.search import answered
-from neurosnap.poc.order.graph import PocGraph
+from neurosnap.agent.tick import Mind, Sensed, Step, answered_at_once, tick
+from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.file import Recorded
@@ -46,50 +46,47 @@ def truth(options: RunOptions) -> Truth:
     """Make the run in process."""
     found = Truth({"observe": [], "state": [], "reach": [], "decide": []}, {})
     source = source_of(options)
-    senses, memory = Senses(options.body), options.new_memory()
-    policy, snapshot = options.policy_with(memory), options.new_snapshot()
-    decision, before = memory.decision, None
-    state = snapshot.state
-    for tick in range(1, options.ticks + 1):
-        found.said["decide"].append(_decided(decision))
-        seen = source.first() if tick == 1 else source.step(decision.action)
+    memory, snapshot = options.new_memory(), options.new_snapshot()
+    mind = Mind(snapshot, options.policy_with(memory), memory)
+    before = None
+    for number in range(1, options.ticks + 1):
+        found.said["decide"].append(_decided(mind.decision))
+        action = mind.decision.action
+        seen = source.first() if number == 1 else source.step(action)
         if seen is None:
             break
-        taken = -1 if seen.begins else decision.action
+        step = -1 if seen.begins else action, snapshot.state
         read = seen.bits if seen.known is None else seen.bits & seen.known
-        observed = senses.observe(read, taken, state)
-        known = senses.known(seen.known, taken, state, before)
+        senses = Senses(memory.body)
+        observed = senses.observe(read, *step)
+        known = senses.known(seen.known, *step, before)
         before = seen.known
         mask = b"" if known is None else pack(known)
-        found.said["observe"].append((tick, pack(observed), mask, seen.begins))
-        step = decision.action, seen.begins, state
-        believed = snapshot.poc_graph()
-        surprise = memory.observe(*step, believed, observed, known, snapshot)
-        state = snapshot.observe(observed, known)
-        answered(surprise, memory.history)
-        memory.settle(state)
-        graph = snapshot.poc_graph()
-        above = graph.up(selection(observed, known))
-        incoherent = bool((above[::2] & above[1::2]).any())
-        found.said["state"].append((tick, pack(state), incoherent))
-
-        def answer(
-            signal: Signal, tick: int = tick, graph: PocGraph = graph
-        ) -> NDArray[np.bool_]:
-            closure = graph.up(signal)
-            found.said["reach"].append((tick, signal, pack(closure)))
-            return closure
-
-        action, why = decided(policy.decide(tick, state), answer)
-        found.edges[tick] = _pairs(graph.wiring(options.wiring))
-        changes = memory.changes
-        decision = wire.Decision(tick, action, why, **changes)
-        if memory.follow(decision, snapshot):
-            senses = Senses(memory.body)
-            policy.grow(memory.body)
+        found.said["observe"].append((number, pack(observed), mask, seen.begins))
+        _go_through(mind, Sensed(observed, known, seen.begins), found, options.wiring)
     source.close()
     _sort(found.said)
     return found
+
+
+def _go_through(mind: Mind, sensed: Sensed, found: Truth, wiring: WiringKind) -> None:
+    """Go through a tick, and note what is said in it."""
+    steps, answer, number = tick(mind, sensed), None, mind.decision.tick + 1
+    with suppress(StopIteration):
+        while True:
+            request = steps.send(answer)
+            answer = answered_at_once(request, mind, sensed)
+            graph = mind.snapshot.poc_graph()
+            if request is Step.STATE_WAVE:
+                found.edges[number] = _pairs(graph.wiring(wiring))
+                above = graph.up(selection(sensed.bits, sensed.known))
+                incoherent = bool((above[::2] & above[1::2]).any())
+                state = pack(mind.snapshot.state)
+                found.said["state"].append((number, state, incoherent))
+            elif isinstance(request, list):
+                found.said["reach"] += [
+                    (number, signal, pack(graph.up(signal))) for signal in request
+                ]
 
 
 def _pairs(edges: NDArray[np.bool_]) -> Edges:
