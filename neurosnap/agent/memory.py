@@ -19,7 +19,6 @@ from neurosnap.poc.learning.archive import Archived, Arrays, entry, rows_in
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import selection
 from neurosnap.wire import Decision
 
@@ -81,8 +80,6 @@ class AgentMemory:
         self,
         action: int,
         begins: bool,
-        state: NDArray[np.bool_],
-        graph: PocGraph,
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
@@ -92,20 +89,19 @@ class AgentMemory:
         Args:
             action: That of the last decision; -1: none was taken.
             begins: The observation begins a trajectory and follows no action.
-            state: ``(2N,)``, recorded before it.
-            graph: What is believed.
             observation: ``(N,)``.
             known: ``(N,)``, which of it is known; None: all.
-            snapshot: Weighs what is born.
+            snapshot: Has the state before it, and what is believed; weighs what is
+                born.
 
         Returns:
             What is to be asked of the history of the readings once the observation is
             learned and before `settle`; the observation is in it then.
         """
-        own, told = 2 * len(self.body.own), self.experience
+        own, told, state = 2 * len(self.body.own), self.experience, snapshot.state
         foretold = np.zeros(own, np.bool_)
         if self._actions is not None and action >= 0 and not begins:
-            closure = graph.up(self._actions.signal(action, state))
+            closure = snapshot.poc_graph().up(self._actions.signal(action, state))
             foretold = guaranteed([closure])[0, :own]
             if told is not None:
                 came = selection(observation, known)[:own]

@@ -81,8 +81,6 @@ def tick(mind: Mind, sensed: Sensed) -> Steps:
     surprise = memory.observe(
         -1 if sensed.cut else last.action,
         sensed.begins,
-        snapshot.state,
-        snapshot.poc_graph(),
         sensed.bits,
         sensed.known,
         snapshot,
