@@ -26,8 +26,7 @@ from neurosnap.apps.viewer.tick_messages import (
 from neurosnap.apps.viewer.time_series import thinned
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.literals import from_words
-from neurosnap.protocol.anomaly_messages import told, with_support
-from neurosnap.protocol.anomaly_messages import evidence
+from neurosnap.protocol.anomaly_messages import evidence, told, with_support
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
