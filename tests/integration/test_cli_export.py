@@ -11,7 +11,7 @@ import pytest
 from typer.testing import Result
 
 from neurosnap import wire
-from neurosnap.apps.export import as_csv
+from neurosnap.apps.export import table_files
 from neurosnap.recording.read.recording import Recording
 from tests.support.command_line import call
 
@@ -60,8 +60,6 @@ def test_the_readings_of_a_run_give_the_same_states_again(
         ("csv", ".csv"),
         ("parquet", ".parquet"),
         ("graphml", ".graphml"),
-        ("foxglove", ".foxglove.mcap"),
-        ("layout", ".layout.json"),
     ],
 )
 def test_it_goes_beside_the_recording_and_says_where(
@@ -106,7 +104,7 @@ def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) ->
 
 def ended(number: signal.Signals, log: Path, out: Path) -> Result:
     """Export, and be sent a signal when half of it is written."""
-    whole = as_csv.write_csv
+    whole = table_files.write_csv
 
     def half(path: Path, columns: Any, rows: Any) -> None:
         whole(path, columns, itertools.islice(rows, TICKS // 2))

@@ -16,7 +16,6 @@ from PIL import Image
 
 from neurosnap import wire
 from neurosnap.agent.environment import Continuing
-from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
@@ -140,26 +139,6 @@ def test_other_programs_read_it_as_their_own(log: Path) -> None:
             assert 0 <= message.publish_time - nanoseconds < 60 * 10**9
             count += 1
         assert count == 7
-
-
-def test_what_is_exported_to_be_drawn_has_them_and_a_panel_for_them(
-    log: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "drawn.mcap"
-    write_drawable(out, Recording.open(log))
-    with out.open("rb") as file:
-        reader = make_reader(file)
-        shown = [m.data for _, _, m in reader.iter_messages(topics=["/image"])]
-        summary = reader.get_summary()
-    recorded = [each.payload for each in Recording.open(log).messages(("image",))]
-    assert shown == recorded
-    assert summary is not None
-    names = {
-        c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values()
-    }
-    assert names["/image"] == "foxglove.CompressedImage"
-    panels = json.loads(layout_of(Recording.open(log)))["configById"]
-    assert panels["Image!environment"] == {"imageMode": {"imageTopic": "/image"}}
 
 
 def test_all_else_is_the_same_without(log: Path, tmp_path: Path) -> None:

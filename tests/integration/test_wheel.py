@@ -125,7 +125,6 @@ def test_page_examples_and_licences_are_in_it(installed: Environment) -> None:
     (licences,) = installed.packages.glob("*.dist-info/licenses")
     assert files(licences) == {
         "LICENSE",
-        "neurosnap/apps/export/foxglove/LICENSE",
         "neurosnap/apps/viewer/static/vendor/uplot/LICENSE",
     }
 

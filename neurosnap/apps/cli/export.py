@@ -29,8 +29,7 @@ def export(
         typer.Option(
             "--format",
             help="Csv or parquet: a table with a row for each tick. Graphml: the"
-            " implications that were learned. Foxglove: a file for Foxglove and"
-            " Lichtblick; layout: the panels to import there.",
+            " implications that were learned.",
         ),
     ] = "csv",
     out: Annotated[
@@ -59,7 +58,7 @@ def export(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Convert a recording: to a table, a graph, or a file for a viewer."""
+    """Convert a recording to a table or a graph."""
     from neurosnap.apps.export.write import export as write
     from neurosnap.apps.export.write import parse_form
 

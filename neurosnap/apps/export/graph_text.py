@@ -1,17 +1,15 @@
 """The learned order as text: names, JSON, DOT or GraphML."""
 
-import io
 from typing import Literal, TypeAlias
 
 import msgspec
-import networkx
 import numpy as np
-import pydot
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.read.births import Birth, Births
 from neurosnap.sensorium import Sensorium
+from neurosnap.system.distribution import must_have
 
 Format: TypeAlias = Literal["json", "dot", "graphml"]
 
@@ -79,41 +77,39 @@ def diagram(
 
 
 def render(drawn: Diagram, form: Format) -> str:
-    """Return `drawn` as text in one of the formats."""
-    if form == "json":
-        return msgspec.json.format(msgspec.json.encode(drawn)).decode()
-    graph = _network(drawn)
-    return _dot(graph) if form == "dot" else _graphml(graph)
+    """Return `drawn` as text in one of the formats.
+
+    Raises:
+        MissingExtraError: networkx, which writes GraphML, is not installed.
+    """
+    match form:
+        case "json":
+            return msgspec.json.format(msgspec.json.encode(drawn)).decode()
+        case "dot":
+            return _dot(drawn)
+        case "graphml":
+            return _graphml(drawn)
 
 
-def _network(drawn: Diagram) -> "networkx.DiGraph[str]":
-    """Return the implications as edges between named literals."""
-    graph: networkx.DiGraph[str] = networkx.DiGraph(
-        tick=drawn.tick, height=drawn.height
-    )
-    for members in drawn.equivalences:
-        for member in members[1:]:
-            graph.add_edge(members[0], member, kind="equivalent")
-    for below, above in drawn.implications:
-        graph.add_edge(below, above, kind="implies")
-    for birth in drawn.births:
-        for name in (birth.name, f"{birth.name}*"):
-            if name in graph:
-                graph.nodes[name]["born"] = birth.tick
-    return graph
+def _equivalent(drawn: Diagram) -> list[tuple[str, str]]:
+    """Return each class of equivalent literals as a star around its first one."""
+    return [
+        (members[0], member) for members in drawn.equivalences for member in members[1:]
+    ]
 
 
-def _dot(graph: "networkx.DiGraph[str]") -> str:
-    drawing = pydot.Dot("neurosnap", graph_type="digraph", rankdir="BT")
-    for name in graph:
-        drawing.add_node(pydot.Node(_quoted(name)))
-    for below, above, kind in graph.edges(data="kind"):
-        edge = pydot.Edge(_quoted(below), _quoted(above))
-        if kind == "equivalent":
-            edge.set("dir", "none")
-            edge.set("style", "dashed")
-        drawing.add_edge(edge)
-    return str(drawing.to_string())
+def _dot(drawn: Diagram) -> str:
+    equivalent = _equivalent(drawn)
+    names = dict.fromkeys(n for pair in equivalent + drawn.implications for n in pair)
+    lines = [f"{_quoted(name)};" for name in names]
+    lines += [
+        f"{_quoted(one)} -> {_quoted(other)} [dir=none, style=dashed];"
+        for one, other in equivalent
+    ]
+    lines += [
+        f"{_quoted(below)} -> {_quoted(above)};" for below, above in drawn.implications
+    ]
+    return "\n".join(["digraph neurosnap {", "rankdir=BT;", *lines, "}", ""])
 
 
 def _quoted(name: str) -> str:
@@ -122,7 +118,19 @@ def _quoted(name: str) -> str:
     return f'"{escaped}"'
 
 
-def _graphml(graph: "networkx.DiGraph[str]") -> str:
-    buffer = io.BytesIO()
-    networkx.write_graphml(graph, buffer)
-    return buffer.getvalue().decode()
+def _graphml(drawn: Diagram) -> str:
+    try:
+        import networkx
+    except ImportError as error:
+        rule = must_have("networkx", "export")
+        raise MissingExtraError(f"format: {rule}") from error
+    graph: networkx.DiGraph[str] = networkx.DiGraph(
+        tick=drawn.tick, height=drawn.height
+    )
+    graph.add_edges_from(_equivalent(drawn), kind="equivalent")
+    graph.add_edges_from(drawn.implications, kind="implies")
+    for birth in drawn.births:
+        for name in (birth.name, f"{birth.name}*"):
+            if name in graph:
+                graph.nodes[name]["born"] = birth.tick
+    return "\n".join(networkx.generate_graphml(graph)) + "\n"

@@ -1,31 +1,27 @@
 """Exports a recording to another format, whole or not at all."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, TypeAlias
 
 import msgspec
 
-from neurosnap.apps.export.as_csv import write_csv
-from neurosnap.apps.export.columns import Cell, Column, Table
-from neurosnap.apps.export.foxglove_recording import layout_of, write_drawable
+from neurosnap.apps.export.columns import Cell, Table
 from neurosnap.apps.export.graph_text import diagram, render
 from neurosnap.apps.export.output_file import placed
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.apps.export.table_files import WriteTable, parquet_writer, write_csv
+from neurosnap.errors import InvalidValueError
 from neurosnap.recording.read.births import births_of
 from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.ticks import ticks
-from neurosnap.system.distribution import must_have
 
-Form: TypeAlias = Literal["csv", "parquet", "graphml", "foxglove", "layout"]
+Form: TypeAlias = Literal["csv", "parquet", "graphml"]
 
 _ENDINGS: dict[Form, str] = {
     "csv": ".csv",
     "parquet": ".parquet",
     "graphml": ".graphml",
-    "foxglove": ".foxglove.mcap",
-    "layout": ".layout.json",
 }
 
 
@@ -35,7 +31,7 @@ class Exported(msgspec.Struct, frozen=True):
     path: str
     format: Form
     ticks: int
-    """How many ticks are in it, or by which tick it was learned; 0 for a layout."""
+    """How many ticks are in it, or by which tick it was learned."""
     incomplete: int
     """Ticks in a table that lack a reading or a state."""
     whole: bool
@@ -51,7 +47,7 @@ def parse_form(name: str) -> Form:
         InvalidValueError: There is none of that name.
     """
     match name:
-        case "csv" | "parquet" | "graphml" | "foxglove" | "layout":
+        case "csv" | "parquet" | "graphml":
             return name
         case _:
             raise InvalidValueError("format", f"must be of {', '.join(_ENDINGS)}", name)
@@ -107,29 +103,17 @@ def _write(
         case "csv":
             return _write_table(draft, recording, write_csv, only_readings)
         case "parquet":
-            return _write_table(draft, recording, _parquet(), only_readings)
+            return _write_table(draft, recording, parquet_writer(), only_readings)
         case "graphml":
             tick, snapshot = snapshot_at(recording, at)
             births = births_of(recording)
             drawn = diagram(tick, snapshot.poc_graph(), snapshot.sensorium, births)
             draft.write_text(render(drawn, "graphml"), encoding="utf-8")
             return tick, 0
-        case "foxglove":
-            return write_drawable(draft, recording), 0
-        case "layout":
-            draft.write_bytes(layout_of(recording))
-            return 0, 0
-
-
-class _WriteTable(Protocol):
-    def __call__(
-        self, path: Path, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]
-    ) -> None:
-        """Write a table."""
 
 
 def _write_table(
-    draft: Path, recording: Recording, write: _WriteTable, only_readings: bool
+    draft: Path, recording: Recording, write: WriteTable, only_readings: bool
 ) -> tuple[int, int]:
     table = Table(births_of(recording).body, only_readings=only_readings)
     count = incomplete = 0
@@ -143,19 +127,3 @@ def _write_table(
 
     write(draft, table.columns, rows())
     return count, incomplete
-
-
-def _parquet() -> _WriteTable:
-    """Return what writes Parquet.
-
-    Raises:
-        NeurosnapError: pyarrow is not installed.
-    """
-    try:
-        from neurosnap.apps.export.as_parquet import write_parquet
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != "pyarrow":
-            raise
-        rule = must_have("pyarrow", "export")
-        raise NeurosnapError(f"format: {rule}") from error
-    return write_parquet

@@ -359,6 +359,7 @@ class PocGraph:
 
         Raises:
             ShapeError: `sensorium` has another number of sensors.
+            ImportError: networkx is not installed; the extra `export` brings it.
 
         Example:
             >>> g = PocGraph.from_implications(2, [(0, 2)])

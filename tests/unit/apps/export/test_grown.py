@@ -7,11 +7,9 @@ from pathlib import Path
 
 import networkx
 import pytest
-from mcap.reader import make_reader
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
-from neurosnap.apps.drawing.find_model import of_recording
 from neurosnap.apps.export.write import Form, export
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
@@ -64,47 +62,3 @@ def test_the_order_has_what_was_grown_by_then(
     ticks = {name: tick for name, tick in graph.nodes(data="born") if tick is not None}
     assert set(ticks) <= {GROWN, f"{GROWN}*"}
     assert set(ticks.values()) == {tick for tick, _ in born}
-
-
-def test_foxglove_is_shown_it_by_name_from_its_birth_on(
-    log: Path, tmp_path: Path
-) -> None:
-    path = written(log, "foxglove", tmp_path / "f.mcap")
-    signs, texts, balls, lines = [], [], [], []
-    with path.open("rb") as file:
-        for _, channel, message in make_reader(file).iter_messages():
-            content = json.loads(message.data)
-            match channel.topic:
-                case "/believed":
-                    signs.append(content)
-                case "/graph":
-                    entity = content["entities"][0]
-                    texts.append([text["text"] for text in entity["texts"]])
-                case "/graph/state":
-                    balls.append(len(content["entities"][0]["spheres"]))
-                case "/log":
-                    lines.append(content["message"])
-                case _:
-                    pass
-    assert {len(each) for each in signs} == {SENSORS + 1}
-    assert {each[GROWN] for each in signs[:BIRTH]} == {-1}
-    assert {each[GROWN] for each in signs[BIRTH:]} == {0, 1}
-    assert len(texts[0]) == balls[0] == 2 * SENSORS
-    assert texts[-1][-2:] == [GROWN, f"{GROWN}*"]
-    assert len(texts[-1]) == balls[-1] == 2 * (SENSORS + 1)
-    assert f"tick {BIRTH}: grew {GROWN}" in lines
-    bars = written(log, "layout", tmp_path / "l.json").read_text(encoding="utf-8")
-    assert GROWN in bars
-    assert "grown 2" not in bars
-
-
-@pytest.mark.parametrize(("tick", "sensors"), [(BIRTH - 1, 24), (TICKS, 25)])
-def test_a_model_is_of_the_sensors_there_are(
-    tick: int, sensors: int, log: Path
-) -> None:
-    found = of_recording(log, tick)
-    assert len(found.poc) == sensors
-    assert found.state is not None
-    assert len(found.state) == 2 * sensors
-    assert found.fields is not None
-    assert found.fields.fields.shape[0] == sensors

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import os
 import re
 import resource
@@ -28,7 +27,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource
 from tests.support.export_runs import NAMES, TICKS, recorded, rows
 
-FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml", "foxglove", "layout")
+FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml")
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +123,7 @@ def test_large_tables_are_written_in_groups(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     export(log, "parquet", tmp_path / "one.parquet")
-    monkeypatch.setattr("neurosnap.apps.export.as_parquet._CELLS", 200)
+    monkeypatch.setattr("neurosnap.apps.export.table_files._CELLS", 200)
     export(log, "parquet", tmp_path / "many.parquet")
     assert pq.ParquetFile(tmp_path / "many.parquet").num_row_groups > 3
     one, many = (pq.read_table(tmp_path / f"{n}.parquet") for n in ("one", "many"))
@@ -183,7 +182,6 @@ def test_several_files_are_exported_like_one(
     for file in files[1:]:
         with pytest.raises(InvalidValueError, match=r"^out: must be another file"):
             export(split, "csv", file, force=True)
-    assert export(files[1], "foxglove").ticks == len(share)
 
 
 def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
@@ -240,7 +238,7 @@ def test_a_cut_recording_is_exported_as_far_as_it_goes(
     assert Path(done.path).parent == tmp_path
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "foxglove"])
+@pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_damaged_recording_is_exported_without_what_is_damaged(
     log: Path, tmp_path: Path, form: Form
 ) -> None:
@@ -356,15 +354,6 @@ def test_parquet_without_pyarrow_says_what_to_install(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.delitem(sys.modules, "neurosnap.apps.export.as_parquet", raising=False)
     with pytest.raises(NeurosnapError, match=r"^format: must have pyarrow installed"):
         export(log, "parquet", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_layout_names_fields_that_there_are(log: Path, tmp_path: Path) -> None:
-    export(log, "layout", tmp_path / "out.json")
-    names = {*options_of(Recording.open(log)).sensors}
-    shown = json.loads((tmp_path / "out.json").read_text())["configById"]
-    bars = shown["StateTransitions!readings"]["paths"]
-    assert {path["label"] for path in bars} <= names

@@ -166,7 +166,7 @@ def test_an_export_has_the_ticks_there_are(whole: Path, log: Path) -> None:
     found = {tick.number: tick for tick in ticks(Recording.open(log))}
     assert all(found[k].state in (None, true[k].state) for k in found)
     assert {1, TICKS} < found.keys() < true.keys()
-    for form in ("csv", "foxglove", "graphml"):
+    for form in ("csv", "graphml"):
         exported = export(log, form)
         assert not exported.whole
         assert exported.damage
