@@ -14,7 +14,7 @@ PYTEST := $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --numpr
 # A test starts hundreds of interpreters: none is to compile everything anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test test-all test-rest quick check bench docs clean
+.PHONY: run test test-all test-rest quick check bench figures docs clean
 
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
@@ -40,6 +40,10 @@ check: .venv/installed-dev
 
 bench: .venv/installed-dev
 	$(BIN)/python tools/bench
+
+# The paper's experiments, or some of them: make figures ONLY=learning-empirical,growth
+figures: .venv/installed-dev
+	$(BIN)/python tools/paper figures $(if $(ONLY),--only $(ONLY))
 
 # In an environment of its own: what the pages are made of must not need the rest.
 docs: build/docs/installed

@@ -11,12 +11,12 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.planner import Planner
-from neurosnap.apps.figures.experiments.explorers import Explorer, journey
-from neurosnap.apps.figures.experiments.stages import Setting, StageEnv, stage_of
 from neurosnap.wire import Decision
 from tests.support.exhaustive import rows
 from tests.support.taught_agents import distances, state_readings
 from tests.support.transition_tables import Table, state_fields
+from tools.paper.explorers import Explorer, journey
+from tools.paper.stages import Setting, StageEnv, stage_of
 from world.toy_text import cliff_walking, frozen_lake
 
 

@@ -9,7 +9,6 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.memory import body_in
-from neurosnap.apps.figures.experiments.stages import Stage, StageEnv
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
@@ -18,6 +17,7 @@ from neurosnap.sources.open import open_source
 from tests.support import run_options
 from tests.support.aliased_worlds import NAME, ring, t_maze
 from tests.support.exhaustive import rows
+from tools.paper.stages import Stage, StageEnv
 
 SEEDS = range(3)
 

@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.examples import chain, exclusive
-from neurosnap.poc.dual.median import dual_graph, poc_of_median_graph
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import Element, PocSet
 from tests.support.edges import edges_of
 from tests.support.hypothesis_settings import examples
+from tests.support.median_graphs import dual_graph, poc_of_median_graph
 from tests.support.theory_oracles import Model, Vertex, face_counts
 from tests.support.theory_strategies import (
     Drawn,
@@ -30,6 +29,7 @@ from tests.support.theory_strategies import (
     poc_sets,
     relations,
 )
+from tools.paper.spaces import chain, exclusive
 
 
 @given(poc_sets())

@@ -1,8 +1,8 @@
 """The JSON Schemas that Foxglove and Lichtblick take, written down from their sources.
 
-The rules are those of ``packages/mcap-support/src/parseJsonSchema.ts``, of both programs
-together: the one looks at ``oneOf`` first and then needs no type, the other looks at the
-type alone.
+The rules are those of ``packages/mcap-support/src/parseJsonSchema.ts``, of both
+programs together: the one looks at ``oneOf`` first and then needs no type, the other
+looks at the type alone.
 """
 
 from typing import Any

@@ -3,7 +3,7 @@
 
 Ours and what it is compared with are measured in turns, everything is warm before the
 clock starts, and the best of the repeats or the median counts: what else runs on the
-machine only ever adds to a time. Not so plain numpy in the rows `cycle` and `learn`: it
+machine only ever adds to a time. Not so plain numpy in the row `cycle`: it
 takes so much longer that it is timed once, in one block. Each row is printed as soon as
 it is there; one that cannot be measured says why, and the others are measured. Nothing
 is judged: a mark says whether it came out as hoped, and the exit code is 0 either way.
@@ -37,7 +37,6 @@ ROWS = {
     "wave": "wave",
     "recording": "run",
     "observe": "observe",
-    "learn": "learn",
     "lazy": "lazy",
     "cycle": "agent",
     "growth": "growth",

@@ -1,4 +1,4 @@
-"""The rows on acting: a whole cycle of an agent, in Python and in one compiled loop.
+"""The row on acting: a whole cycle of an agent.
 
 The plain agent is the same agent with the memory in plain numpy: dense weights, edges
 as a matrix, closures by a breadth-first walk. It has to decide the same.
@@ -14,9 +14,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.excited import Excited
 from neurosnap.agent.policy import Signal, decided
-from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.agent.senses import Senses
-from neurosnap.apps.figures.experiments.compiled_agent import drive
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
 from neurosnap.sources.gymnasium_source import import_worlds
 from tools.bench.observe import Plain
@@ -64,35 +62,7 @@ def cycle(sizes: Sizes) -> list[Line]:
             best <= _REACH,
             {"seconds": best, "numpy_seconds": bare, "times_numpy": bare / best},
         ),
-        _loop(world, sizes.batches, best),
     ]
-
-
-def _loop(world: "_World", batches: int, cycle: float) -> Line:
-    """Time the same in the compiled loop of figure 4."""
-    draws = RandomNumbers(1).table(_LEARNED + 1)
-    arguments = (
-        world.moves,
-        world.fields.view(np.uint8),
-        world.distances,
-        0,
-        _THRESHOLD,
-        -1.0,
-        0.2,
-    )
-    drive(*arguments, draws)
-    times = []
-    for _ in range(batches):
-        began = time.perf_counter()
-        drive(*arguments, draws)
-        times.append((time.perf_counter() - began) / _LEARNED)
-    best = min(times)
-    return Line(
-        "the same in one compiled loop (figure 4)",
-        f"{best * 1e6:.1f} µs (1/{cycle / best:.0f} of the above)",
-        f"the agent {cycle * 1e6:.0f} µs",
-        figures={"seconds": best, "times_agent": cycle / best},
-    )
 
 
 class _World:

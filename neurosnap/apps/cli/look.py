@@ -1,4 +1,4 @@
-"""``neurosnap info``, ``graph``, ``model`` and ``doctor``: print and draw."""
+"""``neurosnap info``, ``graph`` and ``doctor``: print what there is to know."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG, option
+from neurosnap.apps.cli.options import option
 from neurosnap.apps.cli.relations import Every, Force, Out, answered_by
 from neurosnap.apps.cli.shared import (
     LOST,
@@ -92,86 +92,6 @@ def graph(
             # For programs, which take it for UTF-8 whatever a terminal is.
             typer.echo(render(drawn, wanted).encode())
         end_by(recording)
-
-
-@app.command()
-def model(
-    what: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="NAME|LOG|EXPR",
-            help="The name of a model (--list shows them), or a recording, or sensors"
-            ' and the implications between them: "a, b : a < b*".',
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Where to put the picture, a .png, .svg, .pdf or .tex (TikZ); replaces"
-            " what is there.",
-            show_default="NAME.png; none with --json",
-        ),
-    ] = None,
-    at: OptionalTick = None,
-    limit: Annotated[
-        int,
-        typer.Option(help="Do not draw the dual if it has more vertices than this."),
-    ] = 256,
-    only: Annotated[
-        str,
-        typer.Option(
-            metavar="A,B",
-            help="Draw these sensors only, and the order among them.",
-            show_default="all",
-        ),
-    ] = "",
-    names: Annotated[
-        bool,
-        typer.Option("--list", metavar=FLAG, help="List the names of the models."),
-    ] = False,
-    as_json: Json = False,
-) -> None:
-    """Draw a poc set (an order on sensors) and its dual (the space of their states)."""
-    from neurosnap.apps.drawing.find_model import find, listed
-    from neurosnap.apps.drawing.measures import in_words, measure
-    from neurosnap.apps.drawing.page import check_picture, draw_model
-    from neurosnap.apps.drawing.structure import structure
-    from neurosnap.system.picture import KINDS
-
-    with errors():
-        if names:
-            for name, title in listed().items():
-                say(as_json).print(f"{name:24} {title}", markup=False, soft_wrap=True)
-            if as_json:
-                print_json({"models": listed()})
-            return
-        if what is None:
-            rule = "must be a name of --list, a recording or an expression"
-            raise InvalidValueError("model", rule, "nothing")
-        if out is not None or not as_json:
-            check_picture(out or Path("a.png"))
-        kept = [name.strip() for name in only.split(",") if name.strip()]
-        found = find(what, at, limit, kept)
-        path = Path(f"{found.name}.png") if out is None and not as_json else out
-        numbers = measure(found)
-        lines = [numbers.title, *in_words(numbers)]
-        if path is not None:
-            with unwinding():
-                draw_model(found, numbers, path)
-            lines.append(f"wrote {path}")
-        for line in lines:
-            say(as_json).print(line, markup=False, soft_wrap=True)
-        if as_json:
-            files = dict.fromkeys((*KINDS, "tex"))
-            drawn = {} if path is None else {path.suffix[1:].lower(): str(path)}
-            facts = {
-                **msgspec.to_builtins(numbers),
-                **msgspec.to_builtins(structure(found)),
-            }
-            print_json({**files, **drawn, **facts})
-        if found.recording is not None:
-            end_by(found.recording)
 
 
 @app.command()

@@ -1,15 +1,13 @@
-"""``neurosnap depth`` and ``figures``: measurements and the paper's experiments."""
+"""``neurosnap depth``: measures the depth of waves against the height of the order."""
 
 import asyncio
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import CELLS, FLAG, HOSTS, option
+from neurosnap.apps.cli.options import CELLS, HOSTS, option
 from neurosnap.apps.cli.shared import (
-    LOST,
     Json,
     app,
     end_by,
@@ -20,7 +18,6 @@ from neurosnap.apps.cli.shared import (
     screen,
 )
 from neurosnap.apps.cli.stopping import unwinding
-from neurosnap.apps.figures.experiments.learning_error import TruthKind
 from neurosnap.errors import (
     InvalidValueError,
     MissingExtraError,
@@ -140,96 +137,6 @@ def depth(
             print_json(output.depth_facts(rows, line, wrote))
         if recording is not None:
             end_by(recording)
-
-
-@app.command()
-def figures(
-    only: Annotated[
-        str,
-        typer.Option(
-            metavar="A,B",
-            help="Make these figures only, by name or number.",
-            show_default="all",
-        ),
-    ] = "",
-    runs: Annotated[
-        int, typer.Option(help="How many times to run each experiment.")
-    ] = 50,
-    steps: Annotated[
-        int, typer.Option(help="How many observations to take in each run.")
-    ] = 8000,
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="The folder for pictures and data.")
-    ] = Path("figures"),
-    seed: int = option("seed", "Seed of all random numbers."),
-    truth: Annotated[
-        TruthKind,
-        typer.Option(
-            help="Compare what is learned with the implications that hold everywhere in"
-            " the world (contained), or with those that an endless walk would learn"
-            " (thresholded)."
-        ),
-    ] = "contained",
-    equivalences: Annotated[
-        bool,
-        typer.Option(
-            metavar=FLAG, help="Let a snapshot learn that two sensors are the same."
-        ),
-    ] = False,
-    homes: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="A folder of recorded homes, in any form that `learn` reads.",
-            show_default="none: leave their figure out",
-        ),
-    ] = None,
-    alarms: Annotated[
-        str,
-        typer.Option(metavar="N/TIME", help="The budget of alarms in these homes."),
-    ] = "1/week",
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            help="How many threads compute.", show_default="one for each processor core"
-        ),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Repeat the paper's experiments: pictures, data, and whether its claims hold.
-
-    What is finished is kept in DIR/cells: after Ctrl-C the same command goes on.
-
-    With fewer --runs and --steps it takes less time, and proves less.
-    """
-    from neurosnap.apps.cli import output
-    from neurosnap.apps.figures.figure import FigureOptions
-    from neurosnap.apps.figures.run import run_figures
-
-    with errors():
-        options = FigureOptions(
-            only=tuple(name.strip() for name in only.split(",") if name.strip()),
-            runs=runs,
-            steps=steps,
-            out=out,
-            seed=seed,
-            truth=truth,
-            equivalences=equivalences,
-            homes=homes,
-            alarms=alarms,
-            workers=(os.cpu_count() or 1) if workers is None else workers,
-        )
-        with output.progress(screen, "runs", None) as on_progress:
-            results = run_async(
-                lambda stop: asyncio.to_thread(
-                    run_figures, options, on_progress, stop.is_set
-                )
-            )
-        output.figures(say(as_json), results)
-        if as_json:
-            print_json(output.figure_facts(results))
-        if results.missing:
-            raise typer.Exit(LOST)
 
 
 def _numbers(name: str, text: str) -> tuple[int, ...]:

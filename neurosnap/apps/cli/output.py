@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.apps.doctor import Finding
-    from neurosnap.apps.figures.run import FigureResults
     from neurosnap.depth.measure import Line
     from neurosnap.depth.probe import Measured
     from neurosnap.health.news import Standing
@@ -72,27 +71,6 @@ class OnProgress(Protocol):
 
     def __call__(self, done: int, of: int | None = None) -> None:
         """Show it."""
-
-
-def figures(console: Console, results: FigureResults) -> None:
-    """Say what figures were made, what was fitted, and what agrees with the paper."""
-    console.print(f"cells: {results.computed} computed, {results.reused} reused")
-    for figure in results.figures:
-        files = ", ".join(str(path) for path in figure.files)
-        console.print(f"\n{figure.title}: {files}", markup=False, soft_wrap=True)
-        for line in figure.lines:
-            console.print(f"  {line}", markup=False, soft_wrap=True)
-        for claim in figure.claims:
-            text = f"  {claim.verdict}: {claim.says}: {claim.numbers}"
-            console.print(text, markup=False, soft_wrap=True)
-    if results.missing:
-        console.print(f"stopped: {results.missing} cells are still to be computed")
-
-
-def figure_facts(results: FigureResults) -> dict[str, object]:
-    """Return what came of the figures as one JSON object."""
-    facts: dict[str, object] = msgspec.to_builtins(results, enc_hook=str)
-    return facts
 
 
 def outcome_facts(

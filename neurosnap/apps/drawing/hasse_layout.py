@@ -1,23 +1,34 @@
-"""Where the boxes and the lines of a Hasse diagram are: for any kind of picture."""
+"""Where the boxes and the lines of a Hasse diagram are: for any kind of picture.
 
+A box stands at a rank: half its longest chain downwards less half its longest chain
+upwards, so that an element and its complement stand at opposite ranks. Each connected
+part is laid out by itself; if it holds the complements of its elements it is its own
+image under half a turn, otherwise its complements' part stands beside it, turned.
+Within a rank, boxes stand near to what they are joined to, and a line that passes a
+rank has a place of its own there, so that it runs behind no box (Sugiyama 1981).
+"""
+
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from neurosnap.apps.drawing.dual_view import element_name
-from neurosnap.apps.drawing.layout_cost import Floats
-from neurosnap.apps.drawing.rank_layout import stand
 from neurosnap.poc.order.pocset import PocSet
 
-Measure: TypeAlias = Callable[[str, float], float]
-"""Returns how wide a text is, in inches, for a size in points."""
+Floats: TypeAlias = NDArray[np.float64]
+Measure: TypeAlias = Callable[[str], float]
+"""Returns how wide a name is, in inches."""
 
-SIZE = 9.0
-"""The size of a name, in points."""
 HIGH = 0.236
 """How high a box is, in inches."""
+
+_GAP = 0.2  # between boxes
+_LANE = 0.13  # what a line takes of a rank that it passes
+_ROUNDS = 24
+_LONGEST = 28
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,41 +56,31 @@ def lay_out_hasse(poc: PocSet, measure: Measure) -> Hasse:
     """Return the Hasse diagram of a poc set, bounds left out."""
     heads = np.unique(poc.graph.representative).tolist()
     number = {a: k for k, a in enumerate(heads)}
-    covers = np.array(
-        [(number[a], number[b]) for a, b in poc.hasse()], np.int64
-    ).reshape(-1, 2)
-    mates = np.array([number[a ^ 1] for a in heads], np.int64)
+    covers = [(number[a], number[b]) for a, b in poc.hasse()]
+    mates = [number[a ^ 1] for a in heads]
     names = [element_name(poc, a) for a in heads]
-    wide = np.array([measure(name, SIZE) + 0.16 for name in names])
+    wide = np.array([measure(name) + 0.16 for name in names])
     wide = np.maximum(np.maximum(wide, wide[mates]), 0.32)
-    stood = stand(covers, wide, mates)
-    x, rank = stood.across, stood.rank
+    across, rank, lines = stand(covers, wide + _GAP, mates)
+    # Wide orders need steep lines.
     span = max(float(np.ptp(rank)), 1e-9)
-    # Lines that pass ranks need room between them, and wide orders steep lines.
-    least = 2.8 if all(len(line) < 3 for line in stood.lines) else 9.0
-    step = float(np.clip(least / span, 0.56, 0.9))
-    step = max(step, min(float(x.max()) / 3 / span, 1.8))
-    y = (rank - rank.min()) * step + 0.16
-    boxes = np.stack([x - wide / 2, y - HIGH / 2, x + wide / 2, y + HIGH / 2], 1)
-    lines = tuple(
-        _routed(
-            np.stack([line[:, 0], (line[:, 1] - rank.min()) * step + 0.16], axis=1),
-            np.delete(boxes, pair, axis=0),
-        )
-        for line, pair in zip(stood.lines, covers.tolist(), strict=True)
+    width = float(across.max(initial=0))
+    step = max(float(np.clip(4.0 / span, 0.56, 0.9)), min(width / 3 / span, 1.8))
+    lift = np.array([0.0, -rank.min(initial=0) * step + HIGH])
+    places = np.stack([across, rank], axis=1) * [1, step] + lift
+    half = np.stack([wide, np.full(len(wide), HIGH)], axis=1) / 2
+    boxes = np.concatenate([places - half, places + half], axis=1)
+    scaled = tuple(
+        _tight(line * [1, step] + lift, np.delete(boxes, pair, axis=0))
+        for line, pair in zip(lines, covers, strict=True)
     )
-    width = max([float((x + wide / 2).max()), *(float(p[:, 0].max()) for p in lines)])
-    return Hasse(
-        heads=tuple(heads),
-        names=tuple(names),
-        places=np.stack([x, y], axis=1),
-        wide=wide,
-        lines=lines,
-        size=(width, float(y.max()) + 0.16),
-    )
+    right = [float((places[:, 0] + wide / 2).max(initial=0))]
+    right += [float(line[:, 0].max()) for line in scaled]
+    top = float(places[:, 1].max(initial=0)) + HIGH
+    return Hasse(tuple(heads), tuple(names), places, wide, scaled, (max(right), top))
 
 
-def _routed(line: Floats, boxes: Floats) -> Floats:
+def _tight(line: Floats, boxes: Floats) -> Floats:
     """Return a line pulled tight: straight as far as it keeps clear of the boxes."""
     # Upright beside the boxes of the ranks it passes.
     inner = np.repeat(line[1:-1], 2, axis=0)
@@ -90,8 +91,8 @@ def _routed(line: Floats, boxes: Floats) -> Floats:
     while kept[-1] < len(points) - 1:
         here = kept[-1]
         ahead = range(len(points) - 1, here, -1)
-        seen = (k for k in ahead if _is_clear(points[here], points[k], boxes))
-        kept.append(next(seen, here + 1))
+        clear = (k for k in ahead if _is_clear(points[here], points[k], boxes))
+        kept.append(next(clear, here + 1))
     return points[kept]
 
 
@@ -100,3 +101,221 @@ def _is_clear(start: Floats, end: Floats, boxes: Floats) -> bool:
     way = start + np.linspace(0, 1, 80)[:, None] * (end - start)
     off = np.maximum(boxes[:, None, :2] - way, way - boxes[:, None, 2:])
     return bool((off.max(axis=2) > 0.03).all())
+
+
+def element_name(poc: PocSet, literal: int) -> str:
+    """Return the name of the element of a representative: all literals in its class."""
+    same = poc.graph.representative == literal
+    names = [poc.name(a) for a in np.flatnonzero(same).tolist()]
+    if len(names) > 4:
+        names = [*names[:3], f"{len(names) - 3} more"]
+    return " = ".join(short(name) for name in names)
+
+
+def short(name: str) -> str:
+    """Return a name, its middle left out if it is very long."""
+    if len(name) <= _LONGEST:
+        return name
+    half = _LONGEST // 2
+    return f"{name[: half - 1]}…{name[-half:]}"
+
+
+def ranks(covers: list[tuple[int, int]], count: int) -> Floats:
+    """Return the ranks of elements, in steps of a half.
+
+    Args:
+        covers: Each pair is an element and one directly above it.
+        count: How many elements there are.
+
+    Example:
+        >>> ranks([(0, 1), (1, 2)], 3)
+        array([-1.,  0.,  1.])
+    """
+    low, high = np.array(covers, np.int64).reshape(-1, 2).T
+    below, above = np.zeros((2, count))
+    for _ in range(count):
+        before = below.copy()
+        np.maximum.at(below, high, below[low] + 1)
+        np.maximum.at(above, low, above[high] + 1)
+        if (below == before).all():
+            break
+    return np.asarray((below - above) / 2)
+
+
+def stand(
+    covers: list[tuple[int, int]], room: Floats, mates: list[int]
+) -> tuple[Floats, Floats, list[Floats]]:
+    """Return where the elements of an order stand.
+
+    Args:
+        covers: As for `ranks`.
+        room: ``(n,)``: how much of its rank each takes; complements take as much.
+        mates: Each element's complement.
+
+    Returns:
+        The middles of the elements across, from 0 on; their ranks; and for each pair
+        of `covers` its line, ``(k, 2)``: across and rank, from the lower end up.
+    """
+    count = len(room)
+    rank = ranks(covers, count)
+    across, edge = np.zeros(count), 0.0
+    lines: dict[tuple[int, int], Floats] = {}
+    done: set[int] = set()
+    for part in _parts(covers, count):
+        if part[0] in done:
+            continue
+        whole = mates[part[0]] in part
+        own = [(a, b) for a, b in covers if a in part]
+        placed, drawn = _Part(part, own, rank, room, mates if whole else None).place()
+        ends = [(placed[a] - room[a] / 2, placed[a] + room[a] / 2) for a in part]
+        left = min([x for x, _ in ends] + [line[:, 0].min() for line in drawn.values()])
+        right = max(
+            [x for _, x in ends] + [line[:, 0].max() for line in drawn.values()]
+        )
+        for a in part:
+            across[a] = edge + placed[a] - left
+            if not whole:
+                across[mates[a]] = edge + right - left + right - placed[a]
+        for (a, b), line in drawn.items():
+            lines[a, b] = line + np.array([edge - left, 0])
+            if not whole:
+                turned = line[::-1] * [-1, -1] + [edge + 2 * right - left, 0]
+                lines[mates[b], mates[a]] = turned
+        done.update(part, (mates[a] for a in part))
+        edge += (right - left) * (1 if whole else 2)
+    return across, rank, [lines[pair] for pair in covers]
+
+
+def _parts(covers: list[tuple[int, int]], count: int) -> list[list[int]]:
+    """Return the connected parts of an order, each sorted."""
+    part = list(range(count))
+    members = [[k] for k in part]
+    for a, b in covers:
+        one, other = part[a], part[b]
+        if one != other:
+            for k in members[other]:
+                part[k] = one
+            members[one] += members[other]
+            members[other] = []
+    return [sorted(each) for each in members if each]
+
+
+class _Part:
+    """One connected part of an order, to be spread out around 0.
+
+    A node is an element, or a line where it passes a rank; nodes are joined to nodes
+    of the neighbouring ranks only.
+
+    Args:
+        own: Its elements.
+        covers: Its joined pairs.
+        rank: The ranks of all elements.
+        room: How much of its rank each element takes.
+        mates: The complements, if it is its own image under half a turn.
+    """
+
+    def __init__(
+        self,
+        own: list[int],
+        covers: list[tuple[int, int]],
+        rank: Floats,
+        room: Floats,
+        mates: list[int] | None,
+    ) -> None:
+        self._own = own
+        self._levels = sorted({float(rank[a]) for a in own})
+        node: dict[tuple[int, ...], int] = {(a,): k for k, a in enumerate(own)}
+        level = [self._levels.index(float(rank[a])) for a in own]
+        self._chains: dict[tuple[int, int], list[int]] = {}
+        for a, b in covers:
+            low, high = node[a,], node[b,]
+            between = range(level[low] + 1, level[high])
+            chain = [len(level) + k for k in range(len(between))]
+            node |= {(a, b, at): k for at, k in zip(between, chain, strict=True)}
+            level += between
+            self._chains[a, b] = [low, *chain, high]
+        self._level = np.array(level)
+        lanes = len(level) - len(own)
+        self._room = np.concatenate([room[own], np.full(lanes, _LANE)])
+        # Lines that pass stay straight; the elements beside them make room.
+        self._pull = np.where(np.arange(len(level)) < len(own), 1.0, 3.0)
+        steps = [pair for c in self._chains.values() for pair in itertools.pairwise(c)]
+        self._steps = np.array(steps, np.int64).reshape(-1, 2)
+        self._mate: list[int] | None = None
+        if mates is not None:
+            self._mate = [0] * len(level)
+            for key, k in node.items():
+                image: tuple[int, ...] = (mates[key[0]],)
+                if len(key) > 1:
+                    top = len(self._levels) - 1
+                    image = mates[key[1]], mates[key[0]], top - key[2]
+                self._mate[k] = node[image]
+
+    def place(self) -> tuple[dict[int, float], dict[tuple[int, int], Floats]]:
+        """Return where its elements stand and its lines run."""
+        rows = [np.flatnonzero(self._level == k) for k in range(len(self._levels))]
+        best, least = rows, self._crossings(rows)
+        across = self._spread(rows, None)
+        for turn in range(_ROUNDS):
+            # Downwards and upwards in turns: each row by what it is joined to.
+            way = slice(None) if turn % 2 else slice(None, None, -1)
+            for k in range(len(rows))[way]:
+                wish = self._wishes(across)
+                rows[k] = rows[k][np.argsort(wish[rows[k]], kind="stable")]
+                across = self._spread(rows, None)
+            crossings = self._crossings(rows)
+            if crossings < least:
+                best, least = list(rows), crossings
+        across = self._spread(best, None)
+        for _ in range(5 * _ROUNDS):
+            across = self._spread(best, self._wishes(across))
+        high = np.array(self._levels)[self._level]
+        lines = {
+            pair: np.stack([across[chain], high[chain]], axis=1)
+            for pair, chain in self._chains.items()
+        }
+        return dict(zip(self._own, across.tolist(), strict=False)), lines
+
+    def _crossings(self, rows: list[NDArray[np.int64]]) -> int:
+        """Return how many pairs of lines cross."""
+        place = np.empty(len(self._level), np.int64)
+        for row in rows:
+            place[row] = np.arange(len(row))
+        total = 0
+        for level in range(len(rows)):
+            ends = place[self._steps[self._level[self._steps[:, 0]] == level]]
+            apart = ends[:, None] - ends
+            total += int((apart[..., 0] * apart[..., 1] < 0).sum()) // 2
+        return total
+
+    def _wishes(self, across: Floats) -> Floats:
+        """Return where each would stand if it were alone: amid what it is joined to."""
+        low, high = self._steps.T
+        count = np.bincount(self._steps.ravel(), minlength=len(across))
+        total = np.bincount(low, across[high], len(across))
+        total += np.bincount(high, across[low], len(across))
+        wish = np.where(count > 0, total / np.maximum(count, 1), across)
+        return wish if self._mate is None else (wish - wish[self._mate]) / 2
+
+    def _spread(self, rows: list[NDArray[np.int64]], wish: Floats | None) -> Floats:
+        """Return places in the given order, as near to the wishes as there is room."""
+        across = np.zeros(len(self._level))
+        for row in rows:
+            room = self._room[row]
+            offset = np.cumsum(room) - room / 2
+            if wish is None:
+                across[row] = offset - room.sum() / 2
+            else:
+                across[row] = _rising(wish[row] - offset, self._pull[row]) + offset
+        return across
+
+
+def _rising(goal: Floats, pull: Floats) -> Floats:
+    """Return the closest values that never fall: pooled neighbours take their mean."""
+    pools: list[tuple[float, float, int]] = []
+    for value, weight in zip(goal.tolist(), pull.tolist(), strict=True):
+        pools.append((value, weight, 1))
+        while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
+            (one, v, m), (two, w, n) = pools[-2:]
+            pools[-2:] = [((one * v + two * w) / (v + w), v + w, m + n)]
+    return np.concatenate([np.full(n, mean) for mean, _, n in pools] or [np.zeros(0)])

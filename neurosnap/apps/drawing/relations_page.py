@@ -8,16 +8,19 @@ from collections.abc import Sequence
 from html import escape
 from itertools import pairwise
 
-import networkx as nx
 import numpy as np
 
-from neurosnap.apps.drawing.rank_layout import stand
+from neurosnap.apps.drawing.hasse_layout import HIGH, lay_out_hasse
 from neurosnap.poc.learning.relation_table import Relation
-from neurosnap.sensorium import visible
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.pocset import PocSet
+from neurosnap.sensorium import Sensorium, visible
 
 _MOST = 240
-"""Elements that are drawn: of more nobody sees anything."""
-_LETTER, _HIGH, _STEP, _EDGE = 7.2, 22.0, 64.0, 24.0
+"""Elements that are drawn: of more the names could not be read."""
+_INCH = 100.0
+"""Pixels an inch: a letter is 7.2 pixels wide."""
+_LETTER, _EDGE = 0.072, 12.0
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem; color: #1c2530;
   background: #fff; }
@@ -90,40 +93,40 @@ def relations_page(
 
 def _figure(relations: Sequence[Relation]) -> str:
     """Return the order as a picture: what implies stands below what it implies."""
-    literals = nx.DiGraph(
-        [edge for row in relations for edge in _edges(row)]
-        + [(_other(b), _other(a)) for row in relations for a, b in _edges(row)]
-    )
-    order = nx.condensation(literals) if literals else nx.DiGraph()
-    members = [sorted(order.nodes[k]["members"]) for k in order]
-    where = {name: k for k, names in enumerate(members) for name in names}
-    mates = np.array([where[_other(names[0])] for names in members], np.int64)
-    if not members or len(members) > _MOST or (mates == np.arange(len(mates))).any():
+    pairs = [pair for row in relations for pair in _edges(row)]
+    names = dict.fromkeys(name.removesuffix("*") for pair in pairs for name in pair)
+    if not names:
         return ""
-    covers = np.array(sorted(nx.transitive_reduction(order).edges), np.int64)
-    names = [visible(" = ".join(group)) for group in members]
-    wide = np.array([_LETTER * len(name) + 16 for name in names])
-    wide = np.maximum(wide, wide[mates])
-    stood = stand(covers.reshape(-1, 2), wide, mates, gap=_EDGE)
-    low, high = stood.rank.min(), stood.rank.max()
-    width = float((stood.across + wide / 2).max()) + _EDGE
-    width = max([width, *(float(line[:, 0].max()) + _EDGE for line in stood.lines)])
-    height = float(high - low) * _STEP + 2 * _EDGE + _HIGH
+    sensors = Sensorium(names)
+    implications = [(sensors.literal(a), sensors.literal(b)) for a, b in pairs]
+    graph = PocGraph.from_implications(len(sensors), implications)
+    stands_for = graph.representative
+    contradicted = (stands_for[::2] == stands_for[1::2]).any()
+    if contradicted or len(np.unique(stands_for)) > _MOST:
+        return ""
+    hasse = lay_out_hasse(
+        PocSet.from_graph(graph, sensors), lambda name: _LETTER * len(visible(name))
+    )
+    width, height = (length * _INCH + 2 * _EDGE for length in hasse.size)
 
-    def down(rank: float) -> float:
-        return float(high - rank) * _STEP + _EDGE + _HIGH / 2
+    def placed(x: float, y: float) -> tuple[float, float]:
+        return x * _INCH + _EDGE, height - y * _INCH - _EDGE
 
     shapes = []
-    for line in stood.lines:
-        points = " ".join(f"{x:.1f},{down(rank):.1f}" for x, rank in line.tolist())
+    for line in hasse.lines:
+        ends = (placed(x, y) for x, y in line.tolist())
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in ends)
         shapes.append(f'<polyline points="{points}"/>')
-    for k, name in enumerate(names):
-        x, y, half = float(stood.across[k]), down(float(stood.rank[k])), wide[k] / 2
-        off = ' class="off"' if all(each.endswith("*") for each in members[k]) else ""
+    high = HIGH * _INCH
+    for k, name in enumerate(hasse.names):
+        x, y = placed(*hasse.places[k].tolist())
+        half = float(hasse.wide[k]) * _INCH / 2
+        members = np.flatnonzero(stands_for == hasse.heads[k])
+        off = ' class="off"' if (members % 2 == 1).all() else ""
         shapes.append(
-            f'<g{off}><rect x="{x - half:.1f}" y="{y - _HIGH / 2:.1f}" rx="4"'
-            f' width="{2 * half:.1f}" height="{_HIGH}"/>'
-            f'<text x="{x:.1f}" y="{y + 4:.1f}">{escape(name)}</text></g>'
+            f'<g{off}><rect x="{x - half:.1f}" y="{y - high / 2:.1f}" rx="4"'
+            f' width="{2 * half:.1f}" height="{high:.1f}"/>'
+            f'<text x="{x:.1f}" y="{y + 4:.1f}">{escape(visible(name))}</text></g>'
         )
     return (
         f'<figure><svg width="{width:.0f}" height="{height:.0f}" role="img"'

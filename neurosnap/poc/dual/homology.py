@@ -1,9 +1,9 @@
 """Cell complexes and their homology over the field of two elements.
 
 A complex is, for every dimension, a list of cells and for each cell the numbers of its
-faces one dimension lower: enough for Euler characteristic and Betti numbers, whatever
-the cells are. Boundaries are columns of bits, one whole number each, so that adding
-two columns is one exclusive or.
+faces one dimension lower: enough for Betti numbers, whatever the cells are. Boundaries
+are columns of bits, one whole number each, so that adding two columns is one exclusive
+or.
 """
 
 import itertools
@@ -93,10 +93,6 @@ class CellComplex:
     def face_vector(self) -> tuple[int, ...]:
         """Return the number of cells of each dimension."""
         return tuple(len(columns) for columns in self._columns)
-
-    def euler_characteristic(self) -> int:
-        """Return the alternating sum of the face vector."""
-        return sum((-1) ** d * count for d, count in enumerate(self.face_vector()))
 
     def betti_numbers(self) -> tuple[int, ...]:
         """Return the dimensions of the homology groups over GF(2).

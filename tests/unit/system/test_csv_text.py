@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.body import Body
-from neurosnap.apps.export.as_csv import write_csv
 from neurosnap.apps.export.columns import Column, Table
+from neurosnap.apps.export.table_files import write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.csv_source import CsvSource

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.apps.drawing.dual_view import View
-from neurosnap.apps.drawing.find_model import find
 from neurosnap.system.palette import FEW, HUES, MANY, ink_on, luminance, mixed, rgb
 
 Floats = NDArray[np.float64]
@@ -92,31 +90,6 @@ def test_steps_of_a_quantity_rise_in_lightness(seen_by: str) -> None:
     rising = np.diff([lab(colour, seen_by)[0] for colour in steps(10)])
     assert rising.min() > 4
     assert lab(steps(10)[-1])[0] < 82  # a line of it is seen on white
-
-
-@pytest.mark.parametrize("name", ["simple", "beacons", "six-arcs", "six-wide-arcs"])
-@pytest.mark.parametrize("seen_by", SEEN_BY)
-def test_sensors_of_a_dual_stay_apart(name: str, seen_by: str) -> None:
-    model = find(name)
-    assert model.vertices is not None
-    colours = View.of(model.poc, model.vertices, seen=model.witnessed).colours
-    assert closest(colours, seen_by) > 25
-    assert grey_gap(colours) > 9
-
-
-@pytest.mark.parametrize("name", ["grid", "path-with-all-contexts", "thresholds"])
-def test_sensors_of_a_direction_go_from_dark_to_light(name: str) -> None:
-    model = find(name)
-    assert model.vertices is not None
-    view = View.of(model.poc, model.vertices, level=model.level, seen=model.witnessed)
-    ways: dict[tuple[float, ...], list[float]] = {}
-    for way, colour in zip(
-        view.layout.directions.round(9).tolist(), view.colours, strict=True
-    ):
-        ways.setdefault(tuple(way), []).append(lab(colour)[0])
-    assert max(map(len, ways.values())) > 1
-    for shades in ways.values():
-        assert len(shades) == 1 or np.diff(shades).min() > 0.5
 
 
 def test_hues_are_of_the_palette_and_shades_lie_between() -> None:

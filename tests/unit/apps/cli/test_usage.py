@@ -81,7 +81,6 @@ def test_a_broker_is_for_mqtt_alone(source: str, broker: str) -> None:
         ("watch",),
         ("view",),
         ("depth",),
-        ("model",),
     ],
 )
 def test_a_recording_that_is_not_there_is_wrong_usage_like_a_missing_csv(

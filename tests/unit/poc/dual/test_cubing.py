@@ -9,9 +9,9 @@ import pytest
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.counting import Counter
 from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.examples import chain, exclusive, grid, simple
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
+from tools.paper.spaces import chain, exclusive, grid, simple
 
 
 def test_the_simple_example() -> None:

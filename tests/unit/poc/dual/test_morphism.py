@@ -8,9 +8,9 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, UnknownSensorError
 from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.examples import bad_dual, degeneration
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
 from neurosnap.poc.order.pocset import PocSet
+from tools.paper.spaces import bad_dual, degeneration
 
 P = PocSet.parse("a, b : a < b")
 Q = PocSet.parse("x, y : x* < y")

@@ -7,13 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap import EmpiricalSnapshot
-from neurosnap.apps.figures.experiments import kernels
-from neurosnap.apps.figures.experiments.walks import Walk, walks
-from neurosnap.apps.figures.learners import THRESHOLDS
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.pair_codes import strict
 from neurosnap.poc.learning.relation_table import tabulate
 from tests.support.planted import planted
+from tools.paper.learners import THRESHOLDS
+from tools.paper.learning_error import errors
+from tools.paper.walks import Walk, walk
 
 pytestmark = pytest.mark.slow
 
@@ -25,34 +24,27 @@ ONE = 2 / RUNS
 Errors = NDArray[np.float64]
 
 
-def auto_errors(walk: Walk, readings: NDArray[np.uint8]) -> list[int]:
-    snapshot, errors = EmpiricalSnapshot(readings.shape[1], "auto"), []
-    for bits in readings:
-        snapshot.learn(bits)
-        wrong = strict(snapshot.codes) ^ walk.contained
-        errors.append(2 * int(np.bitwise_count(wrong).sum()))
-    return errors
-
-
 def mean_errors(setting: str, noise: float) -> tuple[Errors, Errors]:
     """The mean Err of auto, and of each fixed threshold, at every step.
 
     Bits flip with a chance of `noise` from step 1,000 to 2,000.
     """
-    auto, fixed = [], []
-    for run, walk in enumerate(walks(setting, 3, RUNS, STEPS)):
-        readings = walk.views[walk.places]
+    found = []
+    for run in range(RUNS):
+        seen = walk(setting, 3, run, STEPS)
+        readings = seen.fields.T[seen.places]
         flips = np.random.default_rng(run).random(readings.shape) < noise
-        readings[1000:2000] ^= flips[1000:2000].astype(np.uint8)
-        auto.append(auto_errors(walk, readings))
-        seen = readings, np.arange(STEPS)
-        fixed.append(
+        readings[1000:2000] ^= flips[1000:2000]
+        # Each reading is a place of its own.
+        noisy = Walk(readings.T, seen.moves, np.arange(STEPS))
+        found.append(
             [
-                kernels.empirical_errors(*seen, tau, walk.contained, False)
-                for tau in THRESHOLDS
+                errors(noisy, EmpiricalSnapshot(len(seen.fields), tau), seen.contained)
+                for tau in ("auto", *THRESHOLDS)
             ]
         )
-    return np.mean(auto, axis=0), np.mean(fixed, axis=0)
+    auto, *fixed = np.mean(found, axis=0)
+    return auto, np.array(fixed)
 
 
 @pytest.mark.parametrize("setting", ["path", "cycle", "grid", "random"])

@@ -1,0 +1,118 @@
+"""Errors are those of graphs, and what is true is what its definition says."""
+
+from fractions import Fraction
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.pair_codes import rows_of
+from neurosnap.poc.order.literals import from_words
+from tools.paper.learning_error import LearningEntry, new_snapshot
+from tools.paper.walks import (
+    SETTINGS,
+    codes_of,
+    stationary,
+    thresholded,
+    walk,
+)
+
+Fields = NDArray[np.bool_]
+
+
+def entry(setting: str, decay: float | None, steps: int = 120) -> LearningEntry:
+    return LearningEntry(
+        setting=setting,
+        threshold=1 / 8000,
+        decay=decay,
+        truth="contained",
+        runs=2,
+        steps=steps,
+        seed=5,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("setting", "decay"), [("grid", None), ("random", 0.75)])
+def test_a_row_is_how_far_each_graph_is_from_the_truth(
+    setting: str, decay: float | None
+) -> None:
+    cell = entry(setting, decay)
+    seen = walk(setting, cell.seed, 1, cell.steps)
+    true = from_words(rows_of(seen.contained, 20), 40)
+    snapshot, expected = new_snapshot(cell.threshold, decay, 20), []
+    for place in seen.places:
+        snapshot.learn(seen.fields[:, place])
+        edges = snapshot.poc_graph(equivalences=False).edges
+        expected.append(int((edges != true).sum()))
+    row = cell.row(1)
+    assert row.tolist() == expected
+    assert (row.shape, row.dtype) == (cell.shape, cell.dtype)
+
+
+def test_longer_walks_begin_like_shorter_ones_and_runs_differ() -> None:
+    long, other = walk("grid", 9, 0, 80), walk("grid", 9, 1, 80)
+    assert (walk("grid", 9, 0, 50).places == long.places[:50]).all()
+    assert (long.places != other.places).any()
+    assert len({walk("random", 0, run, 5).fields.tobytes() for run in range(8)}) == 8
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_containments_are_the_worlds_implications(name: str) -> None:
+    env = gymnasium.make(SETTINGS[name].world).unwrapped
+    key = np.random.SeedSequence(3, spawn_key=(list(SETTINGS).index(name), 0))
+    env.reset(seed=int(key.spawn(2)[0].generate_state(1)[0]))
+    there = walk(name, 3, 0, 1)
+    names = env.get_wrapper_attr("sensors")
+    literals = [literal for name in names for literal in (name, f"{name}*")]
+    edges = from_words(rows_of(there.contained, len(names)), 2 * len(names))
+    found = [(literals[a], literals[b]) for a, b in np.argwhere(edges)]
+    assert found == env.get_wrapper_attr("implications")
+    env.close()
+
+
+def test_a_law_is_that_of_the_part_a_walk_keeps_to() -> None:
+    moves = np.array([[1, 0, 3, 2], [0, 1, 2, 3]])
+    assert stationary(moves, 2) == pytest.approx([0, 0, 0.5, 0.5])
+    assert stationary(np.array([[1, 1, 0], [1, 2, 1]]), 0) == pytest.approx(
+        [0.2, 0.6, 0.2], abs=0.2
+    )
+    caught = np.array([[0, 1, 0], [0, 1, 1]])
+    with pytest.raises(InvalidValueError, match=r"^start: must lead to one recurrent"):
+        stationary(caught, 2)
+    for name in SETTINGS:
+        law = walk(name, 3, 0, 1).law
+        assert law == pytest.approx(np.full(len(law), 1 / len(law)))
+
+
+@given(
+    hnp.arrays(np.bool_, hnp.array_shapes(min_dims=2, max_dims=2, max_side=6)),
+    st.sampled_from([1 / 4, 1 / 10, 1e-3]),
+)
+def test_thresholded_truth_is_its_definition(fields: Fields, threshold: float) -> None:
+    sensors, places = fields.shape
+
+    def weight(a: int, b: int) -> Fraction:
+        on = (fields[a // 2] != a % 2) & (fields[b // 2] != b % 2)
+        return Fraction(int(on.sum()), places)
+
+    # As exact as the threshold was meant: 1e-15 beside a multiple of 1/places is it.
+    tau = Fraction(threshold).limit_denominator(1000)
+    edges = np.zeros((2 * sensors, 2 * sensors), np.bool_)
+    for a, b in np.argwhere(~edges).tolist():
+        if a // 2 != b // 2:
+            rest = weight(a ^ 1, b), weight(a, b), weight(a ^ 1, b ^ 1)
+            edges[a, b] = weight(a, b ^ 1) < min(tau, *rest)
+    law = np.full(places, 1 / places)
+    found = rows_of(thresholded(fields, law, threshold), sensors)
+    assert (from_words(found, 2 * sensors) == edges).all()
+
+
+@given(hnp.arrays(np.uint8, 10, elements=st.integers(0, 15)))
+def test_codes_and_edges_are_the_same(codes: NDArray[np.uint8]) -> None:
+    assert (codes_of(from_words(rows_of(codes, 5), 10)) == codes).all()

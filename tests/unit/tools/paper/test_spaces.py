@@ -1,0 +1,89 @@
+"""The paper's model spaces: their sizes, and that they are what they say."""
+
+import pytest
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.dual.morphism import splitting
+from tools.paper.spaces import (
+    EXAMPLES,
+    beacons,
+    grid,
+    grid_with_holes,
+    path_with_all_contexts,
+    path_with_motion,
+    path_with_two_contexts,
+    simple,
+    thresholds,
+)
+
+ACTIONS = ["fwd", "back", "wait"]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_example_is_consistent(name: str) -> None:
+    example = EXAMPLES[name]()
+    cubing = Cubing(example.poc)
+    assert all(cubing.is_vertex(mark) for mark in example.marks())
+    assert example.title
+    if example.fields is not None:
+        assert example.realization.poc_set() == example.poc
+    if example.morphism is not None:
+        assert example.poc in (example.morphism.source, example.morphism.target)
+    if example.cells:
+        assert len(example.cells) == len(example.realization.points)
+
+
+@pytest.mark.parametrize("length", [2, 5])
+def test_motion_is_a_product_less_two_squares(length: int) -> None:
+    """[GK] fig:interval with motion, basic."""
+    poc = path_with_motion(length).poc
+    whole = Cubing(splitting(poc, ACTIONS).source)
+    assert Cubing(poc.restricted(ACTIONS)).face_vector() == (4, 3)
+    assert whole.face_vector() == (4 * (length + 1), 7 * length + 3, 3 * length)
+    less = (4 * length + 2, 7 * length - 1, 3 * length - 2)
+    assert Cubing(poc).face_vector() == less
+
+
+def test_contexts_add_a_flap_each() -> None:
+    """[GK] fig:interval with motion, slight expansion, and the full one; L = 5."""
+    assert Cubing(path_with_two_contexts().poc).face_vector() == (28, 44, 17)
+    assert Cubing(path_with_all_contexts().poc).face_vector() == (42, 66, 25)
+
+
+def test_contexts_predict_where_an_action_leads() -> None:
+    """[GK] consequences of an action: what an action guarantees is the closure."""
+    poc = path_with_all_contexts().poc
+    for place in range(6):
+        for action, step in (("fwd", 1), ("back", -1)):
+            held = [f"a{k}{'*' * (place >= k)}" for k in range(1, 6)]
+            names = [f"({action}∧{literal})" for literal in held]
+            known = [n for n in names if n in poc.sensorium.names]
+            sure = poc.graph.up([poc.element(n) for n in [action, *known]])
+            goal = min(max(place + step, 0), 5)
+            said = {f"a{k}{'*' * (goal >= k)}" for k in range(1, 6)}
+            guaranteed = {poc.name(a) for a in sure.nonzero()[0].tolist()}
+            positions = {
+                n for n in guaranteed if n.strip("*") in poc.sensorium.names[:5]
+            }
+            assert positions <= said
+            step_seen = f"a{goal}*" if step > 0 else f"a{goal + 1}"
+            assert step_seen in positions
+
+
+def test_what_an_example_lacks_is_said() -> None:
+    with pytest.raises(InvalidValueError, match=r"^example: must have a realisation"):
+        _ = simple().realization
+
+
+def test_sizes_that_are_too_small_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"^length: must be at least 1, got 0"):
+        thresholds(0)
+    with pytest.raises(InvalidValueError, match=r"^length: must be at least 1"):
+        beacons(0)
+    with pytest.raises(InvalidValueError, match=r"^columns: must be at least 5"):
+        grid(4)
+    with pytest.raises(InvalidValueError, match=r"^length: must be at least 4"):
+        path_with_two_contexts(3)
+    with pytest.raises(InvalidValueError, match=r"^hole: must be in 5 x 5"):
+        grid_with_holes(holes=((5, 0),))

@@ -1,0 +1,169 @@
+"""Figure 8: broken sensors in recorded homes, and who finds them.
+
+The paper has no such experiment. Faults are put into recordings of lived-in homes; the
+health monitor stands beside simple baselines that were learned from the same past.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.health.budget import parse_budget
+from tools.paper.bootstrap import Interval, harmonic, median, ratio, score
+from tools.paper.figure import Figure, FigureOptions, Report
+from tools.paper.homes.cases import (
+    KINDS,
+    SEGMENT_FIELDS,
+    WEEK_FIELDS,
+)
+from tools.paper.homes.faults import LONG, SINGLE
+from tools.paper.homes.home_entry import HomeEntry, entries
+from tools.paper.homes.methods import METHODS
+
+Floats = NDArray[np.float64]
+
+_MOST_RUNS = 5
+_COLUMNS = ("home", "table", "faults", "method", "measure", "value", "low", "high")
+_GROUPS = {"one": SINGLE, **{kind: (kind,) for kind in KINDS[len(SINGLE) :]}}
+
+Row = tuple[str, str, str, str, str, float, float, float]
+
+
+def cells(options: FigureOptions) -> list[HomeEntry]:
+    """Return the cells of all homes.
+
+    Raises:
+        InvalidValueError: There is no folder of homes, or the budget is none.
+    """
+    if options.homes is None:
+        raise InvalidValueError("homes", "must be a folder of homes", "none")
+    parse_budget(options.alarms)
+    runs = min(options.runs, _MOST_RUNS)
+    return entries(options.homes, options.alarms, runs, options.seed)
+
+
+def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
+    """Return the figure of the rows of its cells."""
+    made: list[Row] = []
+    for cell, row in zip(cells(options), rows, strict=True):
+        measure = _MEASURES[cell.table]
+        made += [(cell.home, cell.table, *each) for each in measure(row)]
+    return Report(
+        columns=_COLUMNS,
+        rows=[(*row[:5], *(f"{value:.6g}" for value in row[5:])) for row in made],
+        lines=tuple(_markdown(made)),
+    )
+
+
+Measured = Iterator[tuple[str, str, str, float, float, float]]
+"""Faults, method, measure, value, low, high."""
+
+
+def _segments(row: Floats) -> Measured:
+    """Yield T1, detection per segment, and T2, identification."""
+    at = {name: place for place, name in enumerate(SEGMENT_FIELDS)}
+    groups = _GROUPS | {kind: (kind,) for kind in SINGLE}
+    for group, kinds in groups.items():
+        chosen = row[:, [KINDS.index(kind) for kind in kinds]]
+        every = chosen.reshape(-1, *chosen.shape[-2:])
+        every = every[~np.isnan(every[:, 0, 0])]
+        for place, method in enumerate(METHODS):
+            case = every[:, place]
+
+            def field(name: str, of: Floats = case) -> Floats:
+                return of[:, at[name]]
+
+            hit, wrong = field("found"), field("false")
+            one = np.ones(len(case))
+            named, right, there = field("named"), field("right"), field("faulty")
+            for name, interval in (
+                ("precision", ratio(hit, hit + wrong)),
+                ("recall", ratio(hit, one)),
+                ("F1", score(np.column_stack([hit, hit + wrong, one]), harmonic)),
+                ("id F1", score(np.column_stack([right, named, there]), harmonic)),
+            ):
+                yield group, method, name, *interval
+        yield group, "always alarm", "precision", 0.5, 0.5, 0.5
+        yield group, "always alarm", "recall", 1.0, 1.0, 1.0
+        yield group, "always alarm", "F1", 2 / 3, 2 / 3, 2 / 3
+
+
+def _there(values: Floats) -> Floats:
+    return values[~np.isnan(values)]
+
+
+def _long(row: Floats) -> Measured:
+    for number, kind in enumerate(LONG):
+        for place, method in enumerate(METHODS):
+            hours = _there(row[:, number, ..., place].ravel())
+            got = np.isfinite(hours).astype(float)
+            yield kind, method, "found", *ratio(got, np.ones(len(got)))
+            yield kind, method, "median hours", *median(hours)
+
+
+def _week(row: Floats) -> Measured:
+    at = {name: place for place, name in enumerate(WEEK_FIELDS)}
+    for number, kind in enumerate(("50 false", "all removed")):
+        for place, method in enumerate(METHODS):
+            case = row[:, number, :, place].reshape(-1, len(WEEK_FIELDS))
+            case = case[~np.isnan(case[:, 0])]
+            found, true = case[:, at["found"]], case[:, at["true"]]
+            yield kind, method, "recall", *ratio(found, np.ones(len(case)))
+            yield kind, method, "precision", *ratio(true, case[:, at["all"]])
+            yield kind, method, "median hours", *median(_there(case[:, at["hours"]]))
+
+
+def _hourly(row: Floats) -> Measured:
+    for place, method in enumerate(METHODS):
+        for at, name in enumerate(("AUC",)):
+            values = _there(row[:, place, at])
+            yield "one", method, name, *ratio(values, np.ones(len(values)))
+
+
+def _clean(row: Floats) -> Measured:
+    days = row[0][:, ~np.isnan(row[0, 0])]
+    for place, method in enumerate(METHODS):
+        one = np.ones(days.shape[1])
+        yield "none", method, "alarms a day", *ratio(days[place], one)
+
+
+_MEASURES = {
+    "segments": _segments,
+    "long": _long,
+    "week": _week,
+    "hourly": _hourly,
+    "clean": _clean,
+}
+
+
+def _markdown(rows: Iterable[Row]) -> Iterator[str]:
+    """Yield a table for people: a line each home, table, faults and measure."""
+    tables: dict[tuple[str, str, str, str], dict[str, Interval]] = {}
+    for home, table, faults, method, measure, value, low, high in rows:
+        key = home, table, faults, measure
+        tables.setdefault(key, {})[method] = value, low, high
+    names = (*METHODS, "always alarm")
+    yield "| home | table | faults | measure | " + " | ".join(names) + " |"
+    yield "|" + " --- |" * (4 + len(names))
+    for of, by in tables.items():
+        told = [_told(by[name]) if name in by else "" for name in names]
+        yield "| " + " | ".join([*of, *told]) + " |"
+
+
+def _told(interval: Interval) -> str:
+    value, low, high = interval
+    if np.isnan(value):
+        return "–"
+    return f"{value:.3g} ({low:.3g} to {high:.3g})"
+
+
+FIGURE = Figure(
+    name="homes",
+    title="Broken sensors in recorded homes, and who finds them",
+    cells=cells,
+    report=report,
+)
+"""Figure 8; not one of the paper's."""

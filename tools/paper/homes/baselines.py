@@ -1,0 +1,275 @@
+"""Baselines: simple ways to find broken sensors, learned from the same past."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.health.learning import ACTIVATIONS
+from tools.paper.homes.home import Home
+from tools.paper.homes.mention import HOUR, Mention, joined
+
+Flags = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+_MINUTE = 60.0
+# Association rules.
+_CONFIDENCE = 0.95
+_SUPPORT = 5
+# Logistic regression: seconds learned from, and Newton's method.
+_MEMORY = 56 * 86400.0
+_RIDGE = 1.0
+_ROUNDS = 12
+
+
+class _Baseline:
+    """What the baselines have in common: their score is whether they name a sensor."""
+
+    def __init__(self, home: Home, until: float) -> None:
+        self.home = home
+        self.known = known(home, until)
+
+    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
+        """Return the sensors named."""
+        raise NotImplementedError
+
+    def since(self, home: Home, sensor: int, begin: float, end: float) -> float | None:
+        """Return when a sensor is first named and its twin is not."""
+        twin = [m for m in self.mentions(self.home, begin, end) if m.sensor == sensor]
+        for mention in self.mentions(home, begin, end):
+            if mention.sensor == sensor and not any(
+                other.begin <= mention.begin <= other.end for other in twin
+            ):
+                return mention.begin
+        return None
+
+    def score(self, home: Home, begin: float, end: float) -> Floats:
+        """Return in which hours each sensor is named."""
+        hours = int((end - begin) // HOUR)
+        made = np.zeros((hours, len(home.sensors)))
+        for mention in self.mentions(home, begin, end):
+            low = int((mention.begin - begin) // HOUR)
+            made[low : int((mention.end - begin) // HOUR) + 1, mention.sensor] = 1
+        return made
+
+
+def known(home: Home, until: float) -> Flags:
+    """Return which sensors came on often enough before a time to be judged."""
+    return np.array(
+        [(spans[:, 0] < until).sum() >= ACTIVATIONS for spans in home.spans]
+    )
+
+
+class Silence(_Baseline):
+    """Names a sensor after 1.5 times its longest silence, in activations of others."""
+
+    def __init__(self, home: Home, until: float) -> None:
+        super().__init__(home, until)
+        self._times, _ = home.events(home.begin, home.end + 1)
+        self._longest = np.array([self._long(s, until) for s in range(len(home.spans))])
+
+    def _long(self, sensor: int, until: float) -> float:
+        own = self.home.spans[sensor][:, 0]
+        own = own[own < until]
+        if not len(own):
+            return np.inf
+        at = np.searchsorted(self._times, np.append(own, until))
+        return float((np.diff(at) - 1).clip(min=0).max())
+
+    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
+        """Return the silences that are too long."""
+        times, who = home.events(begin, end)
+        found: list[Mention] = []
+        for sensor in np.flatnonzero(self.known):
+            found += self._of(int(sensor), times, who, begin, end)
+        return sorted(found, key=lambda mention: mention.begin)
+
+    def since(self, home: Home, sensor: int, begin: float, end: float) -> float | None:
+        """Return when a sensor is first named and its twin is not."""
+        if not self.known[sensor]:
+            return None
+        versions = [
+            self._of(sensor, *each.events(begin, end), begin, end)
+            for each in (home, self.home)
+        ]
+        for mention in versions[0]:
+            if not any(m.begin <= mention.begin <= m.end for m in versions[1]):
+                return mention.begin
+        # A silence that the twin ends and the fault does not is the fault's from there.
+        if versions[0] and versions[0][-1].end >= end:
+            last = [m.end for m in versions[1] if m.begin <= versions[0][-1].begin]
+            return max(last) if last and max(last) < end else None
+        return None
+
+    def _of(
+        self,
+        sensor: int,
+        times: Floats,
+        who: NDArray[np.int64],
+        begin: float,
+        end: float,
+    ) -> list[Mention]:
+        most = 1.5 * self._longest[sensor]
+        before = self.home.spans[sensor][:, 0]
+        last = before[before < begin]
+        passed = 0.0
+        if len(last):
+            low, high = np.searchsorted(self._times, [last[-1], begin])
+            passed = float(max(0, high - low - 1))
+        found = []
+        own = np.flatnonzero(who == sensor)
+        edges = [-1, *own.tolist(), len(times)]
+        for left, right in pairwise(edges):
+            start = passed if left < 0 else 0.0
+            need = int(np.floor(most - start)) + 1
+            at = left + max(need, 0)
+            stop = float(times[right]) if right < len(times) else end
+            if need <= 0:
+                found.append(Mention(sensor, begin, stop))
+            elif at < right:
+                found.append(Mention(sensor, float(times[at]), stop))
+        return found
+
+
+class Groups(_Baseline):
+    """Names what differs in a minute of a set of sensors, or a transition, not seen."""
+
+    def __init__(self, home: Home, until: float) -> None:
+        super().__init__(home, until)
+        sets = _minutes(home, home.begin, until)
+        keys = [row.tobytes() for row in sets]
+        self._groups = np.unique(sets, axis=0)
+        self._seen = set(keys)
+        self._went = set(pairwise(keys))
+
+    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
+        """Return the sensors that are in the way."""
+        sets = _minutes(home, begin, end)
+        points: list[tuple[float, int]] = []
+        before = None
+        for minute, row in enumerate(sets):
+            key = row.tobytes()
+            time = begin + (minute + 1) * _MINUTE
+            if key not in self._seen:
+                far = (self._groups != row).sum(1)
+                near = self._groups[far.argmin()]
+                points += [(time, int(s)) for s in np.flatnonzero(near != row)]
+            elif (
+                before is not None
+                and before[0] in self._seen
+                and (before[0], key) not in self._went
+            ):
+                moved = np.flatnonzero(before[1] != row)
+                points += [(time, int(s)) for s in moved]
+            before = key, row
+        return joined(points, _MINUTE)
+
+
+def _minutes(home: Home, begin: float, end: float) -> Flags:
+    """Return who came on in which minute, ``(minutes, sensors)``."""
+    times, who = home.events(begin, end)
+    made = np.zeros((int((end - begin) // _MINUTE), len(home.sensors)), np.bool_)
+    at = ((times - begin) // _MINUTE).astype(int)
+    inside = at < len(made)
+    made[at[inside], who[inside]] = True
+    return made
+
+
+class Rules(_Baseline):
+    """Association rules of confidence 0.95 among what happens without a gap of 60 s.
+
+    The rule-mining baseline of HAWatcher (Fu, Zeng, Du, 2021).
+    """
+
+    def __init__(self, home: Home, until: float) -> None:
+        super().__init__(home, until)
+        sets, _ = _bursts(home, home.begin, until)
+        both = sets.T.astype(float) @ sets
+        alone = np.diag(both).copy()
+        np.fill_diagonal(both, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sure = both / alone[:, None] >= _CONFIDENCE
+        self._rules = sure & (alone[:, None] >= _SUPPORT)
+
+    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
+        """Return the sensors that rules have missed."""
+        sets, ends = _bursts(home, begin, end)
+        points = []
+        for row, time in zip(sets, ends, strict=True):
+            missed = self._rules[row].any(0) & ~row
+            points += [(float(time), int(s)) for s in np.flatnonzero(missed)]
+        return joined(points, _MINUTE)
+
+
+def _bursts(home: Home, begin: float, end: float) -> tuple[Flags, Floats]:
+    """Return who came on in each burst, and when that was known to be over."""
+    times, who = home.events(begin, end)
+    if not len(times):
+        return np.zeros((0, len(home.sensors)), np.bool_), times
+    number = np.concatenate([[0], np.cumsum(np.diff(times) > _MINUTE)])
+    sets = np.zeros((number[-1] + 1, len(home.sensors)), np.bool_)
+    sets[number, who] = True
+    last = times[np.append(np.flatnonzero(np.diff(number)), len(times) - 1)]
+    return sets, last + _MINUTE
+
+
+class Logistic(_Baseline):
+    """Logistic regression of each sensor on the others, in windows of an hour.
+
+    Names a sensor whose reading is less probable than any was in the last fifth of what
+    was learned from; the first four fifths give the weights.
+    """
+
+    def __init__(self, home: Home, until: float) -> None:
+        super().__init__(home, until)
+        on = _hours(home, max(home.begin, until - _MEMORY), until)
+        split = len(on) * 4 // 5
+        self._weights = np.array(
+            [_fit(on[:split], s) for s in range(len(home.sensors))]
+        ).T
+        late = self._surprise(on[split:])
+        self._most = float(late.max(initial=0.0))
+
+    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
+        """Return the sensors that surprise."""
+        over = self._surprise(_hours(home, begin, end)) > self._most
+        points = [
+            (begin + (int(hour) + 1) * HOUR, int(s)) for hour, s in np.argwhere(over)
+        ]
+        return joined(points, _MINUTE)
+
+    def score(self, home: Home, begin: float, end: float) -> Floats:
+        """Return the surprise of each hour."""
+        return self._surprise(_hours(home, begin, end))
+
+    def _surprise(self, on: Flags) -> Floats:
+        logit = _with_one(on) @ self._weights
+        return np.asarray(np.logaddexp(0, np.where(on, -logit, logit)) * self.known)
+
+
+def _hours(home: Home, begin: float, end: float) -> Flags:
+    times, who = home.events(begin, end)
+    made = np.zeros((int((end - begin) // HOUR), len(home.sensors)), np.bool_)
+    at = ((times - begin) // HOUR).astype(int)
+    inside = at < len(made)
+    made[at[inside], who[inside]] = True
+    return made
+
+
+def _with_one(on: Flags) -> Floats:
+    return np.column_stack([on.astype(float), np.ones(len(on))])
+
+
+def _fit(on: Flags, sensor: int) -> Floats:
+    """Return weights by Newton's method, with a ridge; a sensor has none for itself."""
+    inputs = _with_one(on)
+    inputs[:, sensor] = 0
+    weights = np.zeros(inputs.shape[1])
+    ridge = np.full(len(weights), _RIDGE)
+    ridge[-1] = 1e-3
+    for _ in range(_ROUNDS):
+        chance = 1 / (1 + np.exp(-(inputs @ weights).clip(-30, 30)))
+        slope = inputs.T @ (on[:, sensor] - chance) - ridge * weights
+        bend = (inputs * (chance * (1 - chance))[:, None]).T @ inputs
+        weights = weights + np.linalg.solve(bend + np.diag(ridge), slope)
+    return weights

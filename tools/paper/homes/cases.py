@@ -1,0 +1,227 @@
+"""The cases of the protocol: what every method says of each fault."""
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from tools.paper.homes.faults import (
+    LONG,
+    SEVERAL,
+    SINGLE,
+    affected,
+    faulty,
+    with_false,
+)
+from tools.paper.homes.home import Home
+from tools.paper.homes.mention import HOUR, Mention
+from tools.paper.homes.methods import (
+    HORIZON,
+    METHODS,
+    WEEK,
+    Bench,
+    credited,
+)
+from tools.paper.homes.ours import SEGMENT
+
+Rows = NDArray[np.float64]
+
+CASES = 100
+"""Faulty segments of each kind."""
+KINDS = (*SINGLE, *(f"{count} at once" for count in range(2, 6)))
+SEGMENT_FIELDS = (*("found", "false", "named", "right", "faulty"),)
+ONSETS = 10
+WEEK_FIELDS = ("found", "true", "all", "hours")
+FALSE_EVENTS = 50
+_LATEST = 0.75
+
+
+def segments(bench: Bench, seed: int) -> Rows:
+    """Return what is said of faulty segments.
+
+    Returns:
+        ``(kinds, cases, methods, fields)``, see `KINDS`, `METHODS`, `SEGMENT_FIELDS`;
+        not a number where there is no case.
+    """
+    made = np.full((len(KINDS), CASES, len(METHODS), len(SEGMENT_FIELDS)), np.nan)
+    if not len(bench.segments) or len(bench.known) < 2:
+        return made
+    twins: dict[tuple[str, float], list[Mention]] = {}
+    for number, kind in enumerate(KINDS):
+        rng = np.random.default_rng([seed, number])
+        for case in range(min(CASES, len(bench.segments))):
+            begin = float(rng.choice(bench.segments))
+            end = begin + SEGMENT
+            onset = float(rng.uniform(begin, begin + _LATEST * SEGMENT))
+            broken = _broken(bench, kind, onset, end, rng)
+            who = set(affected(bench.home, broken))
+            for place, name in enumerate(METHODS):
+                method = bench.method(name, begin)
+                if (name, begin) not in twins:
+                    twins[name, begin] = method.mentions(bench.home, begin, end)
+                made[number, case, place] = _judged(
+                    method.mentions(broken, begin, end) if who else [],
+                    twins[name, begin],
+                    who,
+                    begin,
+                    onset,
+                )
+    return made
+
+
+def _broken(bench: Bench, kind: str, onset: float, end: float, rng: Generator) -> Home:
+    if kind in SINGLE:
+        sensor = int(rng.choice(bench.known))
+        return faulty(bench.home, kind, sensor, onset, end, rng)
+    count = min(int(kind.split()[0]), len(bench.known))
+    home = bench.home
+    for each in rng.choice(bench.known, count, replace=False):
+        home = faulty(home, str(rng.choice(SEVERAL)), int(each), onset, end, rng)
+    return home
+
+
+def _judged(
+    found: list[Mention],
+    twin: list[Mention],
+    who: set[int],
+    begin: float,
+    onset: float,
+) -> list[float]:
+    """Return the fields of a case; `who` is who has a visible fault."""
+    new = credited(found, twin, onset)
+    named = {mention.sensor for mention in new}
+    return [
+        float(bool(new)),
+        float(any(mention.begin > begin for mention in twin)),
+        float(len(named)),
+        float(len(named & who)),
+        float(len(who)),
+    ]
+
+
+def long_faults(bench: Bench, seed: int) -> Rows:
+    """Return after how many hours long faults are found.
+
+    Returns:
+        ``(kinds, known sensors, onsets, methods)``, hours; infinite: not within four
+        weeks, or to the end of the home.
+    """
+    made = np.full((len(LONG), len(bench.known), ONSETS, len(METHODS)), np.inf)
+    early = bench.segments[: int(_LATEST * len(bench.segments))]
+    if not len(early):
+        return made[:, :0]
+    for number, kind in enumerate(LONG):
+        rng = np.random.default_rng([seed, 100 + number])
+        for onset in range(ONSETS):
+            begin = float(rng.choice(early))
+            end = min(begin + HORIZON, bench.home.end)
+            for place, sensor in enumerate(bench.known):
+                broken = faulty(bench.home, kind, int(sensor), begin, end + 1, rng)
+                for at, name in enumerate(METHODS):
+                    method = bench.method(name, begin)
+                    seen = method.since(broken, int(sensor), begin, end)
+                    if seen is not None:
+                        made[number, place, onset, at] = (seen - begin) / HOUR
+    return made
+
+
+def clean_days(bench: Bench) -> Rows:
+    """Return how many alarms begin on each day without faults, ``(methods, days)``."""
+    days = int((bench.home.end - bench.start) // 86400)
+    made = np.zeros((len(METHODS), days))
+    for place, name in enumerate(METHODS):
+        for mention in bench.clean(name):
+            day = int((mention.begin - bench.start) // 86400)
+            if day < days:
+                made[place, day] += 1
+    return made
+
+
+def last_week(bench: Bench, seed: int) -> Rows:
+    """Return what is said of false and removed activations in a week.
+
+    Learned from all before, three weeks at most of them in the tables of the others.
+
+    Returns:
+        ``(2, sensors, methods, fields)``: false ones, removed ones; see `WEEK_FIELDS`.
+        The sensors are those known then; others are not a number.
+    """
+    made = np.full((2, len(bench.home.sensors), len(METHODS), len(WEEK_FIELDS)), np.nan)
+    fit = bench.segments[bench.segments <= bench.home.end - WEEK]
+    if not len(fit):
+        return made
+    begin = float(fit[-1])
+    end = begin + WEEK
+    rng = np.random.default_rng([seed, 200])
+    twins = {
+        name: bench.method(name, begin).mentions(bench.home, begin, end)
+        for name in METHODS
+    }
+    for sensor in bench.known:
+        own = bench.home.spans[sensor]
+        removed = own[(own[:, 0] < begin) | (own[:, 0] >= end)]
+        versions = (with_false(own, FALSE_EVENTS, begin, end, rng), removed)
+        for kind, spans in enumerate(versions):
+            if len(spans) == len(own):
+                continue
+            broken = bench.home.with_spans({int(sensor): spans})
+            for at, name in enumerate(METHODS):
+                found = bench.method(name, begin).mentions(broken, begin, end)
+                mine = [m for m in found if m.sensor == sensor and m.begin > begin]
+                new = credited(mine, twins[name], begin)
+                made[kind, sensor, at] = [
+                    float(bool(new)),
+                    len(new),
+                    len(mine),
+                    (new[0].begin - begin) / HOUR if new else np.nan,
+                ]
+    return made
+
+
+def hourly(bench: Bench, seed: int) -> Rows:
+    """Return how well hourly scores tell faulty sensors from others.
+
+    Faults are fail-stops, stuck on and noise in segments, as for `segments`.
+
+    Returns:
+        ``(methods, 1)``: area under the curve, of all sensors in one.
+    """
+    made = np.full((len(METHODS), 1), np.nan)
+    if not len(bench.segments) or len(bench.known) < 2:
+        return made
+    rng = np.random.default_rng([seed, 300])
+    cases = []
+    for kind in SEVERAL:
+        for _ in range(min(CASES, len(bench.segments))):
+            begin = float(rng.choice(bench.segments))
+            onset = begin + HOUR * int(rng.integers(0, 5))
+            sensor = int(rng.choice(bench.known))
+            end = begin + SEGMENT
+            cases.append(
+                (
+                    faulty(bench.home, kind, sensor, onset, end, rng),
+                    sensor,
+                    begin,
+                    onset,
+                )
+            )
+    for at, name in enumerate(METHODS):
+        scores, labels = [], []
+        for broken, sensor, begin, onset in cases:
+            method = bench.method(name, begin)
+            score = method.score(broken, begin, begin + SEGMENT)[:, bench.known]
+            truth = np.zeros(score.shape, np.bool_)
+            late = np.arange(len(score)) >= (onset - begin) / HOUR
+            truth[:, np.flatnonzero(bench.known == sensor)] = late[:, None]
+            scores.append(score)
+            labels.append(truth)
+        made[at] = area(np.concatenate(scores), np.concatenate(labels))
+    return made
+
+
+def area(scores: Rows, labels: NDArray[np.bool_]) -> float:
+    """Return the area under the curve: how often a positive is above a negative."""
+    wrong = np.sort(scores[~labels])
+    right = scores[labels]
+    below = np.searchsorted(wrong, right, side="left")
+    upto = np.searchsorted(wrong, right, side="right")
+    return float((below + upto).mean() / 2 / len(wrong))

@@ -1,0 +1,102 @@
+"""A recorded home: when each of its sensors was on."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.health.steps import Steps, steps_of
+from neurosnap.sources.tables.open_readings import open_readings
+from neurosnap.sources.tables.readings import Spans, spans_of
+
+__all__ = ["Home", "Spans", "homes_in", "merged", "read_home"]
+
+
+@dataclass(frozen=True)
+class Home:
+    """A home; sensors have the numbers of their places."""
+
+    name: str
+    sensors: tuple[str, ...]
+    spans: tuple[Spans, ...]
+    begin: float
+    end: float
+
+    def steps(self, begin: float, end: float) -> Steps:
+        """Return its steps in a stretch of time."""
+        near = (
+            (float(on), float(off), sensor)
+            for sensor, spans in enumerate(self.spans)
+            for on, off in spans[(spans[:, 0] < end) & (spans[:, 1] >= begin)]
+        )
+        return steps_of(near, len(self.sensors), begin, end)
+
+    def steps_of_one(self, sensor: int, begin: float, end: float) -> Steps:
+        """Return the steps of one sensor alone, which has number 0 in them."""
+        spans = self.spans[sensor]
+        near = spans[(spans[:, 0] < end) & (spans[:, 1] >= begin)]
+        return steps_of(((float(a), float(b), 0) for a, b in near), 1, begin, end)
+
+    def events(self, begin: float, end: float) -> tuple[Spans, NDArray[np.int64]]:
+        """Return the times at which sensors came on, in order, and their numbers."""
+        times = np.concatenate([spans[:, 0] for spans in self.spans])
+        who = np.repeat(np.arange(len(self.spans)), [len(s) for s in self.spans])
+        near = (times >= begin) & (times < end)
+        times, who = times[near], who[near]
+        order = np.argsort(times, kind="stable")
+        return times[order], who[order]
+
+    def with_spans(self, changed: dict[int, Spans]) -> "Home":
+        """Return the home with other spans of some sensors."""
+        spans = tuple(changed.get(s, own) for s, own in enumerate(self.spans))
+        return Home(self.name, self.sensors, spans, self.begin, self.end)
+
+
+SUFFIXES = (".sensors", ".csv", ".parquet", ".db")
+"""What the names of files with homes end with."""
+
+
+def homes_in(folder: Path) -> list[Path]:
+    """Return the files of the homes in a folder, by name.
+
+    Raises:
+        InvalidValueError: There is none.
+    """
+    paths = sorted(path for path in folder.glob("*") if path.suffix in SUFFIXES)
+    if not paths:
+        rule = f"must be a folder with files NAME{', NAME'.join(SUFFIXES)}"
+        raise InvalidValueError("homes", rule, folder)
+    return paths
+
+
+def read_home(path: Path) -> Home:
+    """Return the home in a file, in any form that `open_readings` reads.
+
+    Raises:
+        InvalidValueError: It cannot be read, or breaks a rule.
+    """
+    readings = open_readings(str(path))
+    spans = spans_of(readings)
+    used = [own for own in spans if len(own)]
+    if not used:
+        raise InvalidValueError(str(path), "must have a sensor that was on", "none")
+    return Home(
+        path.stem,
+        tuple(readings.columns.sensorium.names),
+        tuple(spans),
+        min(float(own[0, 0]) for own in used),
+        max(float(own[:, 1].max()) for own in used),
+    )
+
+
+def merged(spans: Spans) -> Spans:
+    """Return spans in order, those that overlap as one."""
+    ordered = spans[np.lexsort(spans.T[::-1])]
+    if not len(ordered):
+        return ordered.reshape(0, 2)
+    reach = np.maximum.accumulate(ordered[:, 1])
+    fresh = np.concatenate([[True], ordered[1:, 0] > reach[:-1]])
+    last = np.concatenate([np.flatnonzero(fresh)[1:] - 1, [len(ordered) - 1]])
+    return np.column_stack([ordered[fresh, 0], reach[last]])

@@ -1,0 +1,187 @@
+"""The health monitor as a method: it follows the home once, and faults branch off."""
+
+import bisect
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.health.budget import parse_budget, shares
+from neurosnap.health.evidence import follow, speaks
+from neurosnap.health.expectation import WINDOWS, features
+from neurosnap.health.judge import WELL, Judge
+from neurosnap.health.learning import Learned, heard, per_step
+from neurosnap.health.monitor import HealthMonitor
+from neurosnap.health.steps import STEP, Steps
+from neurosnap.health.tail import weekly
+from tools.paper.homes.home import Home
+from tools.paper.homes.mention import HOUR, Mention
+
+SEGMENT = 6 * 3600
+"""Seconds of a segment; faults branch off where one begins."""
+
+
+class Watched:
+    """A home without faults, followed from its beginning to its end.
+
+    Args:
+        home: The home.
+        alarms: The budget.
+        start: The first segment begins then, seconds since 1970.
+    """
+
+    def __init__(self, home: Home, alarms: str, start: float) -> None:
+        self.home = home
+        self.alarms = alarms
+        self.begins: list[float] = []
+        self.mentions: list[Mention] = []
+        self.judges: list[Judge] = []
+        self.learned: list[Learned] = []
+        monitor = HealthMonitor(home.sensors, alarms)
+        self.steps = home.steps(home.begin, home.end)
+        open_: dict[int, float] = {}
+        for at in range(len(self.steps)):
+            now = float((self.steps.first + at) * STEP)
+            if now >= start and (now - start) % SEGMENT == 0 and monitor.learned:
+                self.begins.append(now)
+                self.judges.append(monitor.judge.copy())
+                self.learned.append(monitor.learned)
+            monitor.take(part(self.steps, at, at + 1))
+            _note(monitor.judge, now + STEP, open_, self.mentions)
+        self.mentions += [Mention(s, at, home.end) for s, at in open_.items()]
+        self.mentions.sort(key=lambda mention: mention.begin)
+
+    def at(self, begin: float) -> tuple[Judge, Learned]:
+        """Return the state at the beginning of a segment."""
+        place = bisect.bisect_left(self.begins, begin)
+        return self.judges[place].copy(), self.learned[place]
+
+
+def part(steps: Steps, low: int, high: int) -> Steps:
+    """Return some of the steps."""
+    return Steps(steps.came_on[low:high], steps.longest[low:high], steps.first + low)
+
+
+class Ours:
+    """The health monitor.
+
+    Args:
+        watched: The home.
+    """
+
+    def __init__(self, watched: Watched) -> None:
+        self._watched = watched
+        self._rates: dict[tuple[int, int, int], NDArray[np.float64]] = {}
+
+    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
+        """Return the sensors in alarm."""
+        judge, learned = self._watched.at(begin)
+        return self._followed(judge, learned, home, begin, end)[0]
+
+    def score(self, home: Home, begin: float, end: float) -> NDArray[np.float64]:
+        """Return the greatest strain of each hour."""
+        judge, learned = self._watched.at(begin)
+        return self._followed(judge, learned, home, begin, end)[1]
+
+    def _followed(
+        self, judge: Judge, learned: Learned, home: Home, begin: float, end: float
+    ) -> tuple[list[Mention], NDArray[np.float64]]:
+        steps = home.steps(begin, end)
+        known = np.ones(len(home.sensors), np.bool_)
+        mentions: list[Mention] = []
+        open_: dict[int, float] = {
+            int(s): begin for s in np.flatnonzero(judge.kind != WELL)
+        }
+        hours = np.zeros((-(-len(steps) * STEP // int(HOUR)), len(home.sensors)))
+        for at in range(len(steps)):
+            number = steps.first + at
+            judge.step(learned, number, steps.came_on[at], steps.longest[at], known)
+            _note(judge, float((number + 1) * STEP), open_, mentions)
+            hour = at * STEP // int(HOUR)
+            np.maximum(hours[hour], judge.strain.max(1), out=hours[hour])
+        mentions += [Mention(s, at, end) for s, at in open_.items()]
+        return sorted(mentions, key=lambda mention: mention.begin), hours
+
+    def since(self, home: Home, sensor: int, begin: float, end: float) -> float | None:
+        """Return when a sensor is first in alarm and its twin without the fault is not.
+
+        Only its own evidence is followed: that of the others is as it was.
+        """
+        watched = self._watched
+        judge, learned = watched.at(begin)
+        found = [
+            self._alone(judge.copy(), learned, each, sensor, begin, end)
+            for each in (home, watched.home)
+        ]
+        alarm = np.flatnonzero(found[0] & ~found[1])
+        return None if not len(alarm) else begin + (int(alarm[0]) + 1) * float(STEP)
+
+    def _alone(
+        self,
+        judge: Judge,
+        learned: Learned,
+        home: Home,
+        sensor: int,
+        begin: float,
+        end: float,
+    ) -> NDArray[np.bool_]:
+        """Return in which steps a sensor would be in alarm."""
+        whole = self._watched.steps
+        low, high = int(begin // STEP) - whole.first, int(end // STEP) - whole.first
+        high = min(high, len(whole))
+        own = home.steps_of_one(sensor, begin, end)
+        rates, near = self._expected(learned, low, high)
+        one = slice(sensor, sensor + 1)
+        count = high - low
+        trace = np.zeros((count, 1, judge.evidence.shape[1]))
+        due = np.zeros((count, 1))
+        follow(
+            np.ascontiguousarray(judge.clocks[:, one]),
+            np.ascontiguousarray(judge.sums[:, one]),
+            np.ascontiguousarray(learned.scales[:, one]),
+            learned.least,
+            np.ascontiguousarray(rates[:, :, one]),
+            np.ascontiguousarray(near[:, one]),
+            own.came_on[:count],
+            own.longest[:count],
+            np.ones((count, 1), np.bool_),
+            trace,
+            due,
+        )
+        allowed = shares(
+            parse_budget(self._watched.alarms),
+            int(learned.known.sum()),
+            len(judge.raised),
+        )
+        often = weekly(learned.tails[sensor][None], trace[:, 0])
+        over = (often <= allowed) & speaks(trace[:, 0], due[:, 0])
+        return np.asarray(over.any(1) & bool(learned.known[sensor]))
+
+    def _expected(
+        self, learned: Learned, low: int, high: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the rates that the home without faults gives."""
+        whole = self._watched.steps
+        active = whole.came_on > 0
+        key = id(learned), low, high
+        if key not in self._rates:
+            self._rates.clear()
+            rows = np.arange(low, high)
+            rates = np.array(
+                [
+                    features(active, whole.first, window, rows) @ learned.weights[at]
+                    for at, window in enumerate(WINDOWS)
+                ]
+            )
+            self._rates[key] = per_step(rates, rates[0])
+        return self._rates[key], heard(active)[low:high]
+
+
+def _note(
+    judge: Judge, now: float, open_: dict[int, float], mentions: list[Mention]
+) -> None:
+    """Take note of alarms that begin and end."""
+    bad = set(np.flatnonzero(judge.kind != WELL).tolist())
+    well = [sensor for sensor in open_ if sensor not in bad]
+    mentions += [Mention(sensor, open_.pop(sensor), now) for sensor in well]
+    for sensor in bad:
+        open_.setdefault(sensor, now)

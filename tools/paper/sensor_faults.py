@@ -1,0 +1,156 @@
+"""Sensor faults of limited duration, injected into known walks.
+
+The first half of a walk is as it is. In the second half, time is cut into spells; each
+has one fault somewhere in it, that lasts one step, a fiftieth of a spell or a fifth.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+import gymnasium
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.order.fields import inclusions
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.sources.gymnasium_source import import_worlds
+from tools.paper.walks import follow
+
+Fault: TypeAlias = Literal["none", "stuck off", "stuck on", "flipped", "swapped"]
+"""What goes wrong: nothing; a sensor reads 0, 1, or the opposite of what it should; two
+sensors read what the other should."""
+
+FAULTS: tuple[Fault, ...] = get_args(Fault)
+
+_SPELLS = 8
+_LENGTHS = (1 / 5, 1 / 50, 0)
+
+
+class Place(msgspec.Struct, frozen=True):
+    """An environment that is walked through."""
+
+    name: str
+    """What it is called in the data."""
+    world: str
+    """Its id."""
+    drawn: bool = False
+    """Whether it has a target, drawn at the start."""
+
+
+PLACES = (
+    Place("path", "neurosnap/Path-v0"),
+    Place("cycle", "neurosnap/Cycle-v0"),
+    Place("grid", "neurosnap/Grid-v0"),
+    Place("waiting", "neurosnap/Rail-v0"),
+    Place("target", "neurosnap/Path-v0", drawn=True),
+)
+"""Their order goes into the seed of every walk: add last."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A walk that was drawn, and the order that is true wherever it may lead."""
+
+    bits: NDArray[np.bool_]
+    """``(steps, N)``: what the sensors should read."""
+    truth: PocGraph
+    """``a <= b`` iff in no transition ``a`` is on and ``b`` is not."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """A fault: what it is of, and when it begins and is over."""
+
+    first: int
+    end: int
+    sensors: tuple[int, ...]
+
+
+def course(name: str, seed: int, run: int, steps: int) -> Course:
+    """Return a walk that draws its actions uniformly; waiting and target included.
+
+    Args:
+        name: One of `PLACES`.
+        seed: From 0 up.
+        run: From 0 up; with the seed it says all.
+        steps: Observations, at least 1.
+    """
+    number = [place.name for place in PLACES].index(name)
+    chosen = PLACES[number]
+    key = (number, run, 2)  # not the streams of walks and tasks
+    of_world, of_moves = np.random.SeedSequence(seed, spawn_key=key).spawn(2)
+    import_worlds()
+    arguments: dict[str, Any] = {"target": "drawn"} if chosen.drawn else {}
+    env: gymnasium.Env[Any, Any] = gymnasium.make(chosen.world, **arguments)
+    try:
+        _, info = env.reset(seed=int(of_world.generate_state(1)[0]))
+        get = env.get_wrapper_attr
+        moves, fields = get("moves"), get("fields")
+        distances = get("distances") if chosen.drawn else None
+    finally:
+        env.close()
+    draws = np.random.default_rng(of_moves).integers(len(moves), size=steps - 1)
+    after = follow(moves, info["place"], draws)
+    before = np.append(after[:1], after[:-1])  # the first step is none
+    every = np.arange(moves.shape[1])
+    # What may be sensed: after any transition, and where a walk begins.
+    ends = np.append(moves.ravel(), every)
+    starts = np.append(np.tile(every, len(moves)), every)
+    order = inclusions(_sensed(fields, distances, ends, starts))
+    return Course(_sensed(fields, distances, after, before).T, PocGraph(order))
+
+
+def faults(fault: Fault, sensors: int, steps: int, seed: int) -> list[Episode]:
+    """Return when which sensors fail: one episode a spell, none of them overlap.
+
+    Args:
+        fault: What kind; none has no episodes.
+        sensors: ``N``, at least 2.
+        steps: How many there are.
+        seed: Draws sensors, starts and lengths.
+    """
+    if fault == "none":
+        return []
+    generator = np.random.default_rng(seed)
+    spell = steps // (2 * _SPELLS)
+    episodes = []
+    for begin in range(steps - _SPELLS * spell, steps, spell) if spell else ():
+        length = max(1, int(spell * _LENGTHS[generator.integers(len(_LENGTHS))]))
+        first = begin + int(generator.integers(spell - length + 1))
+        failing = generator.permutation(sensors)[: 2 if fault == "swapped" else 1]
+        episodes.append(Episode(first, first + length, tuple(failing.tolist())))
+    return episodes
+
+
+def seen(
+    bits: NDArray[np.bool_], fault: Fault, episodes: list[Episode]
+) -> NDArray[np.bool_]:
+    """Return what sensors read while some of them fail: ``(steps, N)``, a new array."""
+    read = bits.copy()
+    for episode in episodes:
+        during, which = slice(episode.first, episode.end), list(episode.sensors)
+        match fault:
+            case "none":
+                pass
+            case "stuck off" | "stuck on":
+                read[during, which] = fault == "stuck on"
+            case "flipped":
+                read[during, which] = ~bits[during, which]
+            case "swapped":
+                read[during, which] = bits[during, which[::-1]]
+    return read
+
+
+def _sensed(
+    fields: NDArray[np.bool_],
+    distances: NDArray[np.float64] | None,
+    after: NDArray[np.intp],
+    before: NDArray[np.intp],
+) -> NDArray[np.bool_]:
+    """Return what is sensed of steps: ``(N, steps)``."""
+    own = fields[:, after]
+    if distances is None:
+        return own
+    near, far = distances[after], distances[before]
+    return np.vstack([own, near < far, near > far])

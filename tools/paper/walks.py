@@ -1,0 +1,198 @@
+"""The four settings of the paper, random walks through them, and what is true there.
+
+A walk is a function of the seed, the setting and the number of the run. All learners
+are shown the same walks, so what differs between them is not luck.
+
+What is true is given as a code a pair of sensors, with the bits of
+`neurosnap.poc.learning.pair_codes`. As a truth may hold any of the four bits at once
+(an empty field lies within everything), its codes are sets of implications and nothing
+more.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import gymnasium
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.order.fields import inclusions
+from neurosnap.sources.gymnasium_source import import_worlds
+
+_SLACK = 1e-12
+"""By how much a probability must be smaller: sums of equal shares tie, and round."""
+
+
+class Setting(msgspec.Struct, frozen=True):
+    """One of the paper's environments ([GK] settings (a) to (d))."""
+
+    name: str
+    """What it is called in the data."""
+    letter: str
+    """What the paper calls it."""
+    world: str
+    """The environment's id."""
+
+
+SETTINGS = {
+    setting.name: setting
+    for setting in (
+        Setting("path", "a", "neurosnap/Path-v0"),
+        Setting("cycle", "b", "neurosnap/Cycle-v0"),
+        Setting("grid", "c", "neurosnap/Grid-v0"),
+        Setting("random", "d", "neurosnap/RandomFields-v0"),
+    )
+}
+"""Each has 20 sensors. Their order goes into the seed of every walk: add last."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A walk, and the world it went through.
+
+    Args:
+        fields: ``(N, places)`` bool; where each sensor is on.
+        moves: ``(actions, places)``; where an action leads from a place.
+        places: ``(steps,)``; where the walk is at each observation.
+    """
+
+    fields: NDArray[np.bool_]
+    moves: NDArray[np.intp]
+    places: NDArray[np.intp]
+
+    @cached_property
+    def law(self) -> NDArray[np.float64]:
+        """``(places,)``: the walk's stationary law."""
+        return stationary(self.moves, int(self.places[0]))
+
+    @cached_property
+    def contained(self) -> NDArray[np.uint8]:
+        """The codes of the true containments ([GK] eqn:true dir matrix).
+
+        ``a -> b`` iff the field of `a` lies within the field of `b`.
+        """
+        return codes_of(inclusions(self.fields))
+
+
+@lru_cache(maxsize=256)
+def walk(name: str, seed: int, run: int, steps: int) -> Walk:
+    """Return a walk: world and moves have a stream of random numbers each.
+
+    Args:
+        name: The setting's.
+        seed: From 0 up; with the setting and the run it says all.
+        run: From 0 up.
+        steps: Observations, at least 1: the first at a place drawn uniformly, the one
+            at ``t`` after ``t - 1`` moves drawn uniformly.
+    """
+    key = (list(SETTINGS).index(name), run)
+    of_world, of_moves = np.random.SeedSequence(seed, spawn_key=key).spawn(2)
+    import_worlds()
+    env: gymnasium.Env[Any, Any] = gymnasium.make(SETTINGS[name].world)
+    try:
+        _, info = env.reset(seed=int(of_world.generate_state(1)[0]))
+        get = env.get_wrapper_attr
+        moves, fields = get("moves"), get("fields")
+    finally:
+        env.close()
+    draws = np.random.default_rng(of_moves).integers(len(moves), size=steps - 1)
+    return Walk(fields, moves, follow(moves, info["place"], draws))
+
+
+def follow(
+    moves: NDArray[np.intp], start: int, actions: NDArray[np.int64]
+) -> NDArray[np.intp]:
+    """Return the places of a walk: ``(1 + len(actions),)``, `start` first.
+
+    Args:
+        moves: ``(actions, places)``; where an action leads from a place.
+        start: A place.
+        actions: Which move is made, one after the other.
+    """
+    leads, places = moves.tolist(), [int(start)]
+    for action in actions.tolist():
+        places.append(leads[action][places[-1]])
+    return np.array(places, np.intp)
+
+
+def stationary(moves: NDArray[np.intp], start: int) -> NDArray[np.float64]:
+    """Return the stationary law of the walk that draws its moves uniformly.
+
+    ``pi P = pi`` is solved as it stands, so a walk that is periodic has its law too.
+
+    Args:
+        moves: ``(actions, places)``; where an action leads from a place.
+        start: Where the walk begins; places it cannot reach have probability 0.
+
+    Returns:
+        ``(places,)``, adds up to 1. O(places³) time.
+
+    Raises:
+        InvalidValueError: From `start` the walk may be caught in more than one part of
+            the space, so that it has no one law.
+    """
+    places = moves.shape[1]
+    chances = np.zeros((places, places))
+    for leads in moves:
+        chances[np.arange(places), leads] += 1 / len(moves)
+    there = np.arange(places) == start
+    for _ in range(places):
+        there = there | (chances[there] > 0).any(axis=0)
+    reached = np.flatnonzero(there)
+    closed = chances[np.ix_(reached, reached)]
+    equations = np.vstack([closed.T - np.eye(len(reached)), np.ones(len(reached))])
+    right = np.append(np.zeros(len(reached)), 1.0)
+    law, _, rank, _ = np.linalg.lstsq(equations, right)
+    if rank < len(reached):
+        rule = "must lead to one recurrent part of the space"
+        raise InvalidValueError("start", rule, start)
+    pi = np.zeros(places)
+    pi[reached] = np.maximum(law, 0.0)  # a place left for good may come out at -1e-17
+    return np.asarray(pi / pi.sum(), np.float64)
+
+
+def thresholded(
+    fields: NDArray[np.bool_], law: NDArray[np.float64], threshold: float
+) -> NDArray[np.uint8]:
+    """Return what is derived of the walk's weights ([GK] eqn:thresholded dir matrix).
+
+    ``a -> b`` iff ``pi(ab*) < min(tau, pi(ab), pi(a*b*), pi(a*b))``.
+
+    Args:
+        fields: ``(N, places)``; where each sensor is on.
+        law: ``(places,)``, as `stationary` gives it.
+        threshold: ``tau``, in (0, 1/4].
+
+    Returns:
+        ``(N (N - 1) / 2,)``, a code a pair.
+    """
+    sensors, places = fields.shape
+    literals = np.stack([fields, ~fields], axis=1).reshape(2 * sensors, places)
+    both = (literals * law) @ literals.T.astype(np.float64)
+    star = np.arange(2 * sensors) ^ 1
+    against, converse, rest = both[:, star], both[star], both[star][:, star]
+    least = np.minimum(np.minimum(both, converse), np.minimum(rest, threshold))
+    return codes_of(against < least - _SLACK)
+
+
+def codes_of(edges: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the codes of edges that are closed under contraposition.
+
+    Args:
+        edges: ``(2N, 2N)``; those between literals of one sensor do not count.
+
+    Returns:
+        ``(N (N - 1) / 2,)``; any of the four bits may be on.
+    """
+    i, j = np.tril_indices(len(edges) // 2, -1)
+    bits = (
+        edges[2 * i, 2 * j],
+        edges[2 * j, 2 * i],
+        edges[2 * i, 2 * j + 1],
+        edges[2 * i + 1, 2 * j],
+    )
+    codes = sum(on.astype(np.uint8) << bit for bit, on in enumerate(bits))
+    return np.asarray(codes, np.uint8)
