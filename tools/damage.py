@@ -27,14 +27,14 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.apps.cli import recording_info
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read import info
 from neurosnap.recording.read.file import Recorded
-from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
+from neurosnap.recording.replay.learned_at import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
@@ -215,8 +215,8 @@ def _derived(log: Path) -> int:
 
 
 def _told(recording: Recording) -> None:
-    found = info.describe(recording)
-    info.render(found)
+    found = recording_info.describe(recording)
+    recording_info.render(found)
     if recording.whole:
         _demand(found.completeness.whole, "whole, but for the info")
 

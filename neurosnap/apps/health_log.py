@@ -6,7 +6,7 @@ import msgspec
 
 from neurosnap.health.alarm import Alarm, Progress, told
 from neurosnap.health.follower import Follower
-from neurosnap.recording.read.observed import Observed, observations
+from neurosnap.recording.read.observations import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sources.tables.readings import Readings, seconds_of
 
@@ -51,7 +51,7 @@ class HealthLog(msgspec.Struct, frozen=True):
         yield f"{alarms}, {bad} in force (budget {self.budget})"
 
 
-def in_table(readings: Readings) -> Iterator[Observed]:
+def in_table(readings: Readings) -> Iterator[OwnReadings]:
     """Yield the observations of a table.
 
     Raises:
@@ -59,10 +59,10 @@ def in_table(readings: Readings) -> Iterator[Observed]:
     """
     columns = readings.columns
     for tick, at in enumerate(seconds_of(readings).tolist()):
-        yield Observed(at, *columns.row(tick))
+        yield OwnReadings(at, *columns.row(tick))
 
 
-def in_recording(recording: Recording) -> Iterator[Observed]:
+def in_recording(recording: Recording) -> Iterator[OwnReadings]:
     """Yield what the world's own sensors read in a recorded run, and when it was sent.
 
     Raises:
@@ -72,7 +72,7 @@ def in_recording(recording: Recording) -> Iterator[Observed]:
 
 
 def follow(
-    observations: Iterable[Observed], names: Sequence[str], budget: str
+    observations: Iterable[OwnReadings], names: Sequence[str], budget: str
 ) -> HealthLog:
     """Return what a monitor says of a home, from the first observation to the last.
 

@@ -21,7 +21,6 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.launch import Plan, run_processes
 from neurosnap.system.durable import replace_file, replacing
 from neurosnap.system.palette import MANY, MARKERS
@@ -134,7 +133,7 @@ def from_recording(recording: Recording) -> list[Measured]:
         RecordingError: The recording is not a run's, or lacks the start of a wave whose
             result it holds, though it is not damaged.
     """
-    options = options_of(recording)
+    options = recording.options
     damage = recording.damage
     started: dict[int, int] = {}
     rows = []

@@ -18,10 +18,9 @@ from neurosnap.health.budget import NEVER
 from neurosnap.health.news import News, Standing, news
 from neurosnap.protocol.anomaly_messages import Told, told, with_support
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.alarms import alarms_of
-from neurosnap.recording.read.births import Births, births_of
+from neurosnap.recording.read.observations import alarms_of
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
+from neurosnap.recording.replay.births import Births, births_of
 from neurosnap.runtime.connections import Connections
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
@@ -42,7 +41,7 @@ def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
         RecordingError: While iterating: it is damaged, or not a run's.
         MessageError: While iterating: an anomaly is none of such a run.
     """
-    support = _support(options_of(recording), support)
+    support = _support(recording.options, support)
     streams = _anomalies_and_births(recording, support), alarms_of(recording)
     for _, each in heapq.merge(*streams, key=itemgetter(0)):
         yield each
@@ -87,7 +86,7 @@ def without_anomalies(recording: Recording, support: int | None = None) -> str:
     untold = sum(1 for _ in recording.messages(("anomaly",)))
     if not untold:
         return f"no anomalies in {ticks:,} ticks"
-    least = _support(options_of(recording), support)
+    least = _support(recording.options, support)
     return (
         f"no anomalies in {ticks:,} ticks, but for {untold:,} that rest on fewer than"
         f" {least:,} occasions (--support 0 shows them)"

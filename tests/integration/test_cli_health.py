@@ -12,7 +12,6 @@ from neurosnap import wire
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
 from tests.support.command_line import call, happy, refused
@@ -145,7 +144,7 @@ async def test_one_who_catches_up_knows_what_it_knew(
 ) -> None:
     monkeypatch.setattr(health_listener, "_LAST", PATIENCE)
     recording = Recording.open(recorded)
-    body = options_of(recording).body
+    body = recording.options.body
     told = [
         (each.message, each.sent)
         for each in recording.messages(("observe",))

@@ -19,7 +19,6 @@ from neurosnap.agent.environment import Continuing
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import happy, refused
 from tests.support.foxglove_rules import refusals
@@ -195,7 +194,7 @@ def test_the_command_line_takes_it(tmp_path: Path) -> None:
     given = ("--frames", 7, "--ticks", 15, "--cells", "inline", "--out", path)
     happy("run", LAKE, *given)
     assert sorted(images(path)) == [1, 8, 15]
-    assert options_of(Recording.open(path)).frames == 7
+    assert Recording.open(path).options.frames == 7
 
 
 def test_a_file_takes_it(tmp_path: Path) -> None:

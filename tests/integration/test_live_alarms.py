@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.apps.health_log import follow
 from neurosnap.health.steps import STEP
-from neurosnap.recording.read.observed import Observed
+from neurosnap.recording.read.observations import OwnReadings
 from tests.support.command_line import call, happy
 from tests.support.commands import Command
 from tests.support.lived_in import SENSORS, START, lived_in
@@ -24,14 +24,14 @@ FLUSH = SENSORS.index("flush")
 SILENT = "  flush: silent since "
 
 
-def home() -> list[Observed]:
+def home() -> list[OwnReadings]:
     """Return the readings of a home whose flush rests from the fourteenth day on."""
     rests = START + 14 * DAY
     spans = [each for each in lived_in(18, 1) if each[2] != FLUSH or each[0] < rests]
     edges = sorted({at for on, off, _ in spans for at in (on, off)})
     known = np.ones(len(SENSORS), np.bool_)
     return [
-        Observed(
+        OwnReadings(
             at,
             np.isin(range(len(SENSORS)), [k for a, b, k in spans if a <= at < b]),
             known,

@@ -16,9 +16,8 @@ from neurosnap.agent.agent import Agent
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
+from neurosnap.recording.replay.learning import Learning
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command
 from tests.support.mosquitto import (
@@ -218,7 +217,7 @@ async def test_a_switch_pauses_learning(tmp_path: Path) -> None:
     paused = [observation.paused for observation in observations]
     assert sum(paused) > 60
     # What is derived from the observations is what the run had in the end.
-    learning = Learning(run.log, options_of(recording))
+    learning = Learning(run.log, recording.options)
     assert [*learning.learn_to(len(paused), observations, {})][-1] == len(paused)
     learned = learning.snapshot
     assert learned.clock == len(paused) - sum(paused)

@@ -11,7 +11,6 @@ from playwright.async_api import Page, expect
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
 from tests.support.browser_pages import IN_BROWSER, go_to, opened
@@ -445,7 +444,7 @@ async def test_what_moves_glides_unless_one_wants_no_motion(
 async def test_of_too_many_sensors_those_are_drawn_that_are_asked_for(
     large_log: Path,
 ) -> None:
-    names = options_of(Recording.open(large_log)).sensors
+    names = Recording.open(large_log).options.sensors
     async with opened(large_log, "#t=6") as page:
         large = page.locator("#drawing-large")
         await expect(large).to_contain_text("500 sensors are too many to be read")

@@ -15,7 +15,6 @@ from neurosnap import wire
 from neurosnap.apps.viewer.comparison import difference
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from tests.support.browser_pages import IN_BROWSER, derived, go_to, opened, states
 from tests.support.home_runs import FLUSH
 from tests.support.lamp import BIRTH, GROWN
@@ -72,7 +71,7 @@ async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:
     depth, wave = deepest
     assert depth >= 2
     tick, first = ticks[wave]
-    names = options_of(log).sensors
+    names = log.options.sensors
     async with opened(planner_log, f"#t={tick}") as page:
         await page.select_option("#wave-which", names[first >> 1] + "*" * (first & 1))
         assert await page.get_attribute("#wave-hop", "max") == str(depth)

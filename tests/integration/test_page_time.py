@@ -13,7 +13,6 @@ from neurosnap.apps.viewer.api import COUNTED
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from tests.support.browser_pages import (
     IN_BROWSER,
     derived,
@@ -192,7 +191,7 @@ async def test_a_sensor_is_found_by_a_part_of_its_name(planner_log: Path) -> Non
         await page.keyboard.press("/")
         await page.keyboard.type("X_below_2")
         found = page.locator("#search-found")
-        names = options_of(Recording.open(planner_log)).sensors
+        names = Recording.open(planner_log).options.sensors
         count = sum("x_below_2" in name for name in names)
         await expect(found).to_have_text(f"{count} found")
         await page.keyboard.press("Enter")

@@ -12,12 +12,12 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.policy import AgentKind
+from neurosnap.apps.cli.recording_info import describe as describe_recording
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import SwarmError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.file import Recorded
-from neurosnap.recording.read.info import describe as describe_recording
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.playback import play
 from neurosnap.recording.replay.replay import Replay

@@ -20,7 +20,6 @@ from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.restart_files import RestartFiles
@@ -177,7 +176,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_another_run_is_told_from_the_right_one(whole: Path) -> None:
     recording = Recording.open(whole)
-    options, noted = options_of(recording), recording.noted()
+    options, noted = recording.options, recording.noted()
     check(whole, options, noted.completeness, noted.expected)
     for wrong, where in (
         (msgspec.structs.replace(options, ticks=options.ticks + 1), "observe"),
@@ -191,7 +190,7 @@ def test_another_run_is_told_from_the_right_one(whole: Path) -> None:
 
 def test_a_message_that_nobody_misses_is_missed(whole: Path) -> None:
     recording = Recording.open(whole)
-    options, noted = options_of(recording), recording.noted()
+    options, noted = recording.options, recording.noted()
     for who, count in noted.expected.items():
         sent = {**noted.expected, who: count + 1}
         with pytest.raises(WrongError, match=rf"^missing of {who}: must be 1, got 0$"):
@@ -213,9 +212,7 @@ def test_a_run_is_taken_up_no_later_than_asked(whole: Path) -> None:
 
 
 def test_the_last_tick_done_again_ends_the_run(whole: Path, tmp_path: Path) -> None:
-    options, past = find_resume_point(
-        whole, options_of(Recording.open(whole)).ticks - 1
-    )
+    options, past = find_resume_point(whole, Recording.open(whole).options.ticks - 1)
     log = tmp_path / "again.mcap"
     inline = msgspec.structs.replace(options, cells="inline")
     outcome = asyncio.run(run(inline, log, asyncio.Event(), past=past))

@@ -20,6 +20,7 @@ from typing import Any, Protocol
 import msgspec
 
 from neurosnap import wire
+from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.cell import Cell
@@ -28,7 +29,6 @@ from neurosnap.protocol.wave import Wave
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.records import opened
 from neurosnap.recording.format.scan import scan_index
-from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.participant import decoded
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording

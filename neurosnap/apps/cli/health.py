@@ -30,12 +30,11 @@ def health(
     """Tell which sensors of a home seem broken, since when, and why."""
     from neurosnap.apps import health_log
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.recording.read.run_facts import options_of
 
     with errors():
         there = opened(data, wanted(sensors, when, time))
         if isinstance(there, Recording):
-            names = options_of(there).body.own
+            names = there.options.body.own
             observations = health_log.in_recording(there)
         else:
             names = there.columns.sensorium.names

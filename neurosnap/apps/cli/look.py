@@ -26,8 +26,8 @@ from neurosnap.errors import InvalidValueError
 @app.command()
 def info(log: Log, as_json: Json = False) -> None:
     """Show what a recording holds, what it learned, and what is missing from it."""
+    from neurosnap.apps.cli.recording_info import describe, render
     from neurosnap.apps.cli.relations import learned_lines
-    from neurosnap.recording.read.info import describe, render
     from neurosnap.recording.read.recording import Recording
 
     with errors():
@@ -62,9 +62,9 @@ def graph(
     """Print the implications that were learned: which sensor implies which."""
     from neurosnap.apps.cli.relations import check_out, show, write
     from neurosnap.apps.export.graph_text import diagram, parse_format, render
-    from neurosnap.recording.read.births import births_of
-    from neurosnap.recording.read.learned_at import snapshot_at
     from neurosnap.recording.read.recording import Recording
+    from neurosnap.recording.replay.births import births_of
+    from neurosnap.recording.replay.learned_at import snapshot_at
 
     with errors():
         table = form == "table" and not as_json

@@ -21,12 +21,11 @@ from rich.table import Table
 from neurosnap.apps.growth_text import changed_line, grown_text
 from neurosnap.health.news import Newsreader
 from neurosnap.protocol.anomaly_messages import few
-from neurosnap.recording.read.info import in_ranges
 from neurosnap.sensorium import visible
 from neurosnap.system.picture import KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -333,3 +332,10 @@ def findings(console: Console, found: Sequence[Finding]) -> None:
         console.print(f"{mark} {escape(finding.what)}: {escape(finding.found)}")
         if not finding.ok:
             console.print(f"    → {escape(finding.mend)}")
+
+
+def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
+    """Return ranges of ticks as text: "3, 5..8"."""
+    return ", ".join(
+        f"{first}..{last}" if last > first else str(first) for first, last in ranges
+    )

@@ -12,9 +12,9 @@ from neurosnap.apps.cli.shared import screen
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
 if TYPE_CHECKING:
+    from neurosnap.apps.cli.recording_info import Info
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.snapshot import Snapshot
-    from neurosnap.recording.read.info import Info
     from neurosnap.recording.read.recording import Recording
 
 MOST = 40
@@ -65,8 +65,8 @@ def answered_by(
     from neurosnap.apps.cli import output
     from neurosnap.apps.export.relations import Answered
     from neurosnap.poc.learning.relation_table import tabulate
-    from neurosnap.recording.read.births import births_of
-    from neurosnap.recording.read.readings_of import readings_of
+    from neurosnap.recording.read.observations import readings_of
+    from neurosnap.recording.replay.births import births_of
 
     read = readings_of(recording, snapshot.sensorium, tick)
     with output.progress(screen, "pairs", None) as on_progress:
@@ -82,7 +82,7 @@ def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[
     Only of what is read in a moment; and of a file that cannot be read whole nothing,
     for what it lacks is what is told.
     """
-    from neurosnap.recording.read.learned_at import snapshot_at
+    from neurosnap.recording.replay.learned_at import snapshot_at
 
     if "options" not in recording.metadata or not recording.whole:
         return

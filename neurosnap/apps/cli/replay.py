@@ -205,7 +205,7 @@ def _play(
     log: Path, rate: float, start: int, step: bool, network: Network, as_json: bool
 ) -> None:
     from neurosnap.apps.cli import output
-    from neurosnap.recording.read.info import shown
+    from neurosnap.apps.cli.recording_info import shown
     from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.replay.playback import play_on
 

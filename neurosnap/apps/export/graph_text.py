@@ -7,7 +7,7 @@ import numpy as np
 
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.recording.read.births import Birth, Births
+from neurosnap.recording.replay.births import Birth, Births
 from neurosnap.sensorium import Sensorium
 from neurosnap.system.distribution import must_have
 

@@ -35,7 +35,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.recording.read.births import Birth
+from neurosnap.recording.replay.births import Birth
 
 Bit: TypeAlias = Literal[0, 1] | None
 """On, off, or not known."""

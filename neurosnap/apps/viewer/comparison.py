@@ -19,7 +19,7 @@ from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import RecordingError, ShapeError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import from_words
-from neurosnap.recording.read.learning import Learning
+from neurosnap.recording.replay.learning import Learning
 from neurosnap.sensorium import unpack
 
 _PATIENCE = 0.3

@@ -19,7 +19,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.learning import Learning, snapshot_in
+from neurosnap.recording.replay.learning import Learning, snapshot_in
 from neurosnap.recording.read.tick_index import TickIndex
 
 _STRIDE = 100

@@ -30,10 +30,9 @@ from neurosnap.errors import (
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly_messages import evidence, told, with_support
-from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.tick_index import TickIndex
+from neurosnap.recording.replay.learning import Learning
 from neurosnap.sensorium import unpack
 from neurosnap.sources.open import STDIN
 
@@ -62,7 +61,7 @@ class RunView:
     def __init__(self, path: Path, scene: Scene | None = None) -> None:
         self.path = path
         self.recording = Recording.open(path, verify=False)
-        self.options = options_of(self.recording)
+        self.options = self.recording.options
         self.tick_index = TickIndex(self.recording)
         self.recall = SnapshotCache(self.tick_index, self.options)
         self.scene = Scene(self.options) if scene is None else scene
@@ -100,7 +99,7 @@ class RunView:
     @property
     def resumed(self) -> tuple[int, ...]:
         """The ticks after which the run was taken up again."""
-        return resumed_at(self.recording)
+        return self.recording.resumed
 
     def run(self, live: bool) -> api.Run:
         """Return what is being looked at.

@@ -30,7 +30,7 @@ from neurosnap.apps.viewer.tick_messages import (
     Ticks,
 )
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.recording.read.births import Births
+from neurosnap.recording.replay.births import Births
 
 MOST_SENSORS = 500
 MOST_COLUMNS = 2000

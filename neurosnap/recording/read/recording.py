@@ -22,6 +22,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.location import Place
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import (
     Completeness,
     RunningNumbers,
@@ -149,6 +150,39 @@ class Recording:
     def metadata(self) -> dict[str, str]:
         """What was written of the run at its start; empty if it was cut before that."""
         return self._last.metadata
+
+    @property
+    def options(self) -> RunOptions:
+        """The options that the run was made with.
+
+        Raises:
+            RecordingError: It says nothing of its run, or nothing valid, or is damaged
+                and what it says may be wrong.
+        """
+        self.demand_facts()
+        try:
+            return msgspec.json.decode(self.metadata["options"], type=RunOptions)
+        except (KeyError, msgspec.MsgspecError) as error:
+            rule = "must be those of a run"
+            raise RecordingError(
+                f"{self.path}: options: {rule}, got {error}"
+            ) from error
+
+    @property
+    def resumed(self) -> tuple[int, ...]:
+        """The ticks after which the run was resumed.
+
+        Raises:
+            RecordingError: It says so in a way that is not valid.
+        """
+        raw = self.metadata.get("resumed", "[]")
+        try:
+            return msgspec.json.decode(raw, type=tuple[int, ...])
+        except msgspec.MsgspecError as error:
+            rule = "must be a list of ticks"
+            raise RecordingError(
+                f"{self.path}: resumed: {rule}, got {raw!r}"
+            ) from error
 
     @property
     def part(self) -> int | None:

@@ -34,7 +34,6 @@ from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.sensorium import selection, unpack
 
 _INPUTS = ("observe", "settle", "tally", "recalled", "band", "learned")
@@ -84,7 +83,7 @@ class Replay:
 
     def __init__(self, recording: Recording, start: Start | None = None) -> None:
         self.path = recording.path
-        self.options = options_of(recording)
+        self.options = recording.options
         frame, bands = (None, ()) if start is None else (start.frame, start.bands)
         try:
             self.core = Coordinator.of(self.options, frame, bands)
@@ -101,7 +100,7 @@ class Replay:
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self.complete = recording.whole
         self._closing = recording.closing
-        self._resumed = deque(t for t in resumed_at(recording) if t > self.first)
+        self._resumed = deque(t for t in recording.resumed if t > self.first)
         self._messages = recording.messages(
             _INPUTS + _OUTPUTS, start=0 if start is None else start.since
         )
@@ -114,7 +113,7 @@ class Replay:
         self._observed = np.zeros(0, dtype=np.bool_)
         # A key-frame to begin with has been said.
         said = self.core.begin() if frame is None else [self.core.decision]
-        if frame is not None and self.workers and self.first in resumed_at(recording):
+        if frame is not None and self.workers and self.first in recording.resumed:
             self.core.begin_with(frame)
         self._said: deque[wire.Message] = deque(said)
         self._under_way = self.first  # the tick of what is derived now

@@ -32,7 +32,6 @@ from neurosnap.recording.read.recording import (
     part_path,
     part_paths,
 )
-from neurosnap.recording.read.run_facts import options_of, resumed_at
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
 from neurosnap.sensorium import pack
@@ -123,7 +122,7 @@ def _resume_point_in(
     recording: Recording, stretch: Recording, lacks: bool, most: int | None
 ) -> tuple[RunOptions, ResumePoint]:
     """Find out where a run can go on in one stretch of its last file."""
-    options = options_of(recording)
+    options = recording.options
     tick, waves, state = _derive(stretch, most, lacks)
     body = _body(recording, options, tick)
     return options, ResumePoint(
@@ -132,7 +131,7 @@ def _resume_point_in(
         actions=_actions(recording, options, tick),
         state=state,
         counts=_counts(recording, stretch, tick, waves),
-        resumed=(*(t for t in resumed_at(recording) if t < tick), tick),
+        resumed=(*(t for t in recording.resumed if t < tick), tick),
         part=recording.part or 0,
         begins=recording.begins,
         grown=body.grown,
@@ -332,7 +331,7 @@ def _start(recording: Recording, most: int | None) -> Start | None:
 
 def _reported(recording: Recording) -> dict[str, int]:
     """Return the last wave that each cell, or worker, reported on; 0: on none."""
-    options = options_of(recording)
+    options = recording.options
     count = None
     if options.body.room and not options.sharing:
         count = options.body.first_grown  # the rest is there once it is grown

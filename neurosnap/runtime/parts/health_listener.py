@@ -17,7 +17,11 @@ from neurosnap.errors import NeurosnapError
 from neurosnap.health.follower import Follower
 from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.recording.read.observed import Observed, as_observed, observations
+from neurosnap.recording.read.observations import (
+    OwnReadings,
+    observations,
+    own_readings,
+)
 from neurosnap.recording.read.recording import Recording, first_path
 
 _LOOK = 60.0
@@ -74,7 +78,7 @@ class HealthListener:
         self._clock = clock
         self._told: Standing | None = None
         self._tick = 0  # the last that was followed
-        self._waiting: SimpleQueue[tuple[int, Observed] | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[int, OwnReadings] | None] = SimpleQueue()
 
     def take(self, message: wire.Observation, sent: int) -> None:
         """Take in an observation, sent so many nanoseconds after 1970; does not wait.
@@ -84,7 +88,7 @@ class HealthListener:
         Raises:
             ShapeError: It is of another number of sensors.
         """
-        observed = as_observed(message, sent, self._body)
+        observed = own_readings(message, sent, self._body)
         self._waiting.put((message.tick, observed))
 
     async def serve(self, stop: asyncio.Event) -> None:
@@ -134,7 +138,7 @@ class HealthListener:
                 self._observe(*observed)
             self._say(tell)
 
-    def _observe(self, tick: int, observed: Observed) -> None:
+    def _observe(self, tick: int, observed: OwnReadings) -> None:
         if tick > self._tick:
             self._tick = tick
             at, on, known, begins = observed

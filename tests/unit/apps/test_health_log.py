@@ -9,7 +9,7 @@ import pytest
 from neurosnap.apps import health_log
 from neurosnap.health.alarm import Alarm, Progress, told
 from neurosnap.health.follower import Said
-from neurosnap.recording.read.observed import Observed
+from neurosnap.recording.read.observations import OwnReadings
 
 
 def alarm(kind: str, step: int) -> Alarm:
@@ -32,7 +32,7 @@ class Scripted:
 def log_of(said: list[Said], monkeypatch: pytest.MonkeyPatch) -> health_log.HealthLog:
     monkeypatch.setattr(health_log, "Follower", lambda names, _: Scripted(names, said))
     off = np.zeros(1, np.bool_)
-    observations = [Observed(float(at), off, ~off) for at in range(len(said))]
+    observations = [OwnReadings(float(at), off, ~off) for at in range(len(said))]
     return health_log.follow(observations, ["door"], "1/week")
 
 

@@ -19,9 +19,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.export.write import Form, export, parse_form
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
-from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.read.run_facts import options_of
+from neurosnap.recording.replay.learned_at import snapshot_at
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource
@@ -62,7 +61,7 @@ def test_a_row_of_csv_is_what_was_recorded_of_a_tick(log: Path, tmp_path: Path) 
     assert (done.ticks, done.incomplete, done.whole) == (TICKS, 0, True)
     got, said = table(out), by_tick(log)
     assert [int(row["tick"]) for row in got] == sorted(said)
-    sensors = options_of(Recording.open(log)).sensors
+    sensors = Recording.open(log).options.sensors
     for row in got:
         there = said[int(row["tick"])]
         observation, sent = there[wire.Observation]

@@ -15,12 +15,11 @@ from mcap.records import Chunk, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from neurosnap import wire
+from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import LIMIT
-from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.write import writer
 from tests.support.recordings import EACH, delivered, record, traffic
 
@@ -256,7 +255,7 @@ def test_facts_without_a_checksum_are_not_believed_in_a_damaged_file(
     assert len(list(recording.messages())) == len(DELIVERIES) - 20
     assert recording.totals is None
     with pytest.raises(RecordingError, match=r"options: must have a checksum of their"):
-        options_of(recording)
+        _ = recording.options
     assert "run (may be wrong: it has no checksum):" in render(describe(recording))
 
 

@@ -8,17 +8,16 @@ import msgspec
 import pytest
 
 from neurosnap import wire
+from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.apps.export.write import export
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.records import Chunk
-from neurosnap.recording.read.info import describe, render
-from neurosnap.recording.read.learned_at import snapshot_at
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
+from neurosnap.recording.replay.learned_at import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point, past_of, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
@@ -328,7 +327,7 @@ def test_files_of_a_run_are_salvaged_into_one(
     assert verify(good).complete
     true, found = (list(Recording.open(log).messages()) for log in (whole, good))
     assert len(true) == len(found)
-    assert options_of(Recording.open(good)) == options_of(Recording.open(whole))
+    assert Recording.open(good).options == Recording.open(whole).options
 
 
 @pytest.mark.parametrize("number", [0, -1])

@@ -7,7 +7,6 @@ import pytest
 from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import resumed_at
 from neurosnap.recording.replay.resume import find_resume_point
 from tests.golden.drive import drive, record
 from tests.golden.scenarios import rows
@@ -34,7 +33,7 @@ def test_a_run_that_got_no_further_says_once_where_it_went_on(tmp_path: Path) ->
         assert past.resumed == ((15,), (15,), (15, 25))[life]
     driven = drive(OPTIONS, Scripted(ROWS), past=past)
     record(driven, OPTIONS, tmp_path / "end.mcap", past)
-    assert resumed_at(Recording.open(tmp_path / "end.mcap")) == (15, 25)
+    assert Recording.open(tmp_path / "end.mcap").resumed == (15, 25)
 
 
 @pytest.mark.parametrize("tick", [1, 9, 10, 11])

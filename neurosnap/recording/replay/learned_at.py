@@ -4,10 +4,9 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.recording.read.keyframes import Start, starts
-from neurosnap.recording.read.learning import Learning
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.replay.learning import Learning
 
 
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:
@@ -62,7 +61,7 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
     Raises:
         RecordingError: The recording is damaged, or lacks an observation.
     """
-    learning, since = Learning(recording.path, options_of(recording)), 0
+    learning, since = Learning(recording.path, recording.options), 0
     if (last := _last_frame(recording, tick)) is not None:
         learning.restore(last.frame, last.bands)
         since = last.since

@@ -9,7 +9,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.learning import Learning
+from neurosnap.recording.replay.learning import Learning
 
 LOG = Path("run.mcap")
 

@@ -13,12 +13,13 @@ from itertools import pairwise
 import msgspec
 
 from neurosnap import wire
+from neurosnap.apps.cli.output import in_ranges
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged_in
-from neurosnap.recording.read.births import Birth, Births, births_of
 from neurosnap.recording.read.recording import Recording, first_path, part_paths
+from neurosnap.recording.replay.births import Birth, Births, births_of
 
 _SECOND = 10**9
 _CLOCKS_BEGIN = 946_684_800 * _SECOND
@@ -340,13 +341,6 @@ def _balance(info: Info) -> Iterator[str]:
     yield from _table((f"\t{shown(who)}", str(n)) for who, n in missing.items())
     yield f"duplicates: {info.completeness.duplicates} left out"
     yield f"foreign: {info.completeness.foreign} left out"
-
-
-def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
-    """Return ranges of ticks as text: "3, 5..8"."""
-    return ", ".join(
-        f"{first}..{last}" if last > first else str(first) for first, last in ranges
-    )
 
 
 def _texts(title: str, texts: dict[str, str]) -> Iterator[str]:

@@ -10,11 +10,11 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.memory import AgentMemory
+from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SMALLEST
-from neurosnap.recording.read.births import Birth, Births, births_of
-from neurosnap.recording.read.info import describe, render
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.replay.births import Birth, Births, births_of
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.rewritten_recordings import changing, rewritten

@@ -7,12 +7,12 @@ from mcap.opcode import Opcode
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.apps.cli.recording_info import Info, describe, render
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.location import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import MAGIC
-from neurosnap.recording.read.info import Info, describe, render
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import describe as facts_of

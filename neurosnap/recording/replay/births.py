@@ -11,7 +11,6 @@ from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.agent.memory import body_in
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.run_facts import options_of
 
 
 class Birth(msgspec.Struct, frozen=True, kw_only=True):
@@ -146,7 +145,7 @@ def births_of(recording: Recording) -> Births:
         RecordingError: The recording is damaged or not a run's, or a key-frame holds no
             agent of it.
     """
-    births = Births(options_of(recording).body)
+    births = Births(recording.options.body)
     if births.body.room:
         for message in _messages(recording):
             try:
