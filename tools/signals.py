@@ -174,7 +174,7 @@ class Struggle:
             yield f"must have nothing to say, said {others}"
         try:
             recording = Recording.open(self.log)
-            if not (recording.finished and recording.completeness().whole):
+            if not (recording.cut is None and recording.completeness().whole):
                 yield "must leave a recording that is whole"
             elif _ticks(recording) and not verify(self.log).same:
                 yield "must leave a recording that can be derived again"

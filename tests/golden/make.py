@@ -79,7 +79,7 @@ def meaning(recording: Recording) -> dict[str, Any]:
     return {
         "metadata": recording.metadata,
         "totals": recording.totals,
-        "snapshot": recording.snapshot,
+        "snapshot": recording.files[-1].snapshot,
         "completeness": recording.completeness(),
         "messages": [
             {

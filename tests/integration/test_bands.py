@@ -75,7 +75,7 @@ def test_what_was_learned_is_read_from_them(log: Path, runs: Runs) -> None:
         _, without = snapshot_at(whole, tick)
         assert known_in(learned) == known_in(without)
         assert known_in(RunView(log).snapshot(tick)) == known_in(without)
-    assert Recording.open(log).snapshot is None
+    assert Recording.open(log).files[-1].snapshot is None
     assert [start.frame.tick for start in starts(Recording.open(log))][-1] == 30
 
 
@@ -151,7 +151,7 @@ def test_they_go_into_the_file_that_their_key_frame_begins(
     cut = tmp_path / "cut.mcap"
     with Writer(cut) as writer:
         writer.start(last.metadata)
-        for sender, number in (last.share or {}).items():
+        for sender, number in (last.files[0].share or {}).items():
             writer.sequences.begin(sender, number)
         writer.note_share()
         for recorded in begun:

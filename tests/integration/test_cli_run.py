@@ -63,7 +63,7 @@ def test_a_recording_gets_a_name_of_its_own(tmp_path: Path, csv: Path) -> None:
             happy("run", csv, "--cells", "inline", "--ticks", 3)["log"]
             for _ in range(3)
         ]
-        assert all(Recording.open(log).finished for log in logs)
+        assert all(Recording.open(log).cut is None for log in logs)
     assert len({*logs}) == 3
     assert all(log.startswith("logs/readings-") for log in logs)
 

@@ -70,7 +70,7 @@ class Mourning(Disturbed):
         self.restarts = _Told(self._look)
 
     def _look(self) -> None:
-        self.finished.append(Recording.open(f"{self._log}.broken").finished)
+        self.finished.append(Recording.open(f"{self._log}.broken").cut is None)
 
 
 class _Told(list[Restart]):

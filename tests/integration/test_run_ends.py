@@ -68,7 +68,7 @@ async def test_asked_to_stop_it_ends_in_order(
     played = await play(options, tmp_path / "log.mcap", stop, at(5, stop.set))
     assert played.outcome is not None
     assert played.outcome.stopped
-    assert played.recording.finished
+    assert played.recording.cut is None
     assert played.recording.completeness().whole
     ticks = [state.tick for state in played.of(wire.State)]
     assert ticks == list(range(1, played.outcome.totals.ticks + 1))
@@ -107,7 +107,7 @@ async def test_a_cell_that_dies_ends_the_run_and_is_named(
         )
     played = Played(log)
     assert [tick for tick, _, _ in played.states[:3]] == [1, 2, 3]
-    assert played.recording.finished
+    assert played.recording.cut is None
     assert "cell/2" in played.recording.completeness().missing
 
 
@@ -223,7 +223,7 @@ async def test_a_full_disk_ends_the_run_and_the_log_is_named(
     ):
         await run(options, log, asyncio.Event())
     played = Played(log)
-    assert not played.recording.finished
+    assert played.recording.cut is not None
     assert played.states[0][0] == 1
     assert log.stat().st_size <= LIMIT
 

@@ -61,7 +61,7 @@ def test_services_go_on_with_a_run_that_was_stopped(
     assert log.read_bytes() == content
     cells = [f"cell/{number}" for number in range(CELLS)]
     assert placed(new) == placed(log) == {"coordinator", "world", *cells}
-    assert Recording.open(new).places != Recording.open(log).places
+    assert Recording.open(new).files[-1].places != Recording.open(log).files[-1].places
     verdict = verify(new)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, tick + 20)
     assert course(new) == course(in_one_piece(tick + 20, tmp_path / "inline"))

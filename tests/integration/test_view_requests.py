@@ -331,7 +331,7 @@ async def test_a_growing_recording_is_told_as_differences(
                 assert frame["state"] == whole.state
                 assert frame["bits"] == whole.bits
             assert event.live == (
-                event.ticks < TICKS or not session.run_view.recording.finished
+                event.ticks < TICKS or session.run_view.recording.cut is not None
             )
             share = next(shares, None)
             if share is not None:

@@ -97,7 +97,7 @@ def facts(said: str) -> dict[str, Any]:
 
 def placed(log: Path) -> set[str]:
     """Return whose machine is recorded: for all of those, it is this one."""
-    places = Recording.open(log).places
+    places = Recording.open(log).files[-1].places
     assert len({place.pid for place in places.values()}) == len(places)
     assert {place.host for place in places.values()} == {Place.here().host}
     return set(places)

@@ -38,7 +38,7 @@ class Disk:
         power = chance.random() < weather.power
         self._tally.powercuts += power
         for path in paths:
-            if RecordingFile.open(path).finished:
+            if RecordingFile.open(path).cut is None:
                 continue
             # What a run begins with may be lost. A later file begins on the disk, but
             # for a power cut.

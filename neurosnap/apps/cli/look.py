@@ -33,8 +33,7 @@ def info(log: Log, as_json: Json = False) -> None:
     with errors():
         recording = Recording.open_file(log)
         found = describe(recording)
-        say(as_json).print(render(found), markup=False, soft_wrap=True)
-        for line in learned_lines(log, recording, found):
+        for line in (*learned_lines(log, recording, found), render(found)):
             say(as_json).print(line, markup=False, soft_wrap=True)
         if as_json:
             print_json(msgspec.to_builtins(found))

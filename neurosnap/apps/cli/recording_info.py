@@ -1,4 +1,4 @@
-"""A summary of a recording, as data and as text like ``mcap info``.
+"""A summary of a recording, as data and as text.
 
 Of a finished recording everything is known from its frame and its totals, without
 unpacking a chunk, but for the sensors it has grown: if there is room for any, its
@@ -7,7 +7,7 @@ decisions are read. One that was cut short or is damaged is read through.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 
 import msgspec
@@ -17,9 +17,9 @@ from neurosnap.apps.cli.output import in_ranges
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import PROFILE, RUN, Attached, Cut, damaged_in
+from neurosnap.recording.format.records import Attached, Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, first_path, part_paths
-from neurosnap.recording.replay.births import Birth, Births, births_of
+from neurosnap.recording.replay.births import Birth, births_of
 
 _SECOND = 10**9
 _CLOCKS_BEGIN = 946_684_800 * _SECOND
@@ -29,24 +29,11 @@ _CLOCKS_BEGIN = 946_684_800 * _SECOND
 class Channel(msgspec.Struct, frozen=True):
     """One topic."""
 
-    id: int
-    """Its place in `wire.TOPICS`, from 1; the channel's number, as we write it."""
     topic: str
     schema: str
     messages: int
     rate: float
     """Messages a second over the whole recording; 0 where that took no time."""
-
-
-class Packing(msgspec.Struct, frozen=True):
-    """What one way of compression came to."""
-
-    name: str
-    chunks: int
-    unpacked: int
-    """Bytes before."""
-    packed: int
-    """Bytes in the file."""
 
 
 class Info(msgspec.Struct, frozen=True):
@@ -55,7 +42,6 @@ class Info(msgspec.Struct, frozen=True):
     path: str
     size: int
     library: str
-    profile: str
     messages: int
     start: int
     """When the first message was recorded, nanoseconds since the epoch; 0: none."""
@@ -64,8 +50,12 @@ class Info(msgspec.Struct, frozen=True):
     duration: float
     """Seconds from `start` to `end`."""
     chunks: int
-    compression: tuple[Packing, ...]
+    unpacked: int
+    """Bytes of the messages before they were compressed."""
+    packed: int
+    """Bytes of them in the file."""
     channels: tuple[Channel, ...]
+    """Those with any messages."""
     attachments: tuple[Attached, ...]
     metadata: dict[str, str]
     """What was written of the run at its start."""
@@ -86,8 +76,6 @@ class Info(msgspec.Struct, frozen=True):
     """What cannot be read; see `Recording.damage`."""
     missing_ticks: tuple[tuple[int, int], ...] = ()
     """The first and the last of ticks without a state, in a damaged recording."""
-    unproved: bool = False
-    """What is written of the run has no checksum and may be wrong, by the damage."""
     births: tuple[Birth, ...] = ()
     """The sensors that were grown."""
     room: int = 0
@@ -109,19 +97,19 @@ def describe(recording: Recording) -> Info:
     else:
         counts, start, end, completeness = _read_through(recording)
     run = _options(recording.metadata)
-    births = _births(recording, run)
+    births = None if run is None else births_of(recording)
     damage = recording.damage
     return Info(
         path=str(recording.path),
         size=layout.size,
         library=layout.library,
-        profile=PROFILE,
         messages=counts.total(),
         start=start,
         end=end,
         duration=(end - start) / _SECOND,
         chunks=len(layout.chunks),
-        compression=_packings(recording),
+        unpacked=sum(chunk.unpacked for chunk in layout.chunks),
+        packed=sum(chunk.packed for chunk in layout.chunks),
         channels=_channels(counts, (end - start) / _SECOND),
         attachments=tuple(layout.attachments.values()),
         metadata=recording.metadata,
@@ -129,21 +117,13 @@ def describe(recording: Recording) -> Info:
         completeness=completeness,
         cut=recording.cut,
         files=_files(recording),
-        places={who: place.text for who, place in recording.places.items()},
+        places={who: place.text for who, place in recording.files[-1].places.items()},
         in_force={} if run is None else run.in_force,
         damage=damage,
         missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
-        unproved=recording.files[-1].layout.doubts(RUN),
         births=births.listed if births else (),
         room=births.room if births else 0,
     )
-
-
-def _births(recording: Recording, run: RunOptions | None) -> Births | None:
-    """Return what a run has grown; None: that cannot be known."""
-    if run is None or recording.files[-1].layout.doubts(RUN):
-        return None
-    return births_of(recording)
 
 
 def _options(metadata: dict[str, str]) -> RunOptions | None:
@@ -227,26 +207,13 @@ def _read_through(
 def _channels(counts: Counter[str], duration: float) -> tuple[Channel, ...]:
     return tuple(
         Channel(
-            id=number,
             topic=f"/{topic}",
             schema=schemas.name(message),
             messages=counts[topic],
             rate=counts[topic] / duration if duration > 0 else 0.0,
         )
-        for number, (topic, message) in enumerate(wire.TOPICS.items(), start=1)
-    )
-
-
-def _packings(recording: Recording) -> tuple[Packing, ...]:
-    chunks = recording.files[-1].layout.chunks
-    return tuple(
-        Packing(
-            name=name or "none",
-            chunks=sum(chunk.compression == name for chunk in chunks),
-            unpacked=sum(c.unpacked for c in chunks if c.compression == name),
-            packed=sum(c.packed for c in chunks if c.compression == name),
-        )
-        for name in sorted({chunk.compression for chunk in chunks})
+        for topic, message in wire.TOPICS.items()
+        if counts[topic]
     )
 
 
@@ -261,49 +228,38 @@ def _without_balance(totals: dict[str, str] | None) -> dict[str, str] | None:
 
 
 def render(info: Info) -> str:
-    """Return `info` as text: first what ``mcap info`` shows, then the run."""
+    """Return `info` as text: what is missing, then the run, then the file."""
     return "\n".join(_lines(info))
 
 
 def _lines(info: Info) -> Iterator[str]:
+    yield from _balance(info)
+    yield from _grown(info)
+    yield from _texts("run:", _run(info))
+    yield from _texts("places:", info.places)
+    yield from _texts("totals:", info.totals or {})
     yield from _table(
         (
             ("library:", shown(info.library)),
-            ("profile:", info.profile),
             ("messages:", str(info.messages)),
-            ("duration:", _duration(info.end - info.start)),
+            ("duration:", str(timedelta(microseconds=(info.end - info.start) // 1000))),
             ("start:", _moment(info.start)),
             ("end:", _moment(info.end)),
+            ("size:", f"{_bytes(info.size)} in {info.chunks} chunks"),
+            ("unpacked:", f"{_bytes(info.unpacked)}, packed {_bytes(info.packed)}"),
         )
     )
-    if info.compression:
-        yield "compression:"
-    for packing in info.compression:
-        yield "\t" + _packing(packing, info)
-    yield "channels:"
-    width = max(len(str(channel.messages)) for channel in info.channels)
+    if info.channels:
+        yield "channels:"
+    width = max((len(str(one.messages)) for one in info.channels), default=0)
     yield from _table(
-        (
-            f"\t({channel.id})",
-            channel.topic,
-            f"{channel.messages:{width}} msgs ({channel.rate:.2f} Hz)",
-            f": {channel.schema} [{schemas.ENCODING}]",
-        )
-        for channel in info.channels
+        (f"\t{one.topic}", f"{one.messages:{width}} msgs ({one.rate:.2f} Hz)")
+        for one in info.channels
     )
-    yield f"attachments: {len(info.attachments)}"
-    yield from _table(
-        (f"\t{shown(a.name)}", f"{_bytes(a.size)}", shown(a.media_type))
-        for a in info.attachments
+    yield from _texts(
+        "attachments:",
+        {one.name: f"{_bytes(one.size)} {one.media_type}" for one in info.attachments},
     )
-    written = (bool(info.metadata), bool(info.places), info.totals is not None)
-    yield f"metadata: {sum(written)}"
-    title = "run (may be wrong: it has no checksum):" if info.unproved else "run:"
-    yield from _texts(title, _run(info))
-    yield from _grown(info)
-    yield from _texts("places:", info.places)
-    yield from _texts("totals:", info.totals or {})
-    yield from _balance(info)
 
 
 def _grown(info: Info) -> Iterator[str]:
@@ -349,17 +305,6 @@ def _texts(title: str, texts: dict[str, str]) -> Iterator[str]:
     yield from _table((f"\t{shown(k)}:", shown(v)) for k, v in texts.items())
 
 
-def _packing(packing: Packing, info: Info) -> str:
-    saved = 100 * (1 - packing.packed / max(1, packing.unpacked))
-    text = (
-        f"{packing.name}: [{packing.chunks}/{info.chunks} chunks]"
-        f" [{_bytes(packing.unpacked)}/{_bytes(packing.packed)} ({saved:.2f}%)]"
-    )
-    if info.duration > 0:
-        text += f" [{_bytes(packing.packed / info.duration)}/sec]"
-    return text
-
-
 def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
     """Lay out rows in columns as wide as their widest cell."""
     rows = list(rows)
@@ -380,24 +325,6 @@ def _bytes(count: float) -> str:
             return f"{count:.2f} {unit}"
         count /= 1024
     return f"{count:.2f} GiB"
-
-
-def _duration(nanoseconds: int) -> str:
-    """Return a duration as Go writes it: 1h2m3.5s, 7.25ms, 0s."""
-    for unit, name in ((1, "ns"), (10**3, "µs"), (10**6, "ms")):
-        if nanoseconds and nanoseconds < unit * 1000:
-            return f"{_decimal(nanoseconds, unit)}{name}"
-    minutes, rest = divmod(nanoseconds, 60 * _SECOND)
-    hours, minutes_left = divmod(minutes, 60)
-    before = f"{hours}h{minutes_left}m" if hours else f"{minutes}m" if minutes else ""
-    return f"{before}{_decimal(rest, _SECOND)}s"
-
-
-def _decimal(count: int, unit: int) -> str:
-    """Return `count` in units of a power of ten, exactly and without idle zeros."""
-    whole, rest = divmod(count, unit)
-    digits = f"{rest:0{len(str(unit)) - 1}}".rstrip("0") if rest else ""
-    return f"{whole}.{digits}" if digits else str(whole)
 
 
 def _moment(nanoseconds: int) -> str:

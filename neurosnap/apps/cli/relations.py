@@ -86,7 +86,6 @@ def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[
 
     if "options" not in recording.metadata or not recording.whole:
         return
-    yield ""
     if found.size > _SMALL:
         yield f"relations: neurosnap graph {log}"
         return

@@ -138,7 +138,7 @@ class ViewSession:
     def _is_live(self, grows: bool) -> bool:
         """Return whether more may come: another file may where there are several."""
         recording = self.run_view.recording
-        return grows and (recording.part is not None or not recording.finished)
+        return grows and (recording.part is not None or recording.cut is not None)
 
     async def read_on(self, stop: asyncio.Event) -> None:
         """Read on in the background once that is wanted, until `stop` is set."""

@@ -1,7 +1,8 @@
 """Metadata records with a checksum of their own.
 
 The format has one checksum for all of the data, at their end: in a file that is damaged
-anywhere, or has no end, nothing else says whether metadata is right.
+anywhere, or has no end, nothing else says whether metadata is right. Metadata without a
+checksum is damage.
 """
 
 import zlib
@@ -27,18 +28,24 @@ def sealed_facts(name: str, facts: Mapping[str, str]) -> dict[str, str]:
     return {**facts, CHECKSUM: checksum(name, facts)}
 
 
-def is_proved(body: bytes) -> bool:
-    """Tell whether the body of a record is metadata whose checksum is right."""
-    try:
-        metadata: Metadata = parse(Metadata.read, body)
-    except ValueError:
-        return False
-    noted = metadata.metadata.get(CHECKSUM)
-    return noted == checksum(metadata.name, metadata.metadata)
+def read_facts(body: bytes) -> tuple[str, dict[str, str]]:
+    """Return name and content of metadata, verified by its checksum.
+
+    Raises:
+        ValueError: It is not what was written.
+    """
+    metadata: Metadata = parse(Metadata.read, body)
+    name, facts = metadata.name, dict(metadata.metadata)
+    noted = facts.pop(CHECKSUM, None)
+    if noted is None:
+        raise ValueError("no checksum")
+    if noted != (computed := checksum(name, facts)):
+        raise ValueError(f"checksum {computed} for {noted}")
+    return name, facts
 
 
 def take_facts(layout: Layout, offset: int, body: bytes) -> None:
-    """File metadata; what has a checksum goes before what has none.
+    """File metadata.
 
     Args:
         layout: What it is of.
@@ -48,16 +55,7 @@ def take_facts(layout: Layout, offset: int, body: bytes) -> None:
     Raises:
         ValueError: It is not what was written.
     """
-    metadata: Metadata = parse(Metadata.read, body)
-    name, facts = metadata.name, dict(metadata.metadata)
-    noted = facts.pop(CHECKSUM, None)
-    if noted is not None and noted != (computed := checksum(name, facts)):
-        raise ValueError(f"checksum {computed} for {noted}")
-    if noted is None and layout.proved:
-        # Whoever wrote the others with a checksum wrote this one with one, too.
-        raise ValueError("no checksum")
+    name, facts = read_facts(body)
     if name == GAP:
         layout.gaps.append(Gap(offset, facts.get("why", "")))
     layout.metadata[name] = facts
-    if noted is not None:
-        layout.proved.add(name)

@@ -164,8 +164,6 @@ class Layout(msgspec.Struct):
     """Where the record starts that ends the data; None: it was not found."""
     summarized: bool = False
     """There is a summary, and its checksum is right."""
-    proved: set[str] = set()
-    """Names of metadata with a checksum of their own that is right."""
     sure: bool = False
     """The checksum of the whole data section was there and right."""
     walked: int = 0
@@ -180,13 +178,6 @@ class Layout(msgspec.Struct):
     def indexed(self) -> bool:
         """The counts of every chunk can be relied on."""
         return self.sealed and all(chunk.counts for chunk in self.chunks)
-
-    def doubts(self, name: str) -> bool:
-        """Tell whether metadata of this name may be wrong.
-
-        That of a file that is only cut short is believed: nothing speaks against it.
-        """
-        return bool(self.damage) and not self.sure and name not in self.proved
 
 
 @contextmanager

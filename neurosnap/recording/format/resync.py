@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.facts import is_proved
+from neurosnap.recording.format.facts import read_facts
 from neurosnap.recording.format.records import (
     CHUNK_HEAD,
     HEAD,
@@ -84,7 +84,8 @@ def is_sure(path: Path, file: BinaryIO, at: int, end: int) -> bool:
         for opcode, body, after in heads(file, at, end):
             length = after - body
             if opcode == Opcode.METADATA:
-                return is_proved(file.read(length))
+                read_facts(file.read(length))
+                return True
             start = file.read(min(length, HEAD_OF_CHUNK))
             unpack(path, file, chunk_at(0, at, length, start))
             return True

@@ -10,8 +10,7 @@ one. Where there is none the file was cut, be the rest missing, torn or zeros.
 verified when it is unpacked. `scan` verifies all there is. In a finished file the data
 section and the summary have a checksum each: where both are right, all is. Where one is
 missing or wrong, every chunk is unpacked and held against its own checksum, and what
-does not match is damage. So of what is handed out here nothing can be wrong but
-metadata without a checksum of its own: see `Layout.doubts`.
+does not match is damage. So nothing of what is handed out here can be wrong.
 """
 
 import bisect
@@ -250,7 +249,7 @@ def _file_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
         layout.damage.append(Damage(start, layout.size, why, "nothing"))
         return
     # In place: whoever looks at the layout looks at this one.
-    for name in ("metadata", "proved", "gaps", "damage", "chunks", "channels"):
+    for name in ("metadata", "gaps", "damage", "chunks", "channels"):
         setattr(layout, name, getattr(whole, name))
     layout.attachments, layout.summarized = whole.attachments, True
     end = footer + HEAD.size + FOOTER.size + len(MAGIC)

@@ -11,37 +11,18 @@ from typing import Any
 
 import msgspec
 
-from neurosnap.wire import (
-    CellReport,
-    Image,
-    Message,
-    PulseBatch,
-    WorkerReport,
-    WorkerWiring,
-)
+from neurosnap.wire import Image, Message
 
 ENCODING = "jsonschema"
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
-
-_TITLES: dict[type[Message], str] = {
-    CellReport: "Settled",
-    PulseBatch: "Burst",
-    WorkerReport: "Tally",
-    WorkerWiring: "Loom",
-}
-"""What recordings call the messages whose classes are named otherwise by now."""
 _FOREIGN: dict[type[Message], str] = {Image: "foxglove.CompressedImage"}
 """The schemas of others that a message has all fields of; viewers go by the name."""
 
 
-def _title(message: type[Message]) -> str:
-    return _TITLES.get(message, message.__name__)
-
-
 def name(message: type[Message]) -> str:
     """Return the name a message's schema is recorded under."""
-    return _FOREIGN.get(message, f"neurosnap.{_title(message)}")
+    return _FOREIGN.get(message, f"neurosnap.{message.__name__}")
 
 
 def schema(message: type[Message]) -> dict[str, Any]:
@@ -51,7 +32,7 @@ def schema(message: type[Message]) -> dict[str, Any]:
     properties = {
         field: _plain(rule, components) for field, rule in flat["properties"].items()
     }
-    titled = {**flat, "title": _FOREIGN.get(message, _title(message))}
+    titled = {**flat, "title": _FOREIGN.get(message, message.__name__)}
     return {"$schema": _DIALECT, **titled, "properties": properties}
 
 

@@ -120,7 +120,7 @@ class RecordingFile:
     def _verify_run(self) -> None:
         """Refuse a recording that says nothing of its run, or is of another schema."""
         if RUN not in self.layout.metadata:
-            if self.layout.chunks or self.finished or self.layout.damage:
+            if self.layout.chunks or self.cut is None or self.layout.damage:
                 raise RecordingError(
                     f"{self.path}: metadata: must hold {RUN}, got none"
                 )
@@ -171,7 +171,7 @@ class RecordingFile:
         """
         if self.lost:
             return None
-        noted = self._believed(SHARE)
+        noted = self.layout.metadata.get(SHARE)
         if not self.part:
             return {}
         if noted is None:
@@ -192,7 +192,7 @@ class RecordingFile:
             RecordingError: What is noted of that is not what a writer writes.
         """
         places = {}
-        for who, text in (self._believed(PLACES) or {}).items():
+        for who, text in self.layout.metadata.get(PLACES, {}).items():
             place = Place.read(text)
             if place is None:
                 rule = "must hold a place for each part"
@@ -218,23 +218,7 @@ class RecordingFile:
     @property
     def totals(self) -> dict[str, str] | None:
         """What was written at the end; None if the recording did not get there."""
-        return self._believed(TOTALS)
-
-    def _believed(self, name: str) -> dict[str, str] | None:
-        """Return metadata, unless it may be wrong."""
-        return None if self.layout.doubts(name) else self.layout.metadata.get(name)
-
-    def demand_facts(self) -> None:
-        """Refuse a recording of whose run nothing is known for sure.
-
-        Raises:
-            RecordingError: It is damaged, and so may be what is written of its run.
-        """
-        if self.layout.doubts(RUN):
-            rule = "must have a checksum of their own where a recording is damaged"
-            raise RecordingError(
-                f"{self.path}: options: {rule}, got none: they may be wrong"
-            )
+        return self.layout.metadata.get(TOTALS)
 
     @property
     def closing(self) -> wire.Decision | None:
@@ -255,11 +239,6 @@ class RecordingFile:
             raise RecordingError(f"{self.path}: {CLOSING}: {rule}, got {error}") from (
                 error
             )
-
-    @property
-    def finished(self) -> bool:
-        """The file has its end."""
-        return self.layout.cut is None
 
     @property
     def cut(self) -> Cut | None:
@@ -286,7 +265,7 @@ class RecordingFile:
         """
         return (
             self._begins is None
-            and self.finished
+            and self.cut is None
             and not self.damage
             and self.noted().completeness.whole
         )

@@ -21,7 +21,6 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.location import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import (
     Completeness,
@@ -156,10 +155,8 @@ class Recording:
         """The options that the run was made with.
 
         Raises:
-            RecordingError: It says nothing of its run, or nothing valid, or is damaged
-                and what it says may be wrong.
+            RecordingError: It says nothing of its run, or nothing valid.
         """
-        self.demand_facts()
         try:
             return msgspec.json.decode(self.metadata["options"], type=RunOptions)
         except (KeyError, msgspec.MsgspecError) as error:
@@ -203,21 +200,6 @@ class Recording:
         return self.files[0].begins
 
     @property
-    def share(self) -> dict[str, int] | None:
-        """The numbers that the first file begins with; see `RecordingFile.share`."""
-        return self.files[0].share
-
-    @property
-    def lost(self) -> str:
-        """Why messages are missing before it; empty if none are."""
-        return self.files[0].lost
-
-    @property
-    def places(self) -> dict[str, Place]:
-        """Where the parts are that said so; see `RecordingFile.places`."""
-        return self._last.places
-
-    @property
     def swarm(self) -> str:
         """The id of the swarm that was recorded."""
         return self._last.swarm
@@ -231,25 +213,6 @@ class Recording:
     def closing(self) -> wire.Decision | None:
         """The decision of the last tick where another file follows, else None."""
         return self._last.closing
-
-    @property
-    def snapshot(self) -> bytes | None:
-        """The final snapshot; None if there was none, or it was not written."""
-        return self._last.snapshot
-
-    def demand_facts(self) -> None:
-        """Refuse a recording of whose run nothing is known for sure.
-
-        Raises:
-            RecordingError: It is damaged, and so may be what is written of its run.
-        """
-        for file in self.files:
-            file.demand_facts()
-
-    @property
-    def finished(self) -> bool:
-        """All files have their end."""
-        return self.cut is None
 
     @property
     def cut(self) -> Cut | None:
@@ -291,11 +254,6 @@ class Recording:
         return lines
 
     @property
-    def gaps(self) -> int:
-        """At how many places its writers noted that messages are missing."""
-        return sum(file.gaps for file in self.files)
-
-    @property
     def whole(self) -> bool:
         """Its files have their end and no damage, and no message is missing.
 
@@ -321,7 +279,7 @@ class Recording:
 
     def blank_sequences(self) -> RunningNumbers:
         """Return the senders' running numbers before any message has come."""
-        share = self.share
+        share = self.files[0].share
         return RunningNumbers(share or {}, anywhere=share is None)
 
     def sequences(self) -> RunningNumbers:
@@ -357,7 +315,8 @@ class Recording:
             noted.expected, foreign=noted.completeness.foreign
         )
         duplicates = balance.duplicates + noted.completeness.duplicates
-        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=self.gaps)
+        gaps = sum(file.gaps for file in self.files)
+        return msgspec.structs.replace(balance, duplicates=duplicates, gaps=gaps)
 
     def noted(self) -> Noted:
         """Return what the writers noted, added up; empty if they did not get there.

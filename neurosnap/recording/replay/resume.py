@@ -215,9 +215,9 @@ def _files(log: Path, most: int | None) -> list[Recording]:
         if most is not None and files and recording.begins > most:
             break
         files.append(recording)
-        if not recording.finished:
+        if recording.cut is not None:
             break
-    if len(files) > 1 and files[-1].share is None:
+    if len(files) > 1 and files[-1].files[0].share is None:
         del files[-1]  # its beginning did not reach the disk, its name did
     if len(files) > 1 and _lacks_bands(files[-1]):
         del files[-1]  # nor did all of the key-frame that it begins with
@@ -228,7 +228,7 @@ def _files(log: Path, most: int | None) -> list[Recording]:
 
 def _lacks_bands(recording: Recording) -> bool:
     """Tell whether a file was cut short within the key-frame that it begins with."""
-    if recording.finished or recording.damage:
+    if recording.cut is None or recording.damage:
         return False
     frames = (recorded.message for recorded in recording.messages(("keyframe",)))
     begun = any(isinstance(frame, wire.KeyFrame) and frame.bands for frame in frames)
@@ -277,9 +277,9 @@ def _prove(recording: Recording) -> None:
         _UnprovedError: Not all is there.
     """
     number = recording.part or 0
-    if not number or recording.lost:  # it is known that something is missing
+    if not number or recording.files[0].lost:  # it is known that something is missing
         return
-    share, later = recording.share or {}, _begun_after(recording)
+    share, later = recording.files[0].share or {}, _begun_after(recording)
     silent = [who for who, wave in _reported(recording).items() if not wave]
     if all(later.get(who, 0) > share.get(who, 0) for who in silent):
         return
@@ -404,7 +404,7 @@ def _counts(
     Raises:
         RecordingError: One of them is missing.
     """
-    if (share := recording.share) is None:
+    if (share := recording.files[0].share) is None:
         rule = "must say what numbers it begins with"
         raise RecordingError(f"{recording.path}: {rule}, was cut before")
     counts, kept = dict(share), recording.blank_sequences()
@@ -451,7 +451,7 @@ def _begun_after(recording: Recording) -> dict[str, int]:
         return {}
     log = first_path(recording.path, number) if number else recording.path
     try:
-        return Recording.open_file(part_path(log, number + 1)).share or {}
+        return Recording.open_file(part_path(log, number + 1)).files[0].share or {}
     except RecordingError:  # there is none, or it was cut at its very beginning
         return {}
 

@@ -45,11 +45,9 @@ def salvage(log: Path, out: Path) -> Salvaged:
         out: Must not exist yet; taken away again where it cannot be written.
 
     Raises:
-        RecordingError: `log` is no recording of ours, or what it says of its run cannot
-            be proved; or `out` cannot be written.
+        RecordingError: `log` is no recording of ours, or `out` cannot be written.
     """
     recording = Recording.open(log)
-    recording.demand_facts()
     with Writer(out) as writer:
         try:
             writer.start(_facts(recording))

@@ -51,58 +51,37 @@ def write_small(path: Path, metadata: dict[str, str], *, finish: bool = True) ->
             writer.finish({"ticks": "4"}, {"world": 4, "coordinator": 1})
 
 
-def test_it_is_laid_out_as_mcap_info_is(path: Path) -> None:
+def test_what_is_missing_comes_first_and_empty_channels_are_left_out(
+    path: Path,
+) -> None:
     write_small(path, {"seed": "7"})
     text = render(describe(Recording.open(path)))
-    library, *lines = text.split("\n")
-    chunk = Recording.open(path).files[0].layout.chunks[0]
-    kibi = chunk.packed / 1024
-    assert library.startswith("library:   neurosnap ")
-    assert lines == [
-        "profile:   neurosnap",
-        "messages:  5",
-        "duration:  4s",
-        "start:     2023-11-14T22:13:20Z (1700000000.000000000)",
-        "end:       2023-11-14T22:13:24Z (1700000004.000000000)",
-        "compression:",
-        f"\tnone: [1/1 chunks] [{kibi:.2f} KiB/{kibi:.2f} KiB (0.00%)]"
-        f" [{kibi / 4:.2f} KiB/sec]",
-        "channels:",
-        "\t(1)   /observe   3 msgs (0.75 Hz)  : neurosnap.Observation [jsonschema]",
-        "\t(2)   /wiring    0 msgs (0.00 Hz)  : neurosnap.Wiring [jsonschema]",
-        "\t(3)   /wave      0 msgs (0.00 Hz)  : neurosnap.WaveStart [jsonschema]",
-        "\t(4)   /excite    1 msgs (0.25 Hz)  : neurosnap.Pulse [jsonschema]",
-        "\t(5)   /inhibit   0 msgs (0.00 Hz)  : neurosnap.Pulse [jsonschema]",
-        "\t(6)   /settle    0 msgs (0.00 Hz)  : neurosnap.Settled [jsonschema]",
-        "\t(7)   /state     0 msgs (0.00 Hz)  : neurosnap.State [jsonschema]",
-        "\t(8)   /reach     0 msgs (0.00 Hz)  : neurosnap.Reached [jsonschema]",
-        "\t(9)   /decide    0 msgs (0.00 Hz)  : neurosnap.Decision [jsonschema]",
-        "\t(10)  /keyframe  1 msgs (0.25 Hz)  : neurosnap.KeyFrame [jsonschema]",
-        "\t(11)  /fault     0 msgs (0.00 Hz)  : neurosnap.Fault [jsonschema]",
-        "\t(12)  /leave     0 msgs (0.00 Hz)  : neurosnap.Leave [jsonschema]",
-        "\t(13)  /loom      0 msgs (0.00 Hz)  : neurosnap.Loom [jsonschema]",
-        "\t(14)  /burst     0 msgs (0.00 Hz)  : neurosnap.Burst [jsonschema]",
-        "\t(15)  /tally     0 msgs (0.00 Hz)  : neurosnap.Tally [jsonschema]",
-        "\t(16)  /anomaly   0 msgs (0.00 Hz)  : neurosnap.Anomaly [jsonschema]",
-        "\t(17)  /recall    0 msgs (0.00 Hz)  : neurosnap.Recall [jsonschema]",
-        "\t(18)  /recalled  0 msgs (0.00 Hz)  : neurosnap.Recalled [jsonschema]",
-        "\t(19)  /remind    0 msgs (0.00 Hz)  : neurosnap.Reminder [jsonschema]",
-        "\t(20)  /band      0 msgs (0.00 Hz)  : neurosnap.Band [jsonschema]",
-        "\t(21)  /learn     0 msgs (0.00 Hz)  : neurosnap.Learn [jsonschema]",
-        "\t(22)  /learned   0 msgs (0.00 Hz)  : neurosnap.Learned [jsonschema]",
-        "\t(23)  /image     0 msgs (0.00 Hz)  : foxglove.CompressedImage [jsonschema]",
-        "attachments: 1",
-        "\tsnapshot.npz  256.00 B  application/octet-stream",
-        "metadata: 2",
+    lines = text.split("\n")
+    packed = Recording.open(path).files[0].layout.chunks[0].packed / 1024
+    at = lines.index("\tticks:  4") + 1
+    assert lines[at].startswith("library:   neurosnap ")
+    assert lines[:at] + lines[at + 1 :] == [
+        "missing: 1",
+        "\tworld  1",
+        "duplicates: 1 left out",
+        "foreign: 1 left out",
         "run:",
         "\tseed:    7",
         f"\tschema:  {wire.SCHEMA}",
         "totals:",
         "\tticks:  4",
-        "missing: 1",
-        "\tworld  1",
-        "duplicates: 1 left out",
-        "foreign: 1 left out",
+        "messages:  5",
+        "duration:  0:00:04",
+        "start:     2023-11-14T22:13:20Z (1700000000.000000000)",
+        "end:       2023-11-14T22:13:24Z (1700000004.000000000)",
+        f"size:      {path.stat().st_size / 1024:.2f} KiB in 1 chunks",
+        f"unpacked:  {packed:.2f} KiB, packed {packed:.2f} KiB",
+        "channels:",
+        "\t/observe   3 msgs (0.75 Hz)",
+        "\t/excite    1 msgs (0.25 Hz)",
+        "\t/keyframe  1 msgs (0.25 Hz)",
+        "attachments:",
+        "\tsnapshot.npz:  256.00 B application/octet-stream",
     ]
 
 
@@ -114,8 +93,8 @@ def test_it_says_where_the_parts_of_a_swarm_on_several_machines_were(
         writer.note_places({"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)})
         writer.finish({"ticks": "4"}, {})
     lines = render(describe(Recording.open(path))).split("\n")
-    at = lines.index("metadata: 3")
-    assert lines[at + 1 : at + 7] == [
+    at = lines.index("run:")
+    assert lines[at : at + 6] == [
         "run:",
         "\tseed:    7",
         f"\tschema:  {wire.SCHEMA}",
@@ -147,14 +126,14 @@ def test_frame_and_content_tell_the_same(path: Path, finish: bool) -> None:
     counted = {channel.topic: channel.messages for channel in info.channels}
     for topic in wire.TOPICS:
         expected = sum(wire.topic(delivery.key) == topic for delivery in deliveries)
-        assert counted[f"/{topic}"] == expected
+        assert counted.get(f"/{topic}", 0) == expected
     assert (info.start, info.end) == (NOW + 1000, NOW + 1499)
 
 
 def test_an_empty_one_can_be_shown(path: Path) -> None:
     record(path, [])
     lines = render(describe(Recording.open(path))).split("\n")
-    assert "duration:  0s" in lines
+    assert "duration:  0:00:00" in lines
     assert "start:     0.000000000" in lines
     assert "missing: 0" in lines
 
@@ -170,28 +149,6 @@ def test_control_characters_do_not_reach_the_terminal(path: Path) -> None:
     text = render(describe(Recording.open(path)))
     assert "\x1b" not in text
     assert r"'evil\x1b[2J':" in text
-
-
-@pytest.mark.parametrize(
-    ("nanoseconds", "text"),
-    [
-        (0, "0s"),
-        (999, "999ns"),
-        (1_500, "1.5µs"),
-        (20_000_001, "20.000001ms"),
-        (7_780_758_504, "7.780758504s"),
-        (60 * SECOND, "1m0s"),
-        (3_723 * SECOND + 5 * 10**8, "1h2m3.5s"),
-        (7_200 * SECOND, "2h0m0s"),
-    ],
-)
-def test_durations_read_as_go_writes_them(
-    path: Path, nanoseconds: int, text: str
-) -> None:
-    write_small(path, {})
-    info = describe(Recording.open(path))
-    info = msgspec.structs.replace(info, end=info.start + nanoseconds)
-    assert f"duration:  {text}" in render(info).split("\n")
 
 
 def test_times_of_other_clocks_are_shown_in_seconds(path: Path) -> None:

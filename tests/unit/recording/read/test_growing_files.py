@@ -110,7 +110,7 @@ def test_files_that_come_and_grow_are_followed(log: Path, tmp_path: Path) -> Non
     assert view is not None
     assert view.grow()
     assert not view.grow()
-    assert view.recording.finished
+    assert view.recording.cut is None
     assert view.frames(1, TICKS) == RunView(log).frames(1, TICKS)
     assert view.graph(TICKS) == RunView(log).graph(TICKS)
 

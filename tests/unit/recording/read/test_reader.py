@@ -11,7 +11,8 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import PLACES, PROFILE, RUN, Chunk
+from neurosnap.recording.format.facts import sealed_facts
+from neurosnap.recording.format.records import PLACES, PROFILE, RUN, TOTALS, Chunk
 from neurosnap.recording.read.file import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
@@ -69,7 +70,7 @@ def test_what_is_asked_up_to_the_first_message_of_a_chunk_has_that_alone(
 def test_a_finished_recording_says_so(path: Path) -> None:
     completeness = record(path, traffic(100), every=30)
     recording = Recording.open(path)
-    assert recording.finished
+    assert recording.cut is None
     assert recording.cut is None
     assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": SCHEMA}
     assert recording.totals is not None
@@ -93,27 +94,27 @@ def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
         writer.note_places(places)
         if whole:
             writer.finish({}, {})
-    assert Recording.open(path).places == places
-    assert Recording.open(path, verify=False).places == places
+    assert Recording.open(path).files[-1].places == places
+    assert Recording.open(path, verify=False).files[-1].places == places
 
 
 @pytest.mark.parametrize("text", ["", "oak", "oak/\x1b", "oak/" + "1" * 11])
 def test_a_place_that_cannot_be_is_refused(path: Path, text: str) -> None:
     writer = McapWriter(str(path))
     writer.start(PROFILE)
-    writer.add_metadata(RUN, {"schema": SCHEMA})
-    writer.add_metadata(PLACES, {"world": text})
+    writer.add_metadata(RUN, sealed_facts(RUN, {"schema": SCHEMA}))
+    writer.add_metadata(PLACES, sealed_facts(PLACES, {"world": text}))
     writer.finish()
     recording = Recording.open(path)
     rule = r": neurosnap\.places: must hold a place for each part, got '"
     with pytest.raises(RecordingError, match=rule):
-        assert recording.places
+        assert recording.files[-1].places
 
 
 def test_a_recording_of_one_machine_says_nothing_of_places(path: Path) -> None:
     record(path, traffic(20))
     recording = Recording.open(path)
-    assert recording.places == {}
+    assert recording.files[-1].places == {}
     assert PLACES not in recording.files[0].layout.metadata
 
 
@@ -188,7 +189,7 @@ def test_a_file_that_is_gone_meanwhile_is_an_error(path: Path) -> None:
     with pytest.raises(RecordingError, match=r"^log: must exist, got"):
         next(recording.messages())
     with pytest.raises(RecordingError, match=r"^log: must exist, got"):
-        assert recording.snapshot is None
+        assert recording.files[-1].snapshot is None
 
 
 def test_a_file_that_is_another_meanwhile_is_an_error(path: Path) -> None:
@@ -198,7 +199,7 @@ def test_a_file_that_is_another_meanwhile_is_an_error(path: Path) -> None:
     with pytest.raises(RecordingError, match="chunk 1 must start at"):
         next(recording.messages())
     with pytest.raises(RecordingError, match="must still be what was opened, got"):
-        assert recording.snapshot is None
+        assert recording.files[-1].snapshot is None
 
 
 def test_a_folder_is_refused(path: Path) -> None:
@@ -240,7 +241,7 @@ def write_mcap(
         writer = McapWriter(file)
         writer.start(profile, "a stranger")
         if schema is not None:
-            writer.add_metadata("neurosnap.run", {"schema": schema})
+            writer.add_metadata(RUN, sealed_facts(RUN, {"schema": schema}))
         kind = writer.register_schema("neurosnap.Pulse", "jsonschema", b"{}")
         channel = writer.register_channel(topic, encoding, kind)
         writer.add_message(channel, NOW, payload, NOW)
@@ -254,7 +255,7 @@ def test_a_stranger_who_writes_what_we_write_is_read(path: Path) -> None:
 
 
 def test_a_foreign_mcap_is_refused(path: Path) -> None:
-    write_mcap(path, profile="ros2")
+    write_mcap(path, profile="ros2", schema=None)
     with pytest.raises(
         RecordingError, match=r"profile: must be 'neurosnap', got 'ros2'$"
     ):
@@ -322,8 +323,8 @@ def test_totals_without_a_balance_are_an_error(path: Path) -> None:
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start("neurosnap", "a stranger")
-        writer.add_metadata("neurosnap.run", {"schema": str(wire.SCHEMA)})
-        writer.add_metadata("neurosnap.totals", {"expected": "{}"})
+        writer.add_metadata(RUN, sealed_facts(RUN, {"schema": SCHEMA}))
+        writer.add_metadata(TOTALS, sealed_facts(TOTALS, {"expected": "{}"}))
         writer.finish()
     with pytest.raises(
         RecordingError, match="must hold completeness and expected, got"

@@ -15,10 +15,10 @@ from mcap.records import Chunk, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from neurosnap import wire
-from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import LIMIT
+from neurosnap.recording.format.facts import sealed_facts
+from neurosnap.recording.format.records import LIMIT, RUN, TOTALS
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write import writer
 from tests.support.recordings import EACH, delivered, record, traffic
@@ -93,9 +93,9 @@ def test_cut_behind_its_totals_it_keeps_them(finished: bytes, tmp_path: Path) ->
     path = tmp_path / "cut.mcap"
     path.write_bytes(finished[:-3])
     recording = Recording.open(path)
-    assert not recording.finished
+    assert recording.cut is not None
     assert recording.totals is not None
-    assert recording.snapshot == bytes(range(256))
+    assert recording.files[-1].snapshot == bytes(range(256))
     assert recording.completeness() == Completeness(151)
 
 
@@ -196,7 +196,7 @@ def test_a_summary_that_is_damaged_is_no_damage_of_the_data(
     path.write_bytes(finished[:-100] + b"?" + finished[-99:])
     recording = Recording.open(path)
     assert [recorded.delivery for recorded in recording.messages()] == DELIVERIES
-    assert recording.finished
+    assert recording.cut is None
     assert not recording.whole
     (said,) = recording.damage
     rule = r"the summary must have checksum 0x\w{8}, got 0x\w{8}"
@@ -240,23 +240,23 @@ def test_zeros_at_the_very_start_cost_what_they_cover(
     assert recording.metadata["seed"] == "7"
 
 
-def test_facts_without_a_checksum_are_not_believed_in_a_damaged_file(
+def test_facts_without_a_checksum_are_damage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # As recordings were written once.
-    monkeypatch.setattr(writer, "sealed_facts", lambda _, facts: dict(facts))
-    path = tmp_path / "old.mcap"
+    monkeypatch.setattr(
+        writer,
+        "sealed_facts",
+        lambda name, facts: (
+            dict(facts) if name == TOTALS else sealed_facts(name, facts)
+        ),
+    )
+    path = tmp_path / "unsealed.mcap"
     record(path, DELIVERIES, every=20)
     recording = Recording.open(path)
-    assert recording.whole
     assert recording.metadata["seed"] == "7"
-    hurt(path.read_bytes(), path, 4)
-    recording = Recording.open(path)
-    assert len(list(recording.messages())) == len(DELIVERIES) - 20
     assert recording.totals is None
-    with pytest.raises(RecordingError, match=r"options: must have a checksum of their"):
-        _ = recording.options
-    assert "run (may be wrong: it has no checksum):" in render(describe(recording))
+    (said,) = recording.damage
+    assert "metadata must be what was written, got no checksum" in said
 
 
 def test_bytes_behind_the_end_are_noticed(finished: bytes, tmp_path: Path) -> None:
@@ -274,7 +274,7 @@ def crafted(path: Path, chunk: Chunk | Message) -> Recording:
     builder = RecordBuilder()
     builder.write(MAGIC)
     Header("neurosnap", "a stranger").write(builder)
-    Metadata("neurosnap.run", {"schema": str(wire.SCHEMA)}).write(builder)
+    Metadata(RUN, sealed_facts(RUN, {"schema": str(wire.SCHEMA)})).write(builder)
     chunk.write(builder)
     path.write_bytes(builder.end())
     return Recording.open(path)

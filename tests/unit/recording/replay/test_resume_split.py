@@ -91,7 +91,7 @@ def test_nor_is_the_key_frame_that_another_file_begins_with(
         late = recorded[place + 1]
         writer.add(late.delivery, late.log_time + 10**12)
         writer.flush(late.log_time + 10**12)
-    assert Recording.open(part_path(log, 1)).finished
+    assert Recording.open(part_path(log, 1)).cut is None
     assert Recording.open(part_path(log, 2)).begins == 2 * EVERY
     _, past = find_resume_point(log)
     assert (past.tick, past.part) == (2 * EVERY - 1, 1)

@@ -30,16 +30,19 @@ def test_places_are_noted_once_all_are_known_and_when_one_changes(
             listener.change(who, True)  # before its place, as hubs sometimes say it
         for who in ("world", "cell/7", "recorder"):
             listener.locate(who, OAK)
-            assert Recording.open(log).places == {}
+            assert Recording.open(log).files[-1].places == {}
         for place in (ELM, ELM, OAK):
             listener.locate("cell/0", place)
-            assert Recording.open(log).places == {"world": OAK, "cell/0": place}
+            assert Recording.open(log).files[-1].places == {
+                "world": OAK,
+                "cell/0": place,
+            }
         size = log.stat().st_size
         listener.locate("world", OAK)
         listener.close()
         listener.locate("world", ELM)  # too late
         assert log.stat().st_size == size
-    assert Recording.open(log).places == dict.fromkeys(PARTS, OAK)
+    assert Recording.open(log).files[-1].places == dict.fromkeys(PARTS, OAK)
 
 
 def test_places_that_are_known_at_the_end_are_noted(tmp_path: Path) -> None:
@@ -49,7 +52,7 @@ def test_places_that_are_known_at_the_end_are_noted(tmp_path: Path) -> None:
         listener.locate("world", OAK)
         listener.change("world", True)
         listener.close()
-    assert Recording.open(log).places == {"world": OAK}
+    assert Recording.open(log).files[-1].places == {"world": OAK}
 
 
 def test_nothing_is_noted_of_places_where_nobody_says_any(tmp_path: Path) -> None:
@@ -61,7 +64,7 @@ def test_nothing_is_noted_of_places_where_nobody_says_any(tmp_path: Path) -> Non
             listener.change(who, True)
         listener.close()
         assert log.stat().st_size == size
-    assert Recording.open(log).places == {}
+    assert Recording.open(log).files[-1].places == {}
 
 
 @pytest.fixture

@@ -41,11 +41,11 @@ def test_every_file_is_a_run_by_itself(
     ends: dict[str, int] = {}
     for number, path in paths.items():
         recording = Recording.open_file(path)
-        assert recording.finished
+        assert recording.cut is None
         assert (recording.part, recording.begins) == (number, number * EVERY)
         assert recording.completeness() == recording.noted().completeness
         assert recording.completeness().whole
-        share, upcoming = recording.share, recording.noted().expected
+        share, upcoming = recording.files[0].share, recording.noted().expected
         assert share is not None
         assert all(share.get(who, 0) == end for who, end in ends.items())
         ends = upcoming
@@ -71,8 +71,10 @@ def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
         writer.finish({}, old.noted().expected)
     paths = part_paths(log)
     assert len(paths) > 1
-    assert all(Recording.open_file(path).places == places for path in paths.values())
-    assert Recording.open(log).places == places
+    assert all(
+        Recording.open_file(path).files[-1].places == places for path in paths.values()
+    )
+    assert Recording.open(log).files[-1].places == places
     assert verify(log).same
 
 
@@ -86,7 +88,10 @@ def test_all_files_are_the_run(whole: Path, tmp_path: Path, seed: int) -> None:
     assert verdict.files == len(paths) > 1
     counts = ("ticks", "wirings", "waves", "states", "decisions")
     assert [getattr(verdict, n) for n in counts] == [getattr(alone, n) for n in counts]
-    assert Recording.open(paths[0]).snapshot == Recording.open_file(whole).snapshot
+    assert (
+        Recording.open(paths[0]).files[-1].snapshot
+        == Recording.open_file(whole).files[-1].snapshot
+    )
     said = render(describe(Recording.open_file(paths[1])))
     assert f"files: {len(paths)}\n" in said
     assert "\tlog.mcap\n\tlog_0001.mcap\n" in said

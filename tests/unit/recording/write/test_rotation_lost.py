@@ -114,7 +114,7 @@ def test_what_waits_is_written_when_a_recording_is_given_up(tmp_path: Path) -> N
         for delivery in deliveries:
             writer.add(delivery, NOW)
     recording = Recording.open_file(log)
-    assert not recording.finished
+    assert recording.cut is not None
     assert [one.delivery for one in recording.messages()] == deliveries
 
 
@@ -256,7 +256,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
         balance = writer.finish({}, upcoming)
     assert begun == {0, 1, 2}
     assert balance.missing == dict.fromkeys(parts_there, 1)
-    assert not Recording.open_file(part_path(log, 1)).finished
+    assert Recording.open_file(part_path(log, 1)).cut is not None
     assert not verify(log).complete
     _, past = find_resume_point(log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)

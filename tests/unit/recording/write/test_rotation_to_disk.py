@@ -55,7 +55,7 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
         writer.flush(10**18 + len(shares))
         # Whoever is killed now has lost nothing: the file that is over has its end, and
         # so the run goes on from the next one.
-        assert Recording.open_file(log).finished
+        assert Recording.open_file(log).cut is None
         assert Recording.open_file(log).completeness().whole
         assert find_resume_point(log)[1].part == 1
         assert threading.get_ident() not in disk.threads

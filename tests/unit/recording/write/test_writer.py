@@ -261,12 +261,12 @@ def test_text_that_cannot_be_written_is_refused_whole(path: Path) -> None:
 def test_the_last_keyframe_becomes_the_attached_snapshot(path: Path) -> None:
     frames: list[wire.Message] = [wire.KeyFrame(n, bytes((n,)) * 9) for n in (1, 2, 3)]
     record(path, delivered(frames))
-    assert Recording.open(path).snapshot == b"\x03" * 9
+    assert Recording.open(path).files[-1].snapshot == b"\x03" * 9
 
 
 def test_without_a_keyframe_there_is_no_snapshot(path: Path) -> None:
     record(path, [PULSE])
-    assert Recording.open(path).snapshot is None
+    assert Recording.open(path).files[-1].snapshot is None
 
 
 def test_totals_say_what_is_missing(path: Path) -> None:
