@@ -32,9 +32,9 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter

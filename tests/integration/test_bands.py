@@ -10,10 +10,10 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter

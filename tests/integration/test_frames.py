@@ -17,7 +17,7 @@ from PIL import Image
 from neurosnap import wire
 from neurosnap.agent.environment import Continuing
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import happy, refused

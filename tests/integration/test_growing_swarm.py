@@ -17,8 +17,7 @@ from neurosnap.protocol.anomaly_messages import Told
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.births import births_of
-from neurosnap.recording.replay.learned_at import learned_at
-from neurosnap.recording.replay.learning import Learning
+from neurosnap.recording.replay.learning import Learning, learned_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer

@@ -18,7 +18,7 @@ from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.playback import Played, play, play_on
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.run import run

@@ -8,9 +8,9 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.verify import verify
 from tests.support.lossy_runs import Simulation
 from tests.support.recorded_messages import of_type

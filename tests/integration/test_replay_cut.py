@@ -20,7 +20,7 @@ from tests.support.shuffled_recordings import shuffled
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from neurosnap.recording.read.file import Recorded
+    from neurosnap.recording.read.chunk_messages import Recorded
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.run_options import RunOptions, WiringKind
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.replay.verify import Verdict, verify
 from tests.support.lossy_runs import LOST, Simulation, lost_once
 from tests.support.recorded_messages import course, first, of_type

@@ -9,9 +9,9 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer

@@ -10,10 +10,10 @@ from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import last_tick
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.sensorium import unpack
 from tests.support.recorded_messages import first, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run

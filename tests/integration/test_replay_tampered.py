@@ -7,7 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.run_options import WiringKind
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.recorded_messages import first

@@ -9,7 +9,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learned_at import learned_at
+from neurosnap.recording.replay.learning import learned_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.run import run

@@ -13,10 +13,10 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from tests.support.course import course

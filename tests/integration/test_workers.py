@@ -17,7 +17,7 @@ from neurosnap.depth.measure import from_recording
 from neurosnap.errors import SwarmError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.playback import play
 from neurosnap.recording.replay.replay import Replay

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from neurosnap import wire
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 
 M = TypeVar("M")

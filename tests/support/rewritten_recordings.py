@@ -7,7 +7,7 @@ from typing import TypeAlias
 import msgspec
 
 from neurosnap import wire
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.recorded_messages import M, first

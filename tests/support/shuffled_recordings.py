@@ -3,7 +3,7 @@
 import random
 from collections.abc import Iterable
 
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from tests.support.rewritten_recordings import Change
 
 

@@ -9,7 +9,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import SplitWriter
 from tests.support.implying_rows import implying_rows

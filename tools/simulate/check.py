@@ -19,7 +19,7 @@ from neurosnap.agent.tick import Mind, Sensed, Step, answered_at_once, tick
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import pack, selection

@@ -90,7 +90,7 @@ def _readings(found: "Recording | Readings") -> "Readings":
     """Return readings; of a recording those that it learned from."""
     from neurosnap.recording.read.observations import readings_of
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.recording.replay.learned_at import snapshot_at
+    from neurosnap.recording.replay.learning import snapshot_at
 
     if not isinstance(found, Recording):
         return found

@@ -63,7 +63,7 @@ def graph(
     from neurosnap.apps.export.graph_text import diagram, parse_format, render
     from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.replay.births import births_of
-    from neurosnap.recording.replay.learned_at import snapshot_at
+    from neurosnap.recording.replay.learning import snapshot_at
 
     with errors():
         table = form == "table" and not as_json

@@ -82,7 +82,7 @@ def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[
     Only of what is read in a moment; and of a file that cannot be read whole nothing,
     for what it lacks is what is told.
     """
-    from neurosnap.recording.replay.learned_at import snapshot_at
+    from neurosnap.recording.replay.learning import snapshot_at
 
     if "options" not in recording.metadata or not recording.whole:
         return

@@ -19,8 +19,8 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.learning import Learning, snapshot_in
 from neurosnap.recording.read.tick_index import TickIndex
+from neurosnap.recording.replay.learning import Learning, snapshot_in
 
 _STRIDE = 100
 """Ticks between two snapshots that are kept on the way."""

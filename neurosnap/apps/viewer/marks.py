@@ -24,8 +24,8 @@ from neurosnap.health.alarm import Alarm
 from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
 from neurosnap.protocol.anomaly_messages import with_support
+from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.observations import own_readings
-from neurosnap.recording.read.tick_index import ChunkMessages
 
 _EDGE = 8
 """Bytes of an edge in a worker's wiring."""
@@ -199,7 +199,9 @@ class HealthView:
             if observation is None:
                 continue
             with suppress(ShapeError):  # it is of other sensors
-                at, on, known, begins = own_readings(observation, ticks.sent[tick], body)
+                at, on, known, begins = own_readings(
+                    observation, ticks.sent[tick], body
+                )
                 said = self._follower.observe(on, known, at, begins=begins)
                 self._follow(self._follower, said.begun, tick)
         self._tick = last

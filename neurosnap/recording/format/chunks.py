@@ -97,8 +97,6 @@ class ChunkIndex(NamedTuple):
     """``(n,)``: where that stops."""
     registered: dict[int, Channel]
     """The channels that are registered in the chunk."""
-    late: frozenset[int]
-    """Those of them that have a message before."""
 
     def payload(self, message: int) -> bytes:
         """Return the payload of a message."""
@@ -142,14 +140,13 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     is_message = opcodes == _MESSAGE
     if is_message.all():  # as in every chunk of ours but the first
         _, channels, starts, stops = found.T
-        return ChunkIndex(data, channels, starts, stops, {}, frozenset())
+        return ChunkIndex(data, channels, starts, stops, {})
     is_channel = opcodes == _CHANNEL
     strange = opcodes[~(is_message | is_channel | (opcodes == _SCHEMA))]
     if strange.size:
         rule = "record must be a message or its channel"
         raise damaged_in(path, chunk, rule, strange[0])
     registered: dict[int, Channel] = {}
-    late: set[int] = set()
     for row in np.flatnonzero(is_channel).tolist():
         try:
             channel = channel_of(data[found[row, 2] : found[row, 3]])
@@ -160,11 +157,8 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
         known = registered.setdefault(channel.id, channel)
         if known.topic != channel.topic:
             raise damaged_in(path, chunk, "channel must keep its topic", channel.topic)
-        before = found[:row, 1][is_message[:row]]
-        if known is channel and (before == channel.id).any():
-            late.add(channel.id)
     _, channels, starts, stops = found[is_message].T
-    return ChunkIndex(data, channels, starts, stops, registered, frozenset(late))
+    return ChunkIndex(data, channels, starts, stops, registered)
 
 
 def _malformed(data: bytes, at: int) -> tuple[str, int]:

@@ -6,18 +6,17 @@ a place where messages are missing.
 """
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import BinaryIO, Self
 
 import msgspec
-import numpy as np
 from mcap.records import Attachment, Channel
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
-from neurosnap.recording.format.chunks import FACTS, ChunkIndex, index_chunk
+from neurosnap.recording.format.chunks import channels_in, index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (
     CLOSING,
@@ -35,30 +34,12 @@ from neurosnap.recording.format.records import (
     parse,
 )
 from neurosnap.recording.format.scan import scan, scan_growth, scan_index
-
-EVER = 1 << 64
-"""Behind every time a recording can hold."""
-_UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
-"""What decoding raises; deep nesting is the last."""
-
-
-class Recorded(NamedTuple):
-    """A message as it was recorded."""
-
-    message: wire.Message
-    payload: bytes
-    """Its JSON, byte for byte as on the wire."""
-    sequence: int
-    """The sender's running number."""
-    sent: int
-    """The sender's clock, nanoseconds since the epoch."""
-    log_time: int
-    """The recorder's clock when it arrived, nanoseconds since the epoch."""
-
-    @property
-    def delivery(self) -> wire.Delivery:
-        """The message as it came to the recorder."""
-        return wire.Delivery(self.message.key, self.sequence, self.sent, self.payload)
+from neurosnap.recording.read.chunk_messages import (
+    EVER,
+    UNREADABLE,
+    ChunkMessages,
+    Recorded,
+)
 
 
 class Noted(msgspec.Struct, frozen=True):
@@ -91,6 +72,7 @@ class RecordingFile:
         self.layout = layout
         self.lost = lost
         self._begins = begins
+        self._topics: dict[int, str] | None = None
         self._verify_run()
 
     @classmethod
@@ -115,7 +97,10 @@ class RecordingFile:
         Raises:
             RecordingError: The file cannot be read.
         """
-        return scan_growth(self.path, self.layout)
+        if not scan_growth(self.path, self.layout):
+            return False
+        self._topics = None
+        return True
 
     def _verify_run(self) -> None:
         """Refuse a recording that says nothing of its run, or is of another schema."""
@@ -178,7 +163,7 @@ class RecordingFile:
             return None
         try:
             return msgspec.json.decode(noted["first"], type=dict[str, int])
-        except (KeyError, *_UNREADABLE) as error:
+        except (KeyError, *UNREADABLE) as error:
             rule = "must hold a number for each sender"
             raise RecordingError(
                 f"{self.path}: {SHARE}: {rule}, got {error}"
@@ -234,7 +219,7 @@ class RecordingFile:
             return None
         try:
             return msgspec.json.decode(noted, type=wire.Decision)
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             rule = "must hold a decision"
             raise RecordingError(f"{self.path}: {CLOSING}: {rule}, got {error}") from (
                 error
@@ -308,7 +293,7 @@ class RecordingFile:
                 msgspec.json.decode(self.totals["completeness"], type=Completeness),
                 msgspec.json.decode(self.totals["expected"], type=dict[str, int]),
             )
-        except (KeyError, *_UNREADABLE) as error:
+        except (KeyError, *UNREADABLE) as error:
             rule = "must hold completeness and expected"
             raise RecordingError(
                 f"{self.path}: {TOTALS}: {rule}, got {error}"
@@ -339,115 +324,69 @@ class RecordingFile:
         for topic in wanted - wire.TOPICS.keys():
             rule = f"must be of {', '.join(wire.TOPICS)}"
             raise InvalidValueError("topics", rule, topic)
-        return self._decoded(wanted, start, end)
+        return self._selected(wanted, start, end)
 
-    def _decoded(
+    def _selected(
         self, topics: frozenset[str], start: int, end: int
     ) -> Iterator[Recorded]:
-        decoders = {
-            topic: msgspec.json.Decoder(wire.TOPICS[topic]).decode for topic in topics
-        }
-        for chunk, found, names in self._chunks_with(topics, start, end):
-            for topic, sequence, log_time, sent, payload in _chosen(found, names):
-                if not start <= log_time < end:
-                    continue
-                try:
-                    message = decoders[topic](payload)
-                except _UNREADABLE as error:
-                    raise self._wrong(chunk, topic, error) from error
-                # The type fits the topic, and yet a pulse that excites is not one
-                # that inhibits.
-                if wire.topic(message.key) != topic:
-                    raise self._wrong(chunk, topic, f"one for {message.key}")
-                yield Recorded(message, payload, sequence, sent, log_time)
-
-    def _chunks_with(
-        self, topics: frozenset[str], start: int, end: int
-    ) -> Iterator[tuple[Chunk, ChunkIndex, dict[int, str]]]:
-        """Yield the chunks that may hold messages asked for, and those channels."""
-        layout = self.layout
-        # For each channel its topic; None where it was not asked for.
-        wanted: dict[int, str | None] = {}
-        for channel in layout.channels.values():
-            wanted[channel.id] = self._topic(channel, topics)
-        skips = layout.indexed and bool(layout.channels)
+        layout, known = self.layout, self.topics
+        skips = layout.indexed and bool(known)
         with opened(self.path) as file:
             for chunk in layout.chunks:
-                if skips and not (
+                if not skips or (
                     chunk.start < end
                     and chunk.end >= start
-                    and any(wanted.get(channel) for channel in chunk.counts)
+                    and any(known.get(channel) in topics for channel in chunk.counts)
                 ):
-                    continue
-                found = index_chunk(self.path, file, chunk)
-                present = found.present()
-                self._register(chunk, found, present, wanted, topics)
-                names = {n: topic for n in present if (topic := wanted[n]) is not None}
-                if names:
-                    yield chunk, found, names
+                    messages = self._messages_in(file, chunk)
+                    yield from messages.recorded(topics, start, end)
 
-    def _topic(self, channel: Channel, topics: frozenset[str]) -> str | None:
-        """Return the topic of a channel, or None where it was not asked for."""
-        topic = channel.topic.removeprefix("/")
-        if topic not in wire.TOPICS or channel.message_encoding != "json":
-            got = f"{channel.topic} in {channel.message_encoding}"
-            rule = "must be a topic in json"
-            raise RecordingError(f"{self.path}: channel: {rule}, got {got}")
-        return topic if topic in topics else None
-
-    def _register(
-        self,
-        chunk: Chunk,
-        found: ChunkIndex,
-        present: list[int],
-        wanted: dict[int, str | None],
-        topics: frozenset[str],
-    ) -> None:
-        """Add a chunk's channels to `wanted`; they hold for the chunks after it, too.
-
-        Args:
-            chunk: Of this file.
-            found: The messages of the chunk.
-            present: Their channels.
-            wanted: Of each channel that is known its topic, where it was asked for.
-            topics: What was asked for.
+    def chunk(self, chunk: Chunk) -> ChunkMessages:
+        """Return the messages of a chunk of this file.
 
         Raises:
-            RecordingError: A message is of a channel that is not registered before it.
+            RecordingError: It is not any more what was opened, or holds what no chunk
+                of ours holds.
         """
-        for channel in found.registered.values():
-            topic = self._topic(channel, topics)
-            if channel.id in found.late and wanted.get(channel.id, "") != topic:
-                rule = "channel must be registered"
-                raise damaged_in(self.path, chunk, rule, channel.id)
-            wanted[channel.id] = topic
-        for number in present:
-            if number not in wanted:
+        with opened(self.path) as file:
+            return self._messages_in(file, chunk)
+
+    def _messages_in(self, file: BinaryIO, chunk: Chunk) -> ChunkMessages:
+        """Return the messages of a chunk; channels registered in it go first."""
+        found = index_chunk(self.path, file, chunk)
+        topics = {**self.topics, **self._named(found.registered.values())}
+        for number in found.present():
+            if number not in topics:
                 rule = "channel must be registered"
                 raise damaged_in(self.path, chunk, rule, number)
+        return ChunkMessages(self.path, chunk, found, topics)
 
-    def _wrong(self, chunk: Chunk, topic: str, got: object) -> RecordingError:
-        rule = f"/{topic} must hold its own messages"
-        return damaged_in(self.path, chunk, rule, got)
+    @property
+    def topics(self) -> dict[int, str]:
+        """For each channel its topic; see `Layout.channels`.
 
+        Raises:
+            RecordingError: One is not of ours.
+        """
+        if self._topics is None:
+            said = self.layout.channels
+            if not said and self.layout.chunks:
+                with opened(self.path) as file:
+                    said = channels_in(self.path, file, self.layout.chunks)
+            self._topics = self._named(said.values())
+        return self._topics
 
-def _chosen(
-    found: ChunkIndex, names: dict[int, str]
-) -> Iterator[tuple[str, int, int, int, bytes]]:
-    """Yield topic, sequence, log time, time sent and payload of each message.
-
-    Those of the channels in `names`, in the order they were recorded. All that is read
-    passes here, half a million messages a second and more.
-    """
-    asked = np.zeros(1 << 16, np.bool_)
-    asked[list(names)] = True
-    chosen = np.flatnonzero(asked[found.channels])
-    channels = found.channels[chosen].tolist()
-    starts, stops = found.starts[chosen].tolist(), found.stops[chosen].tolist()
-    data, facts = found.data, FACTS.unpack_from
-    for channel, at, stop in zip(channels, starts, stops, strict=True):
-        sequence, log_time, sent = facts(data, at - FACTS.size)
-        yield names[channel], sequence, log_time, sent, data[at:stop]
+    def _named(self, channels: Iterable[Channel]) -> dict[int, str]:
+        """Return for each channel its topic."""
+        topics = {}
+        for channel in channels:
+            topic = channel.topic.removeprefix("/")
+            if topic not in wire.TOPICS or channel.message_encoding != "json":
+                got = f"{channel.topic} in {channel.message_encoding}"
+                rule = "must be a topic in json"
+                raise RecordingError(f"{self.path}: channel: {rule}, got {got}")
+            topics[channel.id] = topic
+        return topics
 
 
 def identity(path: Path) -> tuple[int, int]:

@@ -28,13 +28,8 @@ from neurosnap.recording.format.completeness import (
     added_up,
 )
 from neurosnap.recording.format.records import Chunk, Cut
-from neurosnap.recording.read.file import (
-    EVER,
-    Noted,
-    Recorded,
-    RecordingFile,
-    identity,
-)
+from neurosnap.recording.read.chunk_messages import EVER, Recorded
+from neurosnap.recording.read.file import Noted, RecordingFile, identity
 
 
 def part_path(log: Path, number: int) -> Path:

@@ -7,79 +7,17 @@ looks at one tick mostly looks at the next.
 
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
-from typing import TypeVar
-
-import msgspec
-import numpy as np
-from mcap.records import Channel
+from collections.abc import Iterator
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.chunks import ChunkIndex, channels_in, index_chunk
-from neurosnap.recording.format.records import opened
-from neurosnap.recording.read.file import RecordingFile
+from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.recording import Recording
-
-M = TypeVar("M")
 
 ROOM = 48 * 2**20
 """Bytes of unpacked chunks that are kept, at most; the last one in any case."""
 _OBSERVATIONS = 100_000
 """Observations that are kept beyond that: learning takes nothing else of a chunk."""
-
-
-class ChunkMessages:
-    """One chunk, unpacked; messages are decoded when they are first asked for.
-
-    Args:
-        found: Its messages.
-        topics: For each channel, the topic.
-        place: How to say that something in it is not what it should be.
-    """
-
-    def __init__(self, found: ChunkIndex, topics: dict[int, str], place: str) -> None:
-        self.size = len(found.data)
-        self._found = found
-        self._channels = {topic: channel for channel, topic in topics.items()}
-        self._place = place
-        self._kept: dict[str, list[wire.Message]] = {}
-
-    def all(self, topic: str, kind: type[M]) -> list[M]:
-        """Return the messages of a topic, which are all of one kind.
-
-        Raises:
-            RecordingError: One of them is not of this kind.
-        """
-        if topic not in self._kept:
-            decode = msgspec.json.Decoder(wire.TOPICS[topic]).decode
-            try:
-                self._kept[topic] = [
-                    decode(self._found.payload(k)) for k in self._of(topic)
-                ]
-            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-                rule = f"{self._place}: /{topic} must hold its own messages"
-                raise RecordingError(f"{rule}, got {error}") from error
-        return [message for message in self._kept[topic] if isinstance(message, kind)]
-
-    def sequences(self, topic: str) -> list[int]:
-        """Return the running numbers of the messages of a topic."""
-        return [self._found.sequence(k) for k in self._of(topic)]
-
-    def observed(self) -> list[tuple[wire.Observation, int]]:
-        """Return the observations, each with when it was sent, ns since 1970.
-
-        Raises:
-            RecordingError: Something else is among them.
-        """
-        times = map(self._found.sent, self._of("observe"))
-        return list(zip(self.all("observe", wire.Observation), times, strict=True))
-
-    def _of(self, topic: str) -> list[int]:
-        """Return which messages are of a topic."""
-        channel = self._channels.get(topic, -1)
-        places: list[int] = np.flatnonzero(self._found.channels == channel).tolist()
-        return places
 
 
 class TickIndex:
@@ -93,7 +31,6 @@ class TickIndex:
         self.damage: dict[int, str] = {}
         """For each chunk that cannot be read, why."""
         self.recording = recording
-        self._topics: dict[RecordingFile, dict[int, str]] = {}
         self._first_ticks: dict[int, int] = {}
         self._kept: OrderedDict[int, ChunkMessages] = OrderedDict()
         self._size = 0  # of those, in bytes
@@ -130,7 +67,8 @@ class TickIndex:
             self._kept.move_to_end(number)
             return self._kept[number]
         try:
-            chunk = self._read(number)
+            file, noted = self.recording.chunks[number]
+            chunk = file.chunk(noted)
         except RecordingError as error:
             self.damage.setdefault(number, str(error))
             raise
@@ -270,8 +208,7 @@ class TickIndex:
         has to begin further back, and comes to the same.
         """
         file, chunk = self.recording.chunks[number]
-        topics = self._topics_of(file)
-        return any(topics.get(channel) == "keyframe" for channel in chunk.counts)
+        return any(file.topics.get(k) == "keyframe" for k in chunk.counts)
 
     def _first_tick(self, number: int) -> int:
         """Return the first tick observed in a chunk or after it; very large: none."""
@@ -289,28 +226,3 @@ class TickIndex:
         for before in passed:
             self._first_ticks[before] = found
         return found or 1 << 62
-
-    def _read(self, number: int) -> ChunkMessages:
-        """Return a chunk, unpacked and verified."""
-        file, chunk = self.recording.chunks[number]
-        with opened(file.path) as stream:
-            found = index_chunk(file.path, stream, chunk)
-        topics = _named(found.registered.values()) or self._topics_of(file)
-        place = f"{file.path}: at byte {chunk.offset}: chunk {chunk.number}"
-        return ChunkMessages(found, topics, place)
-
-    def _topics_of(self, file: RecordingFile) -> dict[int, str]:
-        """Return for each channel of a file its topic; see `Layout.channels`."""
-        if file not in self._topics:
-            said = file.layout.channels
-            if not said and file.layout.chunks:
-                with opened(file.path) as stream:
-                    said = channels_in(file.path, stream, file.layout.chunks)
-            self._topics[file] = _named(said.values())
-        return self._topics[file]
-
-
-def _named(channels: Iterable[Channel]) -> dict[int, str]:
-    """Return for each channel its topic."""
-    topics = {channel.id: channel.topic.removeprefix("/") for channel in channels}
-    return {channel: name for channel, name in topics.items() if name in wire.TOPICS}

@@ -11,7 +11,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 
 TOPICS = ("observe", "state", "decide")

@@ -18,10 +18,10 @@ from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import last_tick
-from neurosnap.recording.replay.learned_at import learned_at
+from neurosnap.recording.replay.learning import learned_at
 
 _NS = 1e9
 _WATCHERS = 1000

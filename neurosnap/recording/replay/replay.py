@@ -31,7 +31,7 @@ from neurosnap.protocol.observations import readings
 from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker_learning import WorkerLearning
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import selection, unpack

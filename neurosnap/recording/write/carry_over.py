@@ -6,7 +6,8 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.protocol.resume_point import ResumePoint, first_number
-from neurosnap.recording.read.file import Recorded, RecordingFile
+from neurosnap.recording.read.chunk_messages import Recorded
+from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.stretches import pieces
 from neurosnap.recording.write.writer import Writer
 

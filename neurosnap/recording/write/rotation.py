@@ -49,7 +49,6 @@ from neurosnap.recording.read.recording import part_path, part_paths
 from neurosnap.recording.write.carry_over import begin_recording, facts_of
 from neurosnap.recording.write.causal_order import CausalOrder, Heard, Said
 from neurosnap.recording.write.fsync_thread import FsyncThread
-from neurosnap.recording.write.kept_files import delete, not_kept
 from neurosnap.recording.write.writer import Writer
 
 _log = logging.getLogger(__name__)
@@ -331,10 +330,15 @@ class SplitWriter:
             CLOSING: wire.encode(closing).decode(),
         }
         self._closed.append(older.end(totals, ends))
-        keep = 0 if self._split is None else self._split.keep
-        unwanted = not_kept(self._log, self._number, keep)
         # Deleted once this file is on the disk, and not before.
-        self._saving.save(older, partial(delete, unwanted))
+        self._saving.save(older, partial(_delete, self._not_kept()))
+
+    def _not_kept(self) -> list[Path]:
+        """Return the files there are that are not among the newest."""
+        if self._split is None or not self._split.keep:
+            return []
+        oldest = self._number - self._split.keep
+        return [path for n, path in part_paths(self._log).items() if n <= oldest]
 
     def flush(self, now: int) -> None:
         """Give what there is to the operating system; see `Writer.flush`.
@@ -410,3 +414,18 @@ class SplitWriter:
         trace: TracebackType | None,
     ) -> None:
         self.abandon()
+
+
+def _delete(paths: Iterable[Path]) -> None:
+    """Delete files; what is gone already is none.
+
+    Raises:
+        RecordingError: One of them cannot be deleted.
+    """
+    for path in paths:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            rule = "files that are not kept must be deletable"
+            got = f"{error.strerror} for {str(path)!r}"
+            raise RecordingError(f"keep: {rule}, got {got}") from error

@@ -12,6 +12,7 @@ decode afterwards.
 
 import logging
 import os
+import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -38,7 +39,6 @@ from neurosnap.recording.format.records import (
     SNAPSHOT,
     TOTALS,
 )
-from neurosnap.recording.write.vanished import in_place, rescued
 from neurosnap.system.distribution import version
 from neurosnap.system.durable import sync_folder
 
@@ -384,8 +384,12 @@ class Writer:
 
     @property
     def in_place(self) -> bool:
-        """Its path names it: nobody has deleted, moved or replaced it."""
-        return in_place(self.path, self._stream.fileno())
+        """Its path names it: it was not deleted, moved or replaced."""
+        try:
+            there = self.path.stat()
+        except OSError:
+            return False
+        return os.path.samestat(there, os.fstat(self._stream.fileno()))
 
     def abandon(self) -> None:
         """Close without totals and index; do nothing if closed already.
@@ -405,10 +409,15 @@ class Writer:
         self._open = False
 
     def _rescue(self) -> None:
-        """Copy what was written if the file was deleted meanwhile."""
+        """Copy what was written if the file was deleted meanwhile.
+
+        The system keeps what a program has open, whatever becomes of its name, and
+        drops it with the last name once it is closed. So a deleted file can be copied
+        until then.
+        """
         shown = repr(str(self.path))
         try:
-            copy = rescued(self.path, self._stream.fileno())
+            copy = _rescued(self.path, self._stream.fileno())
         except OSError as error:
             got = f"{error.strerror} for {shown}"
             _log.error("log: what was deleted must be copied, got %s", got)
@@ -445,6 +454,38 @@ class Writer:
             f"log: must take what is recorded, got {error.strerror}"
             f" for {str(self.path)!r}"
         )
+
+
+def _rescued(path: Path, descriptor: int) -> Path | None:
+    """Copy an open file that has no name any more.
+
+    Args:
+        path: Where it was. The copy goes there, or beside what is there now.
+        descriptor: The file's; all that was written to it is flushed.
+
+    Returns:
+        Where the copy is; None: the file has a name.
+
+    Raises:
+        OSError: It cannot be copied. There is no such copy then.
+    """
+    if os.fstat(descriptor).st_nlink:
+        return None
+    number, free = 0, path
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.stem}.recovered-{number}{path.suffix}")
+    with Path(f"/proc/self/fd/{descriptor}").open("rb") as old:
+        new = os.open(free, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            with os.fdopen(new, "wb") as copy:
+                shutil.copyfileobj(old, copy, 1 << 20)
+                copy.flush()
+                os.fsync(copy.fileno())
+        except OSError:
+            free.unlink(missing_ok=True)
+            raise
+    return free
 
 
 def _create(path: Path) -> int:

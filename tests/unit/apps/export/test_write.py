@@ -20,7 +20,7 @@ from neurosnap import wire
 from neurosnap.apps.export.write import Form, export, parse_form
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sources.csv_source import CsvSource

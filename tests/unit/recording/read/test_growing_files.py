@@ -7,7 +7,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path
 from neurosnap.recording.write.writer import Writer
 from tests.support.recorded_runs import TICKS, path_run, recorded

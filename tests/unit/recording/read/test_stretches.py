@@ -17,7 +17,7 @@ from neurosnap.recording.format.records import Chunk
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
-from neurosnap.recording.replay.learned_at import snapshot_at
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point, past_of, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter

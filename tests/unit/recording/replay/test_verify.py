@@ -9,7 +9,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify

@@ -11,7 +11,7 @@ from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.file import Recorded
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import (
     Recording,
     first_path,
