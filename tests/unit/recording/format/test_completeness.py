@@ -1,6 +1,5 @@
 import random
 
-import msgspec
 import pytest
 
 from neurosnap.recording.format.completeness import (
@@ -18,27 +17,21 @@ def test_in_order_nothing_is_missing() -> None:
     assert sequences.upcoming("nobody") == 0
 
 
-def test_a_gap_is_named_and_closes_when_the_message_comes_late() -> None:
+def test_gaps_are_named_and_close_and_a_second_copy_is_a_duplicate() -> None:
     sequences = RunningNumbers()
-    for number in (0, 4):
-        sequences.receive("cell/1", number)
-    assert sequences.gaps() == {"cell/1": [(1, 4)]}
-    assert sequences.receive("cell/1", 2)
-    assert sequences.gaps() == {"cell/1": [(1, 2), (3, 4)]}
-    assert sequences.receive("cell/1", 1)
-    assert sequences.receive("cell/1", 3)
-    assert sequences.gaps() == {}
-    assert sequences.completeness().whole
-
-
-def test_a_second_copy_is_a_duplicate_wherever_it_comes() -> None:
-    sequences = RunningNumbers()
-    for number in (0, 1, 5, 3):
+    for number, gaps in (
+        (0, []),
+        (4, [(1, 4)]),
+        (2, [(1, 2), (3, 4)]),
+        (1, [(3, 4)]),
+        (3, []),
+    ):
         assert sequences.receive("cell/1", number)
-    for number in (0, 3, 5):
+        assert sequences.gaps().get("cell/1", []) == gaps
+    assert sequences.completeness().whole
+    for number in (0, 3, 4):
         assert not sequences.receive("cell/1", number)
-    assert sequences.duplicates == 3
-    assert sequences.messages == 4
+    assert (sequences.messages, sequences.duplicates) == (5, 3)
 
 
 def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
@@ -85,12 +78,6 @@ def test_any_order_comes_to_what_a_plain_set_comes_to(seed: int) -> None:
     }
     assert missing == set(range(60)) - seen
     assert (sequences.messages, sequences.duplicates) == (len(seen), duplicates)
-
-
-def test_completeness_goes_through_json() -> None:
-    completeness = Completeness(3, {"cell/1": 2}, 1, 4)
-    encoded = msgspec.json.encode(completeness)
-    assert msgspec.json.decode(encoded, type=Completeness) == completeness
 
 
 # A share of them ----------------------------------------------------------------------
