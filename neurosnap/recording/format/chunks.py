@@ -7,19 +7,15 @@ run meanwhile.
 
 import struct
 import zlib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import msgspec
 import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from neurosnap import wire
-from neurosnap.errors import RecordingError
 from neurosnap.recording.format.records import (
     CHUNK_HEAD,
     HEAD,
@@ -37,8 +33,6 @@ _HEAD = 9  # opcode and length
 _BEFORE = 22  # channel, sequence and two times, before a message's payload
 FACTS = struct.Struct("<IQQ")
 """Sequence, log time and time sent, which stand right before a message's payload."""
-
-_decode_any = msgspec.json.Decoder(wire.Message).decode
 
 
 def unpack(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
@@ -204,46 +198,3 @@ def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
         count += 1
         at = stop
     return count
-
-
-def channels_in(
-    path: Path, file: BinaryIO, chunks: Iterable[Chunk]
-) -> dict[int, Channel]:
-    """Return the channels that some chunks have messages of; damaged ones are skipped.
-
-    For a file whose first chunk, which declares them, is damaged, and whose summary is
-    missing. The messages say it: each is of a type that is sent under one topic alone.
-
-    Time: O(1) once the first chunk has registered them, else one walk through all
-    messages, one of each channel decoded.
-    """
-    found: dict[int, Channel] = {}
-    for chunk in chunks:
-        try:
-            index = index_chunk(path, file, chunk)
-        except RecordingError:
-            continue
-        _add_channels(index, found)
-        if len({channel.topic for channel in found.values()}) >= len(wire.TOPICS):
-            break
-    return found
-
-
-def _add_channels(index: ChunkIndex, found: dict[int, Channel]) -> None:
-    """Add the channels of a chunk; those registered go before those that show."""
-    found.update(index.registered)
-    for number in index.present():
-        for message in np.flatnonzero(index.channels == number).tolist():
-            if number in found:
-                break
-            _guess(number, index.payload(message), found)
-
-
-def _guess(number: int, payload: bytes, found: dict[int, Channel]) -> None:
-    try:
-        topic = wire.topic(_decode_any(payload).key)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return
-    found[number] = Channel(
-        id=number, topic=f"/{topic}", message_encoding="json", metadata={}, schema_id=0
-    )

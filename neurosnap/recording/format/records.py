@@ -153,8 +153,7 @@ class Layout(msgspec.Struct):
     attachments: dict[str, Attached] = {}
     chunks: list[Chunk] = []
     channels: dict[int, Channel] = {}
-    """Those outside chunks: the summary of a finished file has them. Where there is no
-    summary and the first chunk is damaged, they are told by what the messages are."""
+    """Those outside chunks: the summary of a finished file has them."""
     cut: Cut | None = None
     damage: list[Damage] = []
     """What cannot be read, ascending; whatever is behind a cut is not in here."""

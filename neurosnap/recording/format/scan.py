@@ -25,7 +25,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.chunks import channels_in, unpack
+from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
     CRC,
@@ -336,8 +336,6 @@ def _prove(path: Path, file: BinaryIO, layout: Layout) -> None:
             _note(layout, Damage(start, stop, why, "nothing"))
     if layout.data_end is None:
         _cut_behind(file, layout)
-    if layout.damage and not layout.summarized:
-        layout.channels = channels_in(path, file, layout.chunks)
 
 
 def _cut_behind(file: BinaryIO, layout: Layout) -> None:

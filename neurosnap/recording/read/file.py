@@ -16,7 +16,7 @@ from mcap.records import Attachment, Channel
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.location import Place
-from neurosnap.recording.format.chunks import channels_in, index_chunk
+from neurosnap.recording.format.chunks import index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (
     CLOSING,
@@ -330,7 +330,7 @@ class RecordingFile:
         self, topics: frozenset[str], start: int, end: int
     ) -> Iterator[Recorded]:
         layout, known = self.layout, self.topics
-        skips = layout.indexed and bool(known)
+        skips = layout.indexed and bool(layout.channels)
         with opened(self.path) as file:
             for chunk in layout.chunks:
                 if not skips or (
@@ -363,17 +363,17 @@ class RecordingFile:
 
     @property
     def topics(self) -> dict[int, str]:
-        """For each channel its topic; see `Layout.channels`.
+        """For each channel its topic, by the summary.
+
+        Where there is none, and the chunk that registers them may be damaged, channels
+        are numbered as the writer numbers them.
 
         Raises:
             RecordingError: One is not of ours.
         """
         if self._topics is None:
-            said = self.layout.channels
-            if not said and self.layout.chunks:
-                with opened(self.path) as file:
-                    said = channels_in(self.path, file, self.layout.chunks)
-            self._topics = self._named(said.values())
+            said = self._named(self.layout.channels.values())
+            self._topics = said or dict(enumerate(wire.TOPICS, start=1))
         return self._topics
 
     def _named(self, channels: Iterable[Channel]) -> dict[int, str]:

@@ -105,7 +105,11 @@ class Writer:
         self._channels = self._register()
 
     def _register(self) -> dict[str, int]:
-        """Register a channel a topic; return the channel of each."""
+        """Register a channel a topic; return the channel of each.
+
+        The library numbers them from 1, and a reader that finds none registered goes by
+        the order of `wire.TOPICS`.
+        """
         types = dict.fromkeys(wire.TOPICS.values())
         ids = {
             message: self._mcap.register_schema(

@@ -45,26 +45,24 @@ def test_places_are_noted_once_all_are_known_and_when_one_changes(
     assert Recording.open(log).files[-1].places == dict.fromkeys(PARTS, OAK)
 
 
-def test_places_that_are_known_at_the_end_are_noted(tmp_path: Path) -> None:
+@pytest.mark.parametrize("places", [{}, {"world": OAK}])
+def test_places_that_are_known_at_the_end_are_noted(
+    tmp_path: Path, places: dict[str, Place]
+) -> None:
     log = tmp_path / "log.mcap"
     with SplitWriter(log, {}) as writer:
-        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
-        listener.locate("world", OAK)
-        listener.change("world", True)
-        listener.close()
-    assert Recording.open(log).files[-1].places == {"world": OAK}
-
-
-def test_nothing_is_noted_of_places_where_nobody_says_any(tmp_path: Path) -> None:
-    log = tmp_path / "log.mcap"
-    with SplitWriter(log, {}) as writer:
-        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
-        size = log.stat().st_size
+        listener, size = _Listener(writer, PARTS, MemoryHub().fabric("x")), _size(log)
         for who in PARTS:
             listener.change(who, True)
+        for who, place in places.items():
+            listener.locate(who, place)
         listener.close()
-        assert log.stat().st_size == size
-    assert Recording.open(log).files[-1].places == {}
+        assert (_size(log) == size) == (not places)
+    assert Recording.open(log).files[-1].places == places
+
+
+def _size(log: Path) -> int:
+    return log.stat().st_size
 
 
 @pytest.fixture

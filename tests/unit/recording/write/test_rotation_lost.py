@@ -1,12 +1,15 @@
 """Where messages go that are late, lost or repeated where files meet."""
 
 import errno
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
@@ -26,46 +29,46 @@ from tests.support.split_runs import (
 )
 
 
-@pytest.mark.usefixtures("small")
-def test_a_message_lost_at_the_end_of_a_file_is_missing_in_one(
-    whole: Path, tmp_path: Path
-) -> None:
-    recorded = list(Recording.open_file(whole).messages())
-    gone = recorded.pop(last_of(recorded, 20))
-    paths = write(whole, tmp_path / "log.mcap", recorded)
-    missing = [
-        Recording.open_file(path).completeness().missing for path in paths.values()
-    ]
-    assert [each for each in missing if each] == [{gone.message.sender: 1}]
-    verdict = verify(paths[0])
-    assert not verdict.complete
+def rewrite(
+    whole: Path, log: Path, heard: Iterable[Recorded], *, more: Iterable[str] = ()
+) -> Completeness:
+    """Record what was heard, and end it as if that was all, and one more of `more`."""
+    with SplitWriter(log, Recording.open_file(whole).metadata) as writer:
+        senders = set(more)
+        for one in heard:
+            writer.add(one.delivery, NOW)
+            senders.add(one.message.sender)
+        ends = {who: writer.upcoming(who) + (who in more) for who in senders}
+        return writer.finish({}, ends)
 
 
 @pytest.mark.usefixtures("small")
-def test_a_message_that_comes_again_in_a_later_file_is_left_out(
+def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     whole: Path, tmp_path: Path
 ) -> None:
     recorded = list(Recording.open_file(whole).messages())
-    again = recorded[last_of(recorded, 20)]
-    paths = write(whole, tmp_path / "log.mcap", [*recorded[:-5], again, *recorded[-5:]])
-    recording = Recording.open(paths[0])
-    assert recording.noted().completeness.duplicates == 1
-    assert content(recording.messages()) == content(recorded)
-
-
-@pytest.mark.usefixtures("small")
-def test_a_key_frame_that_comes_again_begins_no_file(
-    whole: Path, tmp_path: Path
-) -> None:
-    recorded = list(Recording.open_file(whole).messages())
+    place = last_of(recorded, 20)
+    again = recorded[place]
+    # Each key-frame twice: the second begins no file.
     twice = [
         one
-        for each in recorded
+        for each in [*recorded[:-5], again, *recorded[-5:]]
         for one in [each] * (1 + isinstance(each.message, wire.KeyFrame))
     ]
     paths = write(whole, tmp_path / "log.mcap", twice)
+    frames = sum(isinstance(one.message, wire.KeyFrame) for one in recorded)
     assert len(paths) == TICKS // EVERY + 1
+    recording = Recording.open(paths[0])
+    assert recording.noted().completeness.duplicates == 1 + frames
+    assert content(recording.messages()) == content(recorded)
     assert verify(paths[0]).same
+    del recorded[place]
+    paths = write(whole, tmp_path / "lost.mcap", recorded)
+    missing = [
+        Recording.open_file(path).completeness().missing for path in paths.values()
+    ]
+    assert [each for each in missing if each] == [{again.message.sender: 1}]
+    assert not verify(paths[0]).complete
 
 
 @pytest.mark.usefixtures("small")
@@ -94,28 +97,23 @@ def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
 
 
 @pytest.mark.usefixtures("small")
-def test_what_answers_nothing_is_on_disk_after_a_while(tmp_path: Path) -> None:
-    log, deliveries = tmp_path / "log.mcap", never_started()
-    with SplitWriter(log, {}) as writer:
-        for delivery in deliveries:
-            writer.add(delivery, NOW)
-        writer.flush(NOW + LATE)
-        assert list(Recording.open_file(log).messages()) == []
-        writer.flush(NOW + LATE + 1)
-        assert [
-            one.delivery for one in Recording.open_file(log).messages()
-        ] == deliveries
-
-
-@pytest.mark.usefixtures("small")
-def test_what_waits_is_written_when_a_recording_is_given_up(tmp_path: Path) -> None:
-    log, deliveries = tmp_path / "log.mcap", never_started()
-    with SplitWriter(log, {}) as writer:
-        for delivery in deliveries:
-            writer.add(delivery, NOW)
-    recording = Recording.open_file(log)
-    assert recording.cut is not None
-    assert [one.delivery for one in recording.messages()] == deliveries
+def test_what_answers_nothing_is_on_disk_after_a_while_or_at_the_end(
+    tmp_path: Path,
+) -> None:
+    deliveries = never_started()
+    for log, ends in ((tmp_path / "late.mcap", False), (tmp_path / "end.mcap", True)):
+        with SplitWriter(log, {}) as writer:
+            for delivery in deliveries:
+                writer.add(delivery, NOW)
+            writer.flush(NOW + LATE)
+            assert list(Recording.open_file(log).messages()) == []
+            if not ends:
+                writer.flush(NOW + LATE + 1)
+                read = [one.delivery for one in Recording.open_file(log).messages()]
+                assert read == deliveries
+        recording = Recording.open_file(log)
+        assert recording.cut is not None
+        assert [one.delivery for one in recording.messages()] == deliveries
 
 
 @pytest.mark.usefixtures("small")
@@ -145,11 +143,7 @@ def test_what_is_lost_where_files_meet_is_missing_in_the_older(
     heard = upto(recorded, 3 * EVERY)
     lost = heard.pop(last_of(recorded, 2 * EVERY))
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, Recording.open_file(whole).metadata) as writer:
-        for one in heard:
-            writer.add(one.delivery, NOW)
-        senders = {one.message.sender for one in heard}
-        writer.finish({}, {who: writer.upcoming(who) for who in senders})
+    rewrite(whole, log, heard)
     assert list(part_paths(log)) == [0, 1, 2]
     missing = [
         Recording.open_file(path).noted().completeness.missing
@@ -174,11 +168,7 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
         if place > until or one.message.sender != who or one.sequence < lost.sequence
     ]
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, Recording.open_file(whole).metadata) as writer:
-        for one in heard:
-            writer.add(one.delivery, NOW)
-        senders = {one.message.sender for one in heard}
-        writer.finish({}, {each: writer.upcoming(each) for each in senders})
+    rewrite(whole, log, heard)
     assert list(part_paths(log)) == [0, 1, 2, 3]
     lacking = Recording.open_file(part_path(log, 2)).noted().completeness.missing
     assert lacking.keys() == {who}
@@ -246,15 +236,9 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
         for one in recorded[: len(upto(recorded, 2 * EVERY)) + 1]
         if one.message.sender != who or one.sequence < lost.sequence
     ]
-    log, old = tmp_path / "log.mcap", Recording.open_file(whole)
-    with SplitWriter(log, old.metadata) as writer:
-        for one in heard:
-            writer.add(one.delivery, NOW)
-        begun = set(part_paths(log))
-        parts_there = {one.message.sender for one in recorded}
-        upcoming = {each: writer.upcoming(each) + 1 for each in parts_there}
-        balance = writer.finish({}, upcoming)
-    assert begun == {0, 1, 2}
+    log, parts_there = tmp_path / "log.mcap", {one.message.sender for one in recorded}
+    balance = rewrite(whole, log, heard, more=parts_there)
+    assert list(part_paths(log)) == [0, 1, 2]
     assert balance.missing == dict.fromkeys(parts_there, 1)
     assert Recording.open_file(part_path(log, 1)).cut is not None
     assert not verify(log).complete

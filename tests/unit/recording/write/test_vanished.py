@@ -38,10 +38,13 @@ def move_folder(log: Path) -> None:
     ],
     ids=["deleted", "replaced", "moved", "folder moved"],
 )
-@pytest.mark.parametrize("ends", [True, False])
-def test_it_is_said_at_the_next_flush_and_nothing_is_lost(
+@pytest.mark.parametrize(
+    ("flushes", "ends"), [(True, True), (True, False), (False, True)]
+)
+def test_it_is_said_at_the_next_flush_or_the_end_and_nothing_is_lost(
     take: Callable[[Path], None],
     left: str,
+    flushes: bool,
     ends: bool,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
@@ -55,28 +58,15 @@ def test_it_is_said_at_the_next_flush_and_nothing_is_lost(
         assert not caplog.records
         take(log)
         add(writer, 1)
-        for _ in range(3):
+        for _ in range(3 * flushes):
             writer.flush(NOW)
-        (record,) = caplog.records
-        assert record.getMessage().startswith(RULE)
+        assert len(caplog.records) == flushes
         if ends:
             balance = writer.finish({}, {"world": 2})
             assert balance.missing == {}
             assert balance.vanished == (str(log),)
             assert not balance.whole
+        assert caplog.records[0].getMessage().startswith(RULE)
     assert len(list(Recording.open(tmp_path / left).messages())) == 2
     if left == "runs/log.recovered-1.mcap":
         assert log.read_bytes() == b"another"
-
-
-def test_what_is_taken_away_after_the_last_flush_is_said_at_the_end(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    log = tmp_path / "log.mcap"
-    with SplitWriter(log, {}) as writer:
-        add(writer, 0)
-        log.unlink()
-        balance = writer.finish({}, {"world": 1})
-    assert balance.vanished == (str(log),)
-    assert caplog.records[0].getMessage().startswith(RULE)
-    assert len(list(Recording.open(log).messages())) == 1
