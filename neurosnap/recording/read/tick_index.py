@@ -86,11 +86,6 @@ class TickIndex:
             except RecordingError:  # noted in `damage`
                 continue
 
-    def readable_back(self, most: int) -> Iterator[tuple[int, ChunkMessages]]:
-        """Yield the last chunks, `most` of them, the last one first."""
-        for number in range(len(self) - 1, max(-1, len(self) - 1 - most), -1):
-            yield from self.readable(number, number + 1)
-
     def observed(self, number: int) -> list[wire.Observation]:
         """Return the observations in a chunk; none if it cannot be read."""
         if number in self._observed:
@@ -148,10 +143,10 @@ class TickIndex:
 
     def last_tick(self) -> int:
         """Return the last tick whose state was recorded; 0: there is none."""
-        for _, chunk in self.readable_back(len(self)):
-            ticks = [state.tick for state in chunk.all("state", wire.State)]
-            if ticks:
-                return max(ticks)
+        for number in reversed(range(len(self))):
+            for _, chunk in self.readable(number, number + 1):
+                if states := chunk.all("state", wire.State):
+                    return max(state.tick for state in states)
         return 0
 
     def keyframe(self, tick: int) -> wire.KeyFrame | None:
