@@ -93,7 +93,7 @@ class RunView:
     def cut(self) -> str | None:
         """Where a recording that is not whole ends, and what in it cannot be read."""
         return (
-            "; ".join((*self.recording.cuts, *self.tick_index.damage.values())) or None
+            "; ".join((*self.recording.lost, *self.tick_index.damage.values())) or None
         )
 
     @property

@@ -237,16 +237,13 @@ class Recording:
         return any(file.damage for file in self.files)
 
     @property
-    def cuts(self) -> list[str]:
-        """What in its files cannot be read, and where each ends before its end."""
-        lines = [*self.unread]
-        for file in self.files:
-            lines += file.damage
-            if (cut := file.cut) is not None:
-                place = f"at byte {cut.offset} of {cut.size}"
-                said = f"cut short after {cut.chunks} whole chunks, {place}"
-                lines.append(f"{file.path}: {said}")
-        return lines
+    def lost(self) -> tuple[str, ...]:
+        """`damage`, and where the last file was cut short; empty if nothing is lost."""
+        last = self.files[-1]
+        if (cut := last.cut) is None:
+            return self.damage
+        place = f"after {cut.chunks} whole chunks, at byte {cut.offset} of {cut.size}"
+        return (*self.damage, f"{last.path}: cut short {place}")
 
     @property
     def whole(self) -> bool:

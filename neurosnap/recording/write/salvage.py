@@ -63,7 +63,7 @@ def salvage(log: Path, out: Path) -> Salvaged:
         except BaseException:
             out.unlink(missing_ok=True)
             raise
-    return Salvaged(str(out), completeness, _lost(recording))
+    return Salvaged(str(out), completeness, recording.lost)
 
 
 def _begin(writer: Writer, first: RecordingFile) -> None:
@@ -84,14 +84,6 @@ def _copy(writer: Writer, files: Sequence[RecordingFile]) -> str:
         copy_into(writer, file, lost=lost)
         lost = lost_behind(file, after)
     return lost
-
-
-def _lost(recording: Recording) -> tuple[str, ...]:
-    last = recording.files[-1]
-    if (cut := last.cut) is None:
-        return recording.damage
-    where = f"byte {cut.offset} of {cut.size}"
-    return (*recording.damage, f"{last.path}: cut short at {where}")
 
 
 def _facts(recording: Recording) -> dict[str, str]:
