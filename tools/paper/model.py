@@ -20,9 +20,9 @@ from neurosnap.poc.dual.homology import CellComplex
 from neurosnap.poc.dual.realization import Realization, corners
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.protocol.observations import readings
-from neurosnap.recording.replay.births import births_of
-from neurosnap.recording.replay.learned_at import snapshot_at
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.replay.births import births_of
+from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.sensorium import unpack
 from tools.paper.spaces import EXAMPLES
 

@@ -11,10 +11,10 @@ from neurosnap.apps.export.graph_text import diagram, render
 from neurosnap.apps.export.output_file import placed
 from neurosnap.apps.export.table_files import WriteTable, parquet_writer, write_csv
 from neurosnap.errors import InvalidValueError
-from neurosnap.recording.replay.births import births_of
-from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.read.ticks import ticks
+from neurosnap.recording.replay.births import births_of
+from neurosnap.recording.replay.learning import snapshot_at
 
 Form: TypeAlias = Literal["csv", "parquet", "graphml"]
 
