@@ -1,10 +1,10 @@
 """Describes an option of a run: its help, unit, range and default in words.
 
 An option is declared once, as the annotation of a field. The command line, the TOML
-tables and their JSON Schema are made from it.
+tables, their JSON Schema and the pages about them are made from it.
 """
 
-from typing import Annotated, Any, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -14,8 +14,11 @@ class Shown(NamedTuple):
 
     text: str
     """Its help."""
+    at: str = ""
+    """Its key in the TOML file; empty: its struct is a table of that file."""
     flag: str = ""
-    """Its name on the command line, with underscores; empty: that of the field."""
+    """Its name on the command line, with underscores; empty: `--set` alone reaches
+    it."""
     unit: str = ""
     """What stands for its value in the help, such as SECONDS; empty: its type."""
     default: str = ""
@@ -25,64 +28,71 @@ class Shown(NamedTuple):
 def option(
     text: str,
     *,
+    at: str = "",
     flag: str = "",
     unit: str = "",
     default: str = "",
-    gt: float | None = None,
-    ge: float | None = None,
-    lt: float | None = None,
-    le: float | None = None,
-    min_length: int | None = None,
+    **bounds: float,
 ) -> msgspec.Meta:
     """Return the annotation of a field that is an option.
 
     Args:
         text: Its help: when to use it, and what to put. Other options are named as
             their fields are.
+        at: See `Shown`.
         flag: See `Shown`.
         unit: See `Shown`.
         default: See `Shown`.
-        gt: Values are greater.
-        ge: Values are greater or equal.
-        lt: Values are less.
-        le: Values are less or equal.
-        min_length: The fewest characters of a text.
+        **bounds: The range of its values, as `msgspec.Meta` takes it: gt, ge, lt, le.
 
     Example:
         >>> option("Where to record.", unit="FILE").description
         'Where to record.'
     """
-    bounds: dict[str, Any] = {
-        "gt": gt,
-        "ge": ge,
-        "lt": lt,
-        "le": le,
-        "min_length": min_length,
-    }
-    given = {name: value for name, value in bounds.items() if value is not None}
-    shown = Shown(text, flag, unit, default)
+    shown = Shown(text, at, flag, unit, default)
+    given: dict[str, Any] = dict(bounds)
     return msgspec.Meta(description=text, extra={"shown": shown}, **given)
 
 
-def declared(hint: Any) -> tuple[Any, Shown] | None:  # noqa: ANN401 - any annotation
-    """Return the type of an option and how it is shown; None: it is no option.
+class Declared(NamedTuple):
+    """An option as its field declares it."""
 
-    Args:
-        hint: The annotation of its field; an option that may be left out may be None.
+    field: str
+    hint: Any
+    """The annotation of the field."""
+    kind: Any
+    """The type of its values."""
+    default: Any
+    shown: Shown
+
+
+def declared(struct: type[msgspec.Struct]) -> list[Declared]:
+    """Return the options that a struct declares, in order.
 
     Example:
-        >>> kind, shown = declared(Annotated[int, option("How many.")] | None)
-        >>> kind, shown.text
-        (int | None, 'How many.')
+        >>> class Table(msgspec.Struct):
+        ...     many: Annotated[int, option("How many.")] = 1
+        >>> [(one.field, one.kind, one.shown.text) for one in declared(Table)]
+        [('many', <class 'int'>, 'How many.')]
     """
+    hints = get_type_hints(struct, include_extras=True)
+    found = []
+    for field in msgspec.structs.fields(struct):
+        hint = hints[field.name]
+        if (one := _shown(hint)) is not None:
+            found.append(Declared(field.name, hint, *one[:1], field.default, one[1]))
+    return found
+
+
+def _shown(hint: Any) -> tuple[Any, Shown] | None:  # noqa: ANN401 - any annotation
+    """Return the type of an option and how it is shown; None if it is no option."""
     if get_origin(hint) is Annotated:
         kind, *notes = get_args(hint)
         for note in notes:
             if isinstance(note, msgspec.Meta) and note.extra:
                 return kind, note.extra["shown"]
         return None
-    for one in get_args(hint):
-        if (found := declared(one)) is not None:
-            kind, shown = found
-            return kind | None, shown
+    for one in get_args(hint):  # it may be left out
+        if (found := _shown(one)) is not None:
+            return found[0] | None, found[1]
     return None

@@ -30,7 +30,6 @@ HostKind: TypeAlias = Literal["process", "worker"]
 HostChoice: TypeAlias = Literal["auto", "process", "worker"]
 LearningKind: TypeAlias = Literal["coordinator", "spread"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
-AUTO_CELLS: Literal["auto"] = "auto"
 FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
 
@@ -38,220 +37,13 @@ _BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not count
 _BAND = 1 << 20  # numbers
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
 
-Ticks: TypeAlias = Annotated[
-    int,
-    option(
-        "How many observations to take, at most.",
-        default="300; of a CSV file, all; from outside, until Ctrl-C",
-        ge=1,
-    ),
-]
-Seed: TypeAlias = Annotated[
-    int,
-    option(
-        "Seed of all random numbers: the world's start, its fields and the random"
-        " actions. The same seed gives the same run of a world.",
-        ge=0,
-        le=2**63 - 1,
-    ),
-]
-Agent: TypeAlias = Annotated[
-    AgentKind,
-    option(
-        "Who chooses the actions. A walker acts at random, an excited agent moves"
-        " towards a place, a planner plans its way to what `target` names.",
-        flag="agent",
-    ),
-]
-Explore: TypeAlias = Annotated[
-    Annotated[float, msgspec.Meta(ge=0, le=1)] | Literal["planned"],
-    option(
-        "Share of actions that are random all the same, from 0 to 1; a walker's all are."
-        " Or the word planned, with `imagine`: go to the nearest action whose outcome is"
-        " unknown, unless there is a way to the target.",
-        unit="SHARE",
-    ),
-]
-Grow: TypeAlias = Annotated[
-    int,
-    option(
-        "How many sensors the agent may grow from what surprises it: each stands for an"
-        " action where several sensations hold. Each has a cell from the start. Not for a"
-        " walker.",
-        unit="SENSORS",
-        ge=0,
-    ),
-]
-Imagine: TypeAlias = Annotated[
-    int,
-    option(
-        "How many states a planner may imagine for a decision, by waves through what it"
-        " has learned; 2000 is plenty. It needs no target then: without one it explores."
-        " 0: it looks one step ahead.",
-        unit="STATES",
-        ge=0,
-    ),
-]
-SnapshotOption: TypeAlias = Annotated[
-    SnapshotKind,
-    option(
-        "How to learn. Empirical: count, and forget nothing. Discounted: forget slowly,"
-        " so that habits may change.",
-        flag="snapshot",
-    ),
-]
-Threshold: TypeAlias = Annotated[
-    Annotated[float, msgspec.Meta(gt=0, le=0.25)] | Literal["auto"],
-    option(
-        "How rare the exceptions to an implication must be, as a share of all ticks:"
-        " above 0, up to 0.25. Greater: more implications, and more wrong ones. Or the"
-        " word auto: each pair of sensors chooses its own, from how surely its exceptions"
-        f" are rare; but {EXACT:.5f} for a planner or an excited agent in a discrete"
-        " world. Not for a discounted snapshot.",
-        unit="SHARE",
-        default=f"auto; discounted, {DiscountedSnapshot.THRESHOLD:g}",
-    ),
-]
-Decay: TypeAlias = Annotated[
-    float,
-    option(
-        "Of a discounted snapshot: how much of the past is kept at each tick, from 0 to"
-        " below 1.",
-        default=f"{DiscountedSnapshot.DECAY:g}",
-        ge=0,
-        lt=1,
-    ),
-]
-Cells: TypeAlias = Annotated[
-    Literal["auto", "process", "worker", "inline"],
-    option(
-        "Where the cells are. Process: each is a process of its own. Worker: a few"
-        " processes share them. Inline: all in this process, without a network; the"
-        f" fastest, and easy to debug. Auto: process up to {FEW_CELLS} sensors, else"
-        " worker; worker, too, for an MQTT broker, or if `workers` is set.",
-        flag="cells",
-    ),
-]
-Workers: TypeAlias = Annotated[
-    int,
-    option(
-        "With cells in workers: how many processes share them.",
-        default="2, or as many as there are cells",
-        ge=1,
-    ),
-]
-Learning: TypeAlias = Annotated[
-    LearningKind,
-    option(
-        "Who learns. Coordinator: one process keeps the weights of all pairs of sensors."
-        " Spread: the workers share the pairs, so that they fit on several machines; for"
-        " cells in workers, and sensors that do not grow. What is learned is the same.",
-        flag="learning",
-    ),
-]
-Wiring: TypeAlias = Annotated[
-    WiringKind,
-    option(
-        "Which implications are connections between cells. Hasse: only those that do"
-        " not follow from others (fewer messages). Derived: all (fewer hops)."
-    ),
-]
-Deadline: TypeAlias = Annotated[
-    float,
-    option(
-        "How long the cells may take to answer before they are asked again.",
-        unit="SECONDS",
-        gt=0,
-    ),
-]
-KeyframeEvery: TypeAlias = Annotated[
-    int,
-    option(
-        "How often to record all that was learned, for a replay or a restart to begin"
-        " there. Fewer ticks: a larger recording, and a faster start from within it.",
-        unit="TICKS",
-        ge=1,
-    ),
-]
-Frames: TypeAlias = Annotated[
-    int,
-    option(
-        "Record an image each so many ticks, from the first on, as a Gymnasium"
-        " environment draws itself (render mode rgb_array). 0: none. Needs Pillow.",
-        unit="TICKS",
-        ge=0,
-    ),
-]
-Split: TypeAlias = Annotated[
-    int,
-    option(
-        "Begin another file once one has this many bytes; on the command line 256MiB is"
-        " understood, too. 0: record in one file.",
-        unit="SIZE",
-        ge=0,
-    ),
-]
-Keep: TypeAlias = Annotated[
-    int,
-    option(
-        "With `split`: keep this many of the newest files and delete the others. 0: keep"
-        " all.",
-        unit="FILES",
-        ge=0,
-    ),
-]
-Sync: TypeAlias = Annotated[
-    float,
-    option(
-        "How often to force the recording to the disk, against a power cut. 0: only at"
-        " the end.",
-        unit="SECONDS",
-        default="1 for readings from outside, else 0",
-        ge=0,
-    ),
-]
-Anomalies: TypeAlias = Annotated[
-    bool,
-    option(
-        "Record each observation that contradicts what was learned before it;"
-        " `neurosnap watch` shows them.",
-        flag="anomalies",
-    ),
-]
-Hold: TypeAlias = Annotated[
-    int,
-    option(
-        "After an anomaly, judge this many more ticks by what was learned before it, so"
-        " that a lasting fault is reported as long as it lasts. 0: it is reported when it"
-        " begins, and may be learned as normal then.",
-        unit="TICKS",
-        ge=0,
-    ),
-]
-Support: TypeAlias = Annotated[
-    int,
-    option(
-        "Tell only of anomalies that break an implication which was put to the test, and"
-        " held, on this many occasions, each way. The recording has all of them. 0: tell"
-        " of all, and count no occasions.",
-        unit="OCCASIONS",
-        ge=0,
-    ),
-]
-Alarms: TypeAlias = Annotated[
-    str,
-    option(
-        "How many alarms about broken sensors the home may raise while nothing is wrong,"
-        " such as 1/week or 2/month. Never: no sensor is judged.",
-        flag="alarms",
-        unit="N/TIME",
-        default="1/week where 200 sensors or fewer are read from outside, else never",
-    ),
-]
-
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """The options of one run; what each means is said where its type is declared."""
+    """The options of one run.
+
+    A field with an `option` is declared here alone: the TOML tables, their schema and
+    the command line are made from it.
+    """
 
     source: str
     """A Gymnasium environment's id, or the path of a CSV file of readings."""
@@ -259,34 +51,227 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What the environment is made with."""
     body: Body
     """What is sensed and done: a cell for every sensor of it."""
-    agent: Agent = "walker"
+    agent: Annotated[
+        AgentKind,
+        option(
+            "Who chooses the actions. A walker acts at random, an excited agent"
+            " moves towards a place, a planner plans its way to what `target` names.",
+            at="agent.kind",
+            flag="agent",
+        ),
+    ] = "walker"
     target: tuple[str, ...] = ()
     """What a planner wants to sense, by name."""
-    explore: Explore = EXPLORE
-    imagine: Imagine = 0
-    ticks: Ticks = 300
-    seed: Seed = 0
-    snapshot: SnapshotOption = "empirical"
-    threshold: Threshold | None = None
+    explore: Annotated[
+        Annotated[float, msgspec.Meta(ge=0, le=1)] | Literal["planned"],
+        option(
+            "Share of actions that are random all the same, from 0 to 1; a walker's"
+            " all are. Or the word planned, with `imagine`: go to the nearest action"
+            " whose outcome is unknown, unless there is a way to the target.",
+            at="agent.explore",
+            unit="SHARE",
+        ),
+    ] = EXPLORE
+    imagine: Annotated[
+        int,
+        option(
+            "How many states a planner may imagine for a decision, by waves through"
+            " what it has learned; 2000 is plenty. It needs no target then: without"
+            " one it explores. 0: it looks one step ahead.",
+            at="agent.imagine",
+            unit="STATES",
+            ge=0,
+        ),
+    ] = 0
+    ticks: Annotated[
+        int,
+        option(
+            "How many observations to take, at most.",
+            at="run.ticks",
+            default="300; of a CSV file, all; from outside, until Ctrl-C",
+            ge=1,
+            flag="ticks",
+        ),
+    ] = 300
+    seed: Annotated[
+        int,
+        option(
+            "Seed of all random numbers: the world's start, its fields and the"
+            " random actions. The same seed gives the same run of a world.",
+            at="run.seed",
+            ge=0,
+            le=2**63 - 1,
+            flag="seed",
+        ),
+    ] = 0
+    snapshot: Annotated[
+        SnapshotKind,
+        option(
+            "How to learn. Empirical: count, and forget nothing. Discounted: forget"
+            " slowly, so that habits may change.",
+            at="snapshot.kind",
+            flag="snapshot",
+        ),
+    ] = "empirical"
+    threshold: (
+        Annotated[
+            Annotated[float, msgspec.Meta(gt=0, le=0.25)] | Literal["auto"],
+            option(
+                "How rare the exceptions to an implication must be, as a share of"
+                " all ticks: above 0, up to 0.25. Greater: more implications, and"
+                " more wrong ones. Or the word auto: each pair of sensors chooses"
+                f" its own, from how surely its exceptions are rare; but {EXACT:.5f}"
+                " for a planner or an excited agent in a discrete world. Not for a"
+                " discounted snapshot.",
+                at="snapshot.threshold",
+                unit="SHARE",
+                default=f"auto; discounted, {DiscountedSnapshot.THRESHOLD:g}",
+                flag="threshold",
+            ),
+        ]
+        | None
+    ) = None
     """None for a discounted snapshot: its own default."""
-    decay: Decay | None = None
+    decay: (
+        Annotated[
+            float,
+            option(
+                "Of a discounted snapshot: how much of the past is kept at each"
+                " tick, from 0 to below 1.",
+                at="snapshot.decay",
+                default=f"{DiscountedSnapshot.DECAY:g}",
+                ge=0,
+                lt=1,
+            ),
+        ]
+        | None
+    ) = None
     """None: the snapshot's own default."""
-    wiring: Wiring = "hasse"
+    wiring: Annotated[
+        WiringKind,
+        option(
+            "Which implications are connections between cells. Hasse: only those"
+            " that do not follow from others (fewer messages). Derived: all (fewer"
+            " hops).",
+            at="cells.wiring",
+        ),
+    ] = "hasse"
     cells: CellKind = "process"
     workers: Annotated[int, msgspec.Meta(ge=0)] = 2
-    """How many workers share the cells, as `Workers` says. An inline run has one at
+    """How many workers share the cells. An inline run has one at
     most; with 0 each of its cells is a part of the swarm, as cells in processes are."""
-    learning: Learning = "coordinator"
-    keyframe_every: KeyframeEvery = 1000
-    frames: Frames = 0
-    split: Split = 0
-    keep: Keep = 0
-    sync: Sync = 0.0
-    watch: Anomalies = False
-    hold: Hold = 0
-    support: Support = 10
-    alarms: Alarms = NEVER
-    deadline: Deadline = 10.0
+    learning: Annotated[
+        LearningKind,
+        option(
+            "Who learns. Coordinator: one process keeps the weights of all pairs of"
+            " sensors. Spread: the workers share the pairs, so that they fit on"
+            " several machines; for cells in workers, and sensors that do not grow."
+            " What is learned is the same.",
+            at="snapshot.learning",
+        ),
+    ] = "coordinator"
+    keyframe_every: Annotated[
+        int,
+        option(
+            "How often to record all that was learned, for a replay or a restart to"
+            " begin there. Fewer ticks: a larger recording, and a faster start from"
+            " within it.",
+            at="recording.keyframe_every",
+            unit="TICKS",
+            ge=1,
+        ),
+    ] = 1000
+    frames: Annotated[
+        int,
+        option(
+            "Record an image each so many ticks, from the first on, as a Gymnasium"
+            " environment draws itself (render mode rgb_array). 0: none. Needs"
+            " Pillow.",
+            at="recording.frames",
+            unit="TICKS",
+            ge=0,
+        ),
+    ] = 0
+    split: Annotated[
+        int,
+        option(
+            "Begin another file once one has this many bytes; on the command line"
+            " 256MiB is understood, too. 0: record in one file.",
+            at="recording.split",
+            unit="SIZE",
+            ge=0,
+        ),
+    ] = 0
+    keep: Annotated[
+        int,
+        option(
+            "With `split`: keep this many of the newest files and delete the others."
+            " 0: keep all.",
+            at="recording.keep",
+            unit="FILES",
+            ge=0,
+        ),
+    ] = 0
+    sync: Annotated[
+        float,
+        option(
+            "How often to force the recording to the disk, against a power cut. 0:"
+            " only at the end.",
+            at="recording.sync",
+            unit="SECONDS",
+            default="1 for readings from outside, else 0",
+            ge=0,
+        ),
+    ] = 0.0
+    watch: Annotated[
+        bool,
+        option(
+            "Record each observation that contradicts what was learned before it;"
+            " `neurosnap watch` shows them.",
+            at="anomalies.watch",
+        ),
+    ] = False
+    hold: Annotated[
+        int,
+        option(
+            "After an anomaly, judge this many more ticks by what was learned before"
+            " it, so that a lasting fault is reported as long as it lasts. 0: it is"
+            " reported when it begins, and may be learned as normal then.",
+            at="anomalies.hold",
+            unit="TICKS",
+            ge=0,
+        ),
+    ] = 0
+    support: Annotated[
+        int,
+        option(
+            "Tell only of anomalies that break an implication which was put to the"
+            " test, and held, on this many occasions, each way. The recording has all"
+            " of them. 0: tell of all, and count no occasions.",
+            at="anomalies.support",
+            unit="OCCASIONS",
+            ge=0,
+        ),
+    ] = 10
+    alarms: Annotated[
+        str,
+        option(
+            "How many alarms about broken sensors the home may raise while nothing"
+            " is wrong, such as 1/week or 2/month. Never: no sensor is judged.",
+            at="health.alarms",
+            unit="N/TIME",
+            default="1/week where 200 sensors or fewer are read from outside, else never",
+        ),
+    ] = NEVER
+    deadline: Annotated[
+        float,
+        option(
+            "How long the cells may take to answer before they are asked again.",
+            at="cells.deadline",
+            unit="SECONDS",
+            gt=0,
+        ),
+    ] = 10.0
     band: int = _BAND
     """Numbers that travel in one band of a key-frame, at most: of so many pairs, and
     more, the weights follow it in bands. 0: they are in the key-frame."""

@@ -18,7 +18,6 @@ from typing import (
     get_type_hints,
 )
 
-import msgspec
 import typer
 
 from neurosnap.apps.config.tables import Config
@@ -155,14 +154,10 @@ def run_options() -> dict[str, RunOption]:
     found: dict[str, RunOption] = {}
     tables = get_type_hints(Config)
     for table, panel in _PANELS.items():
-        hints = get_type_hints(tables[table], include_extras=True)
-        for field in msgspec.structs.fields(tables[table]):
-            if (one := declared(hints[field.name])) is None:
-                continue
-            kind, shown = _simple(one[0]), one[1]
-            key = f"{table}.{field.name}"
-            option = RunOption(key, kind, field.default, shown, panel)
-            found[shown.flag or field.name] = option
+        for one in declared(tables[table]):
+            key = f"{table}.{one.field}"
+            option = RunOption(key, _simple(one.kind), one.default, one.shown, panel)
+            found[one.shown.flag or one.field] = option
     return found
 
 

@@ -9,7 +9,8 @@ import inspect
 import itertools
 import textwrap
 from collections.abc import Iterator
-from typing import Any, get_type_hints
+from contextlib import suppress
+from typing import Any
 
 import msgspec
 from msgspec.inspect import (
@@ -35,6 +36,11 @@ def schema() -> dict[str, Any]:
         table["additionalProperties"] = False
         for name, text in (*texts_below(kind), *_option_texts(kind)):
             table["properties"][name]["description"] = text
+        # What a table itself declares stands before what it has from elsewhere.
+        own = inspect.get_annotations(kind)
+        table["properties"] = dict(
+            sorted(table["properties"].items(), key=lambda key: key[0] not in own)
+        )
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "A run of neurosnap",
@@ -82,11 +88,9 @@ def _structs(kind: Type) -> Iterator[type[msgspec.Struct]]:
 
 def _option_texts(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
     """Return the fields that are options of a run, and the help of each."""
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        if (found := declared(hint)) is not None:
-            _, shown = found
-            default = f" Default: {shown.default}." if shown.default else ""
-            yield name, shown.text + default
+    for one in declared(kind):
+        default = f" Default: {one.shown.default}." if one.shown.default else ""
+        yield one.field, one.shown.text + default
 
 
 def texts_below(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
@@ -96,7 +100,8 @@ def texts_below(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
     """
     for base in reversed(kind.__mro__):
         if base is not msgspec.Struct and issubclass(base, msgspec.Struct):
-            yield from _own_docstrings(base)
+            with suppress(OSError):  # made at run time, of declared options
+                yield from _own_docstrings(base)
 
 
 def _own_docstrings(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:

@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 from msgspec import UNSET
@@ -23,12 +23,15 @@ from neurosnap.apps.config.load import Loaded
 from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.recording_names import LOGS, free_path, new_path
 from neurosnap.apps.config.sources import MqttTable
-from neurosnap.apps.config.tables import Config, RecordingTable
+from neurosnap.apps.config.tables import (
+    Config,
+    RecordingTable,
+    flattened,
+)
 from neurosnap.apps.config.validate import Problem, known_keys
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.thresholds import AUTO
 from neurosnap.protocol.run_options import (
-    AUTO_CELLS,
     FEW_CELLS,
     CellKind,
     RunOptions,
@@ -197,45 +200,23 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
     Raises:
         InvalidValueError: Some of them do not go together.
     """
-    optional: dict[str, Any] = {
+    given = flattened(config)
+    if is_live(name):
+        given.setdefault("sync", _SYNC)
+        if 0 < len(fitted.body.own) <= _HOME:
+            given.setdefault("alarms", _ALARMS)
+    settled = {
         "ticks": _at_most(config.run.ticks, fitted.length),
         "threshold": _threshold(config, fitted),
-        "decay": config.snapshot.decay,
-        "sync": config.recording.sync,
-        "alarms": config.health.alarms,
     }
-    if is_live(name) and optional["sync"] is None:
-        optional["sync"] = _SYNC
-    if (
-        optional["alarms"] is None
-        and 0 < len(fitted.body.own) <= _HOME
-        and is_live(name)
-    ):
-        optional["alarms"] = _ALARMS
-    cells, workers, _ = _cells(config, len(fitted.body.sensors))
+    given |= {field: value for field, value in settled.items() if value is not None}
+    given["cells"], given["workers"], _ = _cells(config, len(fitted.body.sensors))
     return RunOptions(
         source=name,
         arguments=fitted.arguments,
-        cells=cells,
-        workers=workers,
         body=fitted.body,
-        agent=config.agent.kind,
         target=fitted.target,
-        explore=config.agent.explore,
-        imagine=config.agent.imagine,
-        seed=config.run.seed,
-        snapshot=config.snapshot.kind,
-        learning=config.snapshot.learning,
-        wiring=config.cells.wiring,
-        deadline=config.cells.deadline,
-        watch=config.anomalies.watch,
-        hold=config.anomalies.hold,
-        support=config.anomalies.support,
-        keyframe_every=config.recording.keyframe_every,
-        frames=config.recording.frames,
-        split=config.recording.split,
-        keep=config.recording.keep,
-        **{name: value for name, value in optional.items() if value is not None},
+        **given,
     )
 
 
@@ -246,7 +227,7 @@ def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
     """
     table, why = config.cells, ""
     workers = table.workers or min(_WORKERS, max(1, count))
-    if table.kind != AUTO_CELLS:
+    if table.kind != "auto":
         return table.kind, workers, why
     some = "1 worker" if workers == 1 else f"{workers} workers"
     if config.placement.place == "ray":
@@ -264,7 +245,7 @@ def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
 
 def _threshold(config: Config, fitted: _Fitted) -> float | str | None:
     """Return the threshold; None: the discounted snapshot's own default."""
-    given = config.snapshot.threshold
+    given: float | str | None = config.snapshot.threshold
     if given not in (None, AUTO) or config.snapshot.kind != "empirical":
         return given
     return default_threshold(fitted.body, fitted.discrete)

@@ -1,127 +1,124 @@
 """TOML tables that describe a run, one struct per table.
 
-Every default is the one that the run has without a file: it is taken from there, not
-written down again. What has none may be left out, and is None then.
+What `RunOptions` declares stands in the table that it names, with the default that the
+run has without a file. What is settled only once the source is known may be left out,
+and is None then. Declared here is what a run is made with and does not keep.
 """
 
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
 from neurosnap.agent.growth.birth import Birth
 from neurosnap.apps.config.sources import SourceTable, Text
 from neurosnap.health.budget import NEVER, parse_budget
-from neurosnap.protocol.option import option
-from neurosnap.protocol.run_options import (
-    AUTO_CELLS,
-    Agent,
-    Alarms,
-    Anomalies,
-    Cells,
-    Deadline,
-    Decay,
-    Explore,
-    Frames,
-    Grow,
-    Hold,
-    Imagine,
-    Keep,
-    KeyframeEvery,
-    Learning,
-    RunOptions,
-    Seed,
-    SnapshotOption,
-    Split,
-    Support,
-    Sync,
-    Threshold,
-    Ticks,
-    Wiring,
-    Workers,
-)
+from neurosnap.protocol.option import declared, option
+from neurosnap.protocol.run_options import FEW_CELLS, RunOptions
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.restart_policy import Supervision
 
-_DEFAULTS: dict[str, Any] = {
-    field.name: field.default for field in msgspec.structs.fields(RunOptions)
-}
-
 Natural: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+_REPORTED = {"watch": True}
+"""A run that is described reports anomalies; one that a program makes is asked to."""
 
 
-class RunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+def _options(table: str) -> Any:  # noqa: ANN401 - a struct made at run time
+    """Return a struct of the options that are declared for a table."""
+    fields: list[tuple[str, Any, Any]] = []
+    for one in declared(RunOptions):
+        name, _, key = one.shown.at.partition(".")
+        if name == table:
+            unsettled = one.shown.default != "" and one.default is not None
+            default = None if unsettled else _REPORTED.get(one.field, one.default)
+            fields.append((key, one.hint | None if unsettled else one.hint, default))
+    return msgspec.defstruct(
+        f"_{table}", fields, frozen=True, kw_only=True, forbid_unknown_fields=True
+    )
+
+
+class RunTable(_options("run"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
     """How long it runs, and what is random in it."""
 
-    ticks: Ticks | None = None
-    seed: Seed = _DEFAULTS["seed"]
 
+class AgentTable(_options("agent"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
+    """How actions are chosen."""
 
-class AgentTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Who decides."""
-
-    kind: Agent = _DEFAULTS["agent"]
     target: Annotated[
         Natural | Text | tuple[Text, ...] | None,
         option(
             "For a planner: the sensors to switch on, with a star to switch off"
             " (below_5,below_4*). For an excited agent: the number of a place.",
+            flag="target",
             default="for an excited agent, a random place",
         ),
     ] = None
-    explore: Explore = _DEFAULTS["explore"]
-    grow: Grow = 0
+    grow: Annotated[
+        int,
+        option(
+            "How many sensors the agent may grow from what surprises it: each stands for"
+            " an action where several sensations hold. Each has a cell from the start."
+            " Not for a walker.",
+            unit="SENSORS",
+            ge=0,
+        ),
+    ] = 0
     births: tuple[Birth, ...] = ()
     """Sensors that are grown at given ticks, besides those that the agent may grow."""
-    imagine: Imagine = _DEFAULTS["imagine"]
 
 
-class SnapshotTable(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
+class SnapshotTable(_options("snapshot"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
     """How the weights are learned."""
 
-    kind: SnapshotOption = _DEFAULTS["snapshot"]
-    threshold: Threshold | None = None
-    decay: Decay | None = None
-    learning: Learning = _DEFAULTS["learning"]
 
-
-class CellsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CellsTable(_options("cells"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
     """Where the cells are, and how they are wired."""
 
-    kind: Cells = AUTO_CELLS
-    workers: Workers | None = None
-    wiring: Wiring = _DEFAULTS["wiring"]
-    deadline: Deadline = _DEFAULTS["deadline"]
+    kind: Annotated[
+        Literal["auto", "process", "worker", "inline"],
+        option(
+            "Where the cells are. Process: each is a process of its own. Worker: a few"
+            " processes share them. Inline: all in this process, without a network; the"
+            f" fastest, and easy to debug. Auto: process up to {FEW_CELLS} sensors, else"
+            " worker; worker, too, for an MQTT broker, or if `workers` is set.",
+            flag="cells",
+        ),
+    ] = "auto"
+    workers: (
+        Annotated[
+            int,
+            option(
+                "With cells in workers: how many processes share them.",
+                flag="workers",
+                default="2, or as many as there are cells",
+                ge=1,
+            ),
+        ]
+        | None
+    ) = None
+    elsewhere: Annotated[
+        str,
+        option(
+            "The cells (or workers) that are started on other machines with `neurosnap"
+            " serve cells`, such as 0-499 or 3,7.",
+            unit="RANGES",
+        ),
+    ] = ""
 
 
-class AnomaliesTable(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
+class AnomaliesTable(_options("anomalies"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
     """What is reported of observations against what was learned."""
 
-    # A run that somebody starts reports them; one that a program makes is asked to.
-    watch: Anomalies = True
-    hold: Hold = _DEFAULTS["hold"]
-    support: Support = _DEFAULTS["support"]
 
-
-class HealthTable(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
-    """What is told of sensors that seem broken."""
-
-    alarms: Alarms | None = None
+class HealthTable(_options("health"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
+    """What is reported of sensors that seem broken."""
 
     def __post_init__(self) -> None:
         if self.alarms not in (None, NEVER):
             parse_budget(self.alarms)
 
 
-class RecordingTable(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
+class RecordingTable(_options("recording"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
     """Where the run is recorded."""
 
     path: Annotated[
@@ -145,14 +142,10 @@ class RecordingTable(
         bool,
         option(
             "Record everything. Without a recording nothing can be replayed, and the run"
-            " cannot go on after a failure."
+            " cannot go on after a failure.",
+            flag="record",
         ),
     ] = True
-    keyframe_every: KeyframeEvery = _DEFAULTS["keyframe_every"]
-    frames: Frames = _DEFAULTS["frames"]
-    split: Split = _DEFAULTS["split"]
-    keep: Keep = _DEFAULTS["keep"]
-    sync: Sync | None = None
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -163,7 +156,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     run: RunTable = RunTable()
     """How long it runs, and what is random in it."""
     agent: AgentTable = AgentTable()
-    """Who decides."""
+    """How actions are chosen."""
     snapshot: SnapshotTable = SnapshotTable()
     """How the weights are learned."""
     cells: CellsTable = CellsTable()
@@ -171,7 +164,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     anomalies: AnomaliesTable = AnomaliesTable()
     """What is reported of observations against what was learned."""
     health: HealthTable = HealthTable()
-    """What is told of sensors that seem broken."""
+    """What is reported of sensors that seem broken."""
     recording: RecordingTable = RecordingTable()
     """Where the run is recorded."""
     supervision: Supervision = Supervision()
@@ -180,3 +173,18 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """How the parts reach each other."""
     placement: Placement = HERE
     """Where the parts are."""
+
+
+def flattened(config: Config) -> dict[str, Any]:
+    """Return the options of a description as fields of `RunOptions`.
+
+    Those that are settled later, and were left out, are missing.
+    """
+    flat = {}
+    for one in declared(RunOptions):
+        if one.shown.at:
+            table, _, key = one.shown.at.partition(".")
+            value = getattr(getattr(config, table), key)
+            if value is not None:
+                flat[one.field] = value
+    return flat

@@ -9,15 +9,17 @@ from typing import Any
 import msgspec
 import pytest
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
-from msgspec import inspect
 
 from neurosnap.apps.config.json_schema import _in_toml, schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
-from neurosnap.apps.config.tables import Config
-from neurosnap.apps.config.validate import problems
+from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.sources import WorldTable
+from neurosnap.apps.config.tables import Config, flattened
+from neurosnap.apps.config.validate import known_keys, problems
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot
+from neurosnap.protocol.option import declared
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
 
@@ -54,34 +56,15 @@ def test_a_snapshot_takes_what_a_file_may_say(value: float) -> None:
         assert checked(f"snapshot.{name}", value) == taken
 
 
-def test_options_have_the_same_rules_in_a_file() -> None:
-    def rules(kind: type[msgspec.Struct]) -> dict[str, inspect.Field]:
-        described = inspect.type_info(kind)
-        assert isinstance(described, inspect.StructType)
-        return {field.name: field for field in described.fields}
-
-    options = rules(RunOptions)
-    compared = []
-    for table in rules(Config).values():
-        if isinstance(table.type, inspect.StructType):
-            for name, field in rules(table.type.cls).items():
-                same = options.get(table.name if name == "kind" else name)
-                # Where cells are may be left to be chosen, and is written down.
-                choice = (table.name, name) == ("cells", "kind")
-                if same is not None and name != "target" and not choice:
-                    assert required(field.type) == required(same.type), name
-                    assert (
-                        name in ("ticks", "watch", "sync", "alarms", "workers")
-                        or field.default == same.default
-                    ), name
-                    compared.append(name)
-    assert len(compared) == 21
-
-
-def required(kind: inspect.Type) -> list[inspect.Type]:
-    """Return what a value is where there is one."""
-    choices = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
-    return [one for one in choices if not isinstance(one, inspect.NoneType)]
+def test_each_declared_option_is_a_key_and_comes_back_flat() -> None:
+    keys = {dotted(keys) for keys in known_keys(Config)}
+    options = declared(RunOptions)
+    assert len(options) == 20
+    assert {one.shown.at for one in options} <= keys
+    described = Config(source=WorldTable(id="x"))
+    settled = {one.field for one in options if one.shown.default or one.default is None}
+    plain = {one.field: one.default for one in options if one.field not in settled}
+    assert flattened(described) == plain | {"watch": True}
 
 
 # The schema ---------------------------------------------------------------------------
